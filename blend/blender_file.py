@@ -1,0 +1,52 @@
+"""Opening, checking and saving .blend files."""
+
+from pathlib import Path
+
+import bpy
+
+from protocol import InputError
+from scene_io import replaced_file
+
+WORKING_SPACE = "Linear Rec.709"
+
+
+def open_blend(path):
+    """Open the .blend file `path`. Scripts in the file never run."""
+    if not Path(path).is_file():
+        raise InputError(str(path), "no such file", "a .blend file", "check the path")
+    try:
+        bpy.ops.wm.open_mainfile(filepath=str(path), load_ui=False, use_scripts=False)
+    except RuntimeError as error:
+        raise InputError(
+            str(path),
+            f"a file that Blender cannot open ({str(error).strip()})",
+            "a .blend file of Blender 5.0 or older",
+            "save it again with Blender 5.0",
+        ) from None
+    require_working_space()
+
+
+def open_empty():
+    """Replace the open file by an empty one: a scene without objects and world, factory settings."""
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    require_working_space()
+
+
+def require_working_space():
+    """Refuse a working colour space in which Cycles has other luminance weights than the evaluators."""
+    found = bpy.data.colorspace.working_space
+    if found != WORKING_SPACE:
+        raise InputError(
+            "working colour space of the file",
+            found,
+            WORKING_SPACE,
+            "in Blender: Render properties, Color Management, set the working space and convert the colours",
+        )
+
+
+def save_blend(path):
+    """Save the open file as a compressed .blend at `path`; the file appears only when it is complete."""
+    with replaced_file(path) as temporary:
+        bpy.ops.wm.save_as_mainfile(
+            filepath=str(temporary.absolute()), compress=True, copy=True, check_existing=False
+        )

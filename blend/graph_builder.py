@@ -1,0 +1,242 @@
+"""Builds a material's node tree from the graph of a scene: the inverse of graph_reader.
+
+Whatever the graph asks for and Blender would change on the way (an unknown node, socket or property, a value
+beyond a socket's limits) is an InputError: a graph that is built is the graph that was given.
+"""
+
+import re
+
+import bpy
+
+from graph_reader import is_available
+from protocol import InputError
+from rna import set_value
+
+INTERFACE_TYPES = {
+    "float": "NodeSocketFloat",
+    "integer": "NodeSocketInt",
+    "boolean": "NodeSocketBool",
+    "vector": "NodeSocketVector",
+    "color": "NodeSocketColor",
+    "shader": "NodeSocketShader",
+}
+OWN_IDENTIFIER = re.compile(r"Socket_(\d+)")
+# Blender hands out Socket_0, Socket_1, ... and offers no way to choose. A wanted number is reached by
+# creating and removing sockets, which is done up to this number; beyond it, and for the identifiers of files
+# older than Blender 4.0, a free one is used and reported.
+LARGEST_REPRODUCED_NUMBER = 4096
+
+
+def build_material(graph, object_for, warn):
+    """Build the graph and return the new material.
+
+    `object_for(pointer)` returns the Blender object for the `object` of a Texture Coordinate node;
+    `warn(place, message)` is told of every group socket whose identifier could not be reproduced.
+    """
+    return _GraphBuilder(graph, object_for, warn).build()
+
+
+class _GraphBuilder:
+    def __init__(self, graph, object_for, warn):
+        self._graph = graph
+        self._object_for = object_for
+        self._warn = warn
+        self._descriptions = {group["name"]: group for group in graph["groups"]}
+        self._groups = {}
+
+    def build(self):
+        material = bpy.data.materials.new(self._graph["material"])
+        material.node_tree.nodes.clear()
+        self._fill_tree(material.node_tree, self._graph["nodes"], "graph", _Identifiers())
+        return material
+
+    def _group(self, name, place):
+        """The node group `name` and its _Identifiers, built when first asked for."""
+        if name not in self._descriptions:
+            raise InputError(
+                place,
+                f'group "{name}"',
+                f"one of {sorted(self._descriptions)}",
+                "add the group to graph.groups",
+            )
+        if name not in self._groups:
+            self._groups[name] = None
+            description = self._descriptions[name]
+            tree = bpy.data.node_groups.new(name, "ShaderNodeTree")
+            identifiers = _build_interface(tree, description, self._warn)
+            self._fill_tree(tree, description["nodes"], f"graph.groups[{name}]", identifiers)
+            self._groups[name] = (tree, identifiers)
+        if self._groups[name] is None:
+            raise InputError(
+                place, f'group "{name}" inside itself', "groups without a cycle", "remove the node"
+            )
+        return self._groups[name]
+
+    def _fill_tree(self, tree, entries, place, identifiers):
+        nodes = {}
+        for entry in entries:
+            nodes[entry["name"]] = self._build_node(
+                tree, entry, f"{place}.nodes[{entry['name']}]", identifiers
+            )
+        group_input = tree.nodes.new("NodeGroupInput") if identifiers.inputs else None
+        for entry in entries:
+            for name, value in entry["inputs"].items():
+                where = f"{place}.nodes[{entry['name']}].inputs[{name}]"
+                socket = nodes[entry["name"]].input(name, where)
+                if isinstance(value, dict):
+                    tree.links.new(socket, _link_source(value, nodes, group_input, identifiers, where))
+                else:
+                    set_value(socket, "default_value", value, where)
+
+    def _build_node(self, tree, entry, place, identifiers):
+        try:
+            node = tree.nodes.new(entry["type"])
+        except RuntimeError:
+            raise InputError(
+                place, f"type {entry['type']!r}", "a node type of Blender", "mend the type"
+            ) from None
+        node.name = entry["name"]
+        if node.name != entry["name"]:
+            raise InputError(
+                place, "this name twice", "one node of each name in a tree", "rename one of them"
+            )
+        node.label = entry.get("label", "")
+        node.location = entry["location"]
+        sockets = _Identifiers()
+        if entry["type"] == "ShaderNodeGroup":
+            node.node_tree, sockets = self._group(entry["group"], place)
+        elif entry["type"] == "NodeGroupOutput":
+            sockets = _Identifiers(inputs=identifiers.outputs)
+        elif entry["type"] == "NodeReroute":
+            node.socket_idname = INTERFACE_TYPES[entry["socket_type"]]
+        for name, value in entry.get("properties", {}).items():
+            if isinstance(value, dict):
+                value = self._object_for(value)
+            set_value(node, name, value, f"{place}.properties.{name}")
+        node.mute = entry.get("muted", False)
+        built = _Node(node, sockets)
+        for name, value in entry.get("outputs", {}).items():
+            where = f"{place}.outputs[{name}]"
+            set_value(built.output(name, where), "default_value", value, where)
+        return built
+
+
+class _Identifiers:
+    """Which identifier in Blender stands for which one of the graph; equal where nothing is said."""
+
+    def __init__(self, inputs=None, outputs=None):
+        self.inputs = inputs or {}
+        self.outputs = outputs or {}
+
+
+class _Node:
+    """A node that was built, with its sockets by the graph's identifiers."""
+
+    def __init__(self, node, identifiers):
+        self._inputs = {socket.identifier: socket for socket in node.inputs}
+        self._outputs = {socket.identifier: socket for socket in node.outputs}
+        self._identifiers = identifiers
+
+    def input(self, identifier, place):
+        return _find(self._inputs, self._identifiers.inputs, identifier, place)
+
+    def output(self, identifier, place):
+        return _find(self._outputs, self._identifiers.outputs, identifier, place)
+
+
+def _find(sockets, translation, identifier, place):
+    socket = sockets.get(translation.get(identifier, identifier))
+    if socket is None or not is_available(socket):
+        available = [name for name, item in sockets.items() if is_available(item)]
+        raise InputError(
+            place,
+            f'socket "{identifier}", which this node does not have in this mode',
+            f"one of {available}",
+            "use the identifier of the socket, and check the modes of the node",
+        )
+    return socket
+
+
+def _link_source(value, nodes, group_input, identifiers, place):
+    if "group_input" in value:
+        identifier = value["group_input"]
+        actual = identifiers.inputs.get(identifier)
+        socket = (
+            next((item for item in group_input.outputs if item.identifier == actual), None)
+            if actual
+            else None
+        )
+        if socket is None:
+            raise InputError(
+                place,
+                f'group input "{identifier}"',
+                f"one of {list(identifiers.inputs)}",
+                "add the input to the group, or link to one that exists",
+            )
+        return socket
+    if value["node"] not in nodes:
+        raise InputError(place, f'node "{value["node"]}"', "a node of the same tree", "mend the link")
+    return nodes[value["node"]].output(value["socket"], place)
+
+
+def _build_interface(tree, description, warn):
+    """Create panels and sockets of a group; return its _Identifiers."""
+    wanted = [("OUTPUT", socket) for socket in description["outputs"]]
+    wanted += [("INPUT", socket) for socket in description["inputs"]]
+    items = _create_sockets(tree, wanted)
+    panels = {}
+    identifiers = _Identifiers()
+    for position, ((direction, socket), item) in enumerate(zip(wanted, items, strict=True)):
+        place = f"graph.groups[{tree.name}].{direction.lower()}s[{socket['identifier']}]"
+        for field, attribute in (("subtype", "subtype"), ("min", "min_value"), ("max", "max_value")):
+            if field in socket:
+                set_value(item, attribute, socket[field], f"{place}.{field}")
+        if "default" in socket:
+            set_value(item, "default_value", socket["default"], f"{place}.default")
+        item.description = socket.get("description", "")
+        _place_in_panel(tree.interface, item, socket.get("panel"), panels, position)
+        known = identifiers.inputs if direction == "INPUT" else identifiers.outputs
+        known[socket["identifier"]] = item.identifier
+        if item.identifier != socket["identifier"]:
+            warn(place, f"Blender names this socket {item.identifier}")
+    return identifiers
+
+
+def _create_sockets(tree, wanted):
+    """Create an interface socket for each of `wanted` [(direction, socket)], if possible with its identifier."""
+    numbers = {}
+    for index, (_, socket) in enumerate(wanted):
+        match = OWN_IDENTIFIER.fullmatch(socket["identifier"])
+        if match and int(match[1]) <= LARGEST_REPRODUCED_NUMBER:
+            numbers[int(match[1])] = index
+    items = [None] * len(wanted)
+    surplus = []
+    for number in range(max(numbers, default=-1) + 1):
+        if number in numbers:
+            items[numbers[number]] = _new_socket(tree, *wanted[numbers[number]])
+        else:
+            surplus.append(
+                tree.interface.new_socket(name="surplus", in_out="INPUT", socket_type="NodeSocketFloat")
+            )
+    for item in surplus:
+        tree.interface.remove(item)
+    for index, item in enumerate(items):
+        if item is None:
+            items[index] = _new_socket(tree, *wanted[index])
+    return items
+
+
+def _new_socket(tree, direction, socket):
+    return tree.interface.new_socket(
+        name=socket["name"], in_out=direction, socket_type=INTERFACE_TYPES[socket["type"]]
+    )
+
+
+def _place_in_panel(interface, item, panel, panels, position):
+    """Move the socket behind its predecessors, in the root or in a panel. Panels are created at first use."""
+    if panel is None:
+        interface.move(item, position)
+        return
+    if panel not in panels:
+        panels[panel] = interface.new_panel(panel)
+    interface.move_to_parent(item, panels[panel], len(panels[panel].interface_items))

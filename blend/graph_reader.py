@@ -1,0 +1,368 @@
+"""Reads a material's node tree into the graph of a scene.
+
+Sockets and properties are read by reflection, so a node type that is new to this module needs no line here.
+Special cases are the things that are no plain value: groups, group inputs and outputs, reroutes, frames, the
+object of Texture Coordinate, `texture_mapping`, and the three nodes that keep a value in an output socket.
+"""
+
+import bpy
+
+from protocol import InputError
+from scene_io import matrix_rows, shortest, shortest_list
+
+SOCKET_TYPES = {
+    "VALUE": "float",
+    "INT": "integer",
+    "BOOLEAN": "boolean",
+    "VECTOR": "vector",
+    "RGBA": "color",
+    "SHADER": "shader",
+}
+INTERFACE_TYPES = {
+    "NodeSocketFloat": "float",
+    "NodeSocketInt": "integer",
+    "NodeSocketBool": "boolean",
+    "NodeSocketVector": "vector",
+    "NodeSocketColor": "color",
+    "NodeSocketShader": "shader",
+}
+# Strings name attributes of the geometry (Principled Volume); a mesh has none of them and they count as 1.
+# CUSTOM is the empty socket at the end of a group output, which only the editor uses.
+VALUELESS_SOCKET_TYPES = {"STRING", "CUSTOM"}
+OUTPUT_VALUE_NODES = {"ShaderNodeValue", "ShaderNodeRGB", "ShaderNodeNormal"}
+LAYOUT_NODES = {"NodeFrame", "NodeGroupInput"}
+
+
+class _Inexpressible(Exception):
+    """A node that the graph format has no words for. Fatal only if it reaches the volume."""
+
+    def __init__(self, found, expected, remedy):
+        super().__init__(found)
+        self.reason = (found, expected, remedy)
+
+
+def is_available(socket):
+    """Whether the socket exists in the present mode of its node."""
+    return socket.enabled and not socket.is_unavailable
+
+
+def live_links(tree):
+    """Return the links that carry a value, as {(node name, input identifier): link}. A muted link, and a link
+    at a socket of another mode, carries none."""
+    return {
+        (link.to_node.name, link.to_socket.identifier): link
+        for link in tree.links
+        if not link.is_muted and is_available(link.from_socket) and is_available(link.to_socket)
+    }
+
+
+def active_group_output(tree):
+    """Return the group output node that is in use, or None."""
+    return next(
+        (node for node in tree.nodes if node.bl_idname == "NodeGroupOutput" and node.is_active_output), None
+    )
+
+
+def volume_output(material):
+    """Return the material output that Cycles uses if its Volume input carries a link, else None."""
+    if material is None or material.node_tree is None:
+        return None
+    output = material.node_tree.get_output_node("CYCLES")
+    if output is None or (output.name, "Volume") not in live_links(material.node_tree):
+        return None
+    return output
+
+
+def read_graph(material, warn):
+    """Return the graph (a JSON object) of a material that has a volume_output.
+
+    `warn(place, message)` is told of every node that is left out because it cannot be expressed. Such a node
+    that reaches the volume raises InputError.
+    """
+    return _GraphReader(material, warn).read()
+
+
+class _GraphReader:
+    def __init__(self, material, warn):
+        self._material = material
+        self._warn = warn
+        self._links = {}
+        self._reached = set()
+        self._output = volume_output(material)
+
+    def read(self):
+        self._mark_reached()
+        self._groups = {}
+        nodes = self._read_nodes(self._material.node_tree)
+        return {
+            "material": self._material.name,
+            "nodes": nodes,
+            "groups": [self._groups[name] for name in sorted(self._groups)],
+        }
+
+    def _links_of(self, tree):
+        key = tree.as_pointer()
+        if key not in self._links:
+            self._links[key] = live_links(tree)
+        return self._links[key]
+
+    def _mark_reached(self):
+        """Walk from the Volume input against the links, in and out of groups, and note every node met."""
+        self._reached.add((self._material.node_tree.as_pointer(), self._output.name))
+        seen = set()
+        pending = [(self._output.inputs["Volume"], ())]
+        while pending:
+            socket, callers = pending.pop()
+            link = self._links_of(socket.id_data).get((socket.node.name, socket.identifier))
+            if link is None:
+                continue
+            source = link.from_socket
+            key = (source.as_pointer(), tuple(caller.as_pointer() for caller in callers))
+            if key not in seen:
+                seen.add(key)
+                pending += self._inputs_behind(source, callers)
+
+    def _inputs_behind(self, source, callers):
+        """The inputs that the output socket `source` depends on, each with its chain of group nodes."""
+        node = source.node
+        self._reached.add((node.id_data.as_pointer(), node.name))
+        if node.bl_idname == "NodeGroupInput":
+            if not callers:
+                return []
+            outside = next(item for item in callers[-1].inputs if item.identifier == source.identifier)
+            return [(outside, callers[:-1])]
+        if node.mute:
+            return [(link.from_socket, callers) for link in node.internal_links if link.to_socket == source]
+        if node.bl_idname == "ShaderNodeGroup" and node.node_tree is not None:
+            inner = active_group_output(node.node_tree)
+            if inner is None:
+                return []
+            self._reached.add((node.node_tree.as_pointer(), inner.name))
+            return [(item, (*callers, node)) for item in inner.inputs if item.identifier == source.identifier]
+        return [(item, callers) for item in node.inputs if is_available(item)]
+
+    def _read_nodes(self, tree):
+        entries = {}
+        for node in tree.nodes:
+            if self._is_left_out_by_kind(node):
+                continue
+            place = (
+                f'material "{self._material.name}", tree "{tree.name}", node "{node.name}" ({node.bl_idname})'
+            )
+            try:
+                entries[node.name] = self._read_node(node, place)
+            except _Inexpressible as problem:
+                found, expected, remedy = problem.reason
+                if (tree.as_pointer(), node.name) in self._reached:
+                    raise InputError(place, found, expected, remedy) from None
+                self._warn(place, f"left out, it does not reach the volume: {found}")
+        self._drop_dangling(entries, tree)
+        return list(entries.values())
+
+    def _is_left_out_by_kind(self, node):
+        if node.bl_idname in LAYOUT_NODES:
+            return True
+        if node.bl_idname == "NodeGroupOutput":
+            return not node.is_active_output
+        return node.bl_idname == "ShaderNodeOutputMaterial" and node != self._output
+
+    def _drop_dangling(self, entries, tree):
+        """Leave out, one after the other, the nodes that are fed by a node that was left out."""
+        while True:
+            dangling = [
+                name
+                for name, entry in entries.items()
+                if any(
+                    isinstance(value, dict) and value.get("node", name) not in entries
+                    for value in entry["inputs"].values()
+                )
+            ]
+            if not dangling:
+                return
+            for name in dangling:
+                del entries[name]
+                self._warn(
+                    f'tree "{tree.name}", node "{name}"', "left out, a node that feeds it was left out"
+                )
+
+    def _read_node(self, node, place):
+        entry = {"name": node.name, "type": node.bl_idname}
+        if node.label:
+            entry["label"] = node.label
+        entry["location"] = shortest_list(node.location_absolute, place)
+        if node.mute:
+            entry["muted"] = True
+            entry["bypass"] = {
+                link.to_socket.identifier: link.from_socket.identifier for link in node.internal_links
+            }
+        if node.bl_idname == "NodeReroute":
+            entry["socket_type"] = _socket_type(node.inputs[0])
+        elif node.bl_idname == "ShaderNodeGroup":
+            entry["group"] = self._read_group(node)
+        else:
+            entry["properties"] = _read_properties(node, place)
+        entry["inputs"] = self._read_inputs(node, place)
+        if node.bl_idname in OUTPUT_VALUE_NODES:
+            socket = node.outputs[0]
+            entry["outputs"] = {socket.identifier: _socket_value(socket, place)}
+        return entry
+
+    def _read_group(self, node):
+        tree = node.node_tree
+        if tree is None:
+            raise _Inexpressible("a group node without group", "a group", "choose a group or delete the node")
+        if tree.name not in self._groups:
+            inputs, outputs = _read_interface(tree, self._warn)
+            self._groups[tree.name] = {
+                "name": tree.name,
+                "inputs": inputs,
+                "outputs": outputs,
+                "nodes": self._read_nodes(tree),
+            }
+        return tree.name
+
+    def _read_inputs(self, node, place):
+        links = self._links_of(node.id_data)
+        inputs = {}
+        for socket in node.inputs:
+            if not is_available(socket) or (node == self._output and socket.identifier != "Volume"):
+                continue
+            link = links.get((node.name, socket.identifier))
+            if link is not None:
+                inputs[socket.identifier] = _link_source(link)
+            elif socket.type == "SHADER" or socket.type in VALUELESS_SOCKET_TYPES:
+                continue
+            elif node.bl_idname == "ShaderNodeGroup" or not socket.hide_value:
+                inputs[socket.identifier] = _socket_value(socket, f'{place}, input "{socket.identifier}"')
+        return inputs
+
+
+def _link_source(link):
+    if link.from_node.bl_idname == "NodeGroupInput":
+        return {"group_input": link.from_socket.identifier}
+    return {"node": link.from_node.name, "socket": link.from_socket.identifier}
+
+
+def _socket_type(socket):
+    if socket.type not in SOCKET_TYPES:
+        raise _Inexpressible(
+            f'socket "{socket.name}" of type {socket.type}',
+            f"one of {', '.join(SOCKET_TYPES)}",
+            "rebuild this part of the graph without it",
+        )
+    return SOCKET_TYPES[socket.type]
+
+
+def _socket_value(socket, place):
+    kind = _socket_type(socket)
+    value = socket.default_value
+    if kind == "float":
+        return shortest(value, place)
+    return shortest_list(value, place) if kind in ("vector", "color") else value
+
+
+def _read_properties(node, place):
+    inherited = bpy.types.ShaderNode.bl_rna.properties
+    values = {}
+    for prop in sorted(node.bl_rna.properties, key=lambda item: item.identifier):
+        name = prop.identifier
+        if name in inherited or name.startswith("show_") or name == "color_mapping":
+            continue
+        value = getattr(node, name)
+        if prop.type == "POINTER":
+            values.update(_read_pointer(node, name, value, place))
+        elif prop.type == "STRING" and not value:
+            continue
+        elif prop.type in ("BOOLEAN", "INT", "ENUM") and not getattr(prop, "is_enum_flag", False):
+            values[name] = list(value) if getattr(prop, "is_array", False) else value
+        elif prop.type == "FLOAT":
+            values[name] = shortest_list(value, place) if prop.is_array else shortest(value, place)
+        else:
+            raise _Inexpressible(
+                f'property "{name}" of type {prop.type} with value {value!r}',
+                "numbers, booleans and enumerations",
+                "rebuild this part of the graph without it",
+            )
+    return values
+
+
+def _read_pointer(node, name, value, place):
+    """The entry of a pointer property, if it needs one."""
+    if name == "texture_mapping":
+        _require_identity(value)
+        return {}
+    if node.bl_idname == "ShaderNodeTexCoord" and name == "object":
+        if value is None:
+            return {name: None}
+        evaluated = value.evaluated_get(bpy.context.evaluated_depsgraph_get())
+        return {name: {"name": value.name, "matrix_world": matrix_rows(evaluated.matrix_world, place)}}
+    if value is None:
+        return {}
+    raise _Inexpressible(
+        f'property "{name}", a pointer to {type(value).__name__}',
+        "a node whose settings are numbers, booleans and enumerations",
+        "replace the node by nodes without such data",
+    )
+
+
+def _require_identity(mapping):
+    found = {
+        "translation": tuple(mapping.translation),
+        "rotation": tuple(mapping.rotation),
+        "scale": tuple(mapping.scale),
+        "mapping": (mapping.mapping_x, mapping.mapping_y, mapping.mapping_z),
+    }
+    identity = {
+        "translation": (0.0, 0.0, 0.0),
+        "rotation": (0.0, 0.0, 0.0),
+        "scale": (1.0, 1.0, 1.0),
+        "mapping": ("X", "Y", "Z"),
+    }
+    if found != identity or mapping.vector_type == "NORMAL":
+        raise _Inexpressible(
+            f"texture_mapping {found}, type {mapping.vector_type}",
+            "the identity",
+            "reset the texture mapping and put a Mapping node before the texture",
+        )
+
+
+def _read_interface(tree, warn):
+    """The input and output sockets of a group, each list in the order of the interface."""
+    sockets = {"INPUT": [], "OUTPUT": []}
+    for item in tree.interface.items_tree:
+        place = f'group "{tree.name}", {item.item_type.lower()} "{item.name}"'
+        if item.item_type == "SOCKET":
+            sockets[item.in_out].append(_read_interface_socket(item, place))
+        elif item.parent.index >= 0:
+            warn(place, f'nested in panel "{item.parent.name}", written as a panel of its own')
+    return sockets["INPUT"], sockets["OUTPUT"]
+
+
+def _read_interface_socket(item, place):
+    if item.socket_type not in INTERFACE_TYPES or getattr(item, "dimensions", 3) != 3:
+        raise _Inexpressible(
+            f"{place} of type {item.socket_type}",
+            f"one of {', '.join(INTERFACE_TYPES)}, vectors with 3 dimensions",
+            "change the type of the group socket",
+        )
+    entry = {
+        "identifier": item.identifier,
+        "name": item.name,
+        "panel": item.parent.name if item.parent.index >= 0 else None,
+        "type": INTERFACE_TYPES[item.socket_type],
+    }
+    if hasattr(item, "subtype"):
+        entry["subtype"] = item.subtype
+    if entry["type"] in ("vector", "color"):
+        entry["default"] = shortest_list(item.default_value, place)
+    elif entry["type"] == "float":
+        entry["default"] = shortest(item.default_value, place)
+    elif entry["type"] in ("integer", "boolean"):
+        entry["default"] = item.default_value
+    if hasattr(item, "min_value"):
+        limits = (item.min_value, item.max_value)
+        if entry["type"] != "integer":
+            limits = shortest_list(limits, place)
+        entry["min"], entry["max"] = limits
+    entry["description"] = item.description
+    return entry

@@ -1,0 +1,416 @@
+"""Scene-linear images and the figures that compare two of them.
+
+`load_side` reads the replicas of one side (independent renders of one picture, same settings, other seeds)
+and keeps their mean and the spread of their means. The functions below it turn two sides into figures. Every
+formula that is known under several definitions is written out in the result together with its epsilon.
+
+Limits: float or half EXR only; one part per comparison; rows count from the top, pixels from 0.
+"""
+
+import hashlib
+import math
+import os
+import re
+
+import numpy as np
+import OpenImageIO as oiio
+
+import protocol
+
+LUMINANCE_WEIGHTS = (0.2126, 0.7152, 0.0722)  # Rec.709 primaries, D65
+RELATIVE_EPSILON = 0.01  # epsilon of every relative figure, as a share of the mean of the reference
+FLIP_MIDTONE = 0.85  # FLIP's exposures map the median and the maximum of the reference to this display value
+FLIP_TONEMAPPER = "ACES"
+
+
+class Unreadable(Exception):
+    """Two sides cannot be compared; the text says why and what to do."""
+
+
+class Side:
+    """The replicas of one side, averaged.
+
+    files: [{"file", "sha256"}]; names: channel names; window: x, y, width, height;
+    mean: float64 [h, w, c] over the replicas;
+    pixel_variance: float64 [h, w, c] of one replica, or None for a single file;
+    image_means: float64 [k, c], one row per replica; block_means: float64 [k, by, bx, c];
+    bad: counts of NaN, infinite and negative values.
+    """
+
+    def __init__(
+        self, files, names, window, colour_space, mean, pixel_variance, image_means, block_means, bad
+    ):
+        self.files = files
+        self.window = window
+        self.names = names
+        self.mean = mean
+        self.pixel_variance = pixel_variance
+        self.image_means = image_means
+        self.block_means = block_means
+        self.bad = bad
+        self.colour_space = colour_space
+
+    @property
+    def replicas(self):
+        """Number of files of this side."""
+        return len(self.files)
+
+    def indices(self, kind):
+        """Positions of the "colour" channels (R, G, B, or else all but alpha), or of "alpha" ([] if none)."""
+        last = [name.rsplit(".", 1)[-1] for name in self.names]
+        alpha = [i for i, name in enumerate(last) if name == "A"]
+        if kind == "alpha":
+            return alpha
+        if all(name in last for name in "RGB"):
+            return [last.index(name) for name in "RGB"]
+        return [i for i in range(len(last)) if i not in alpha]
+
+
+def sha256(path):
+    """SHA-256 of a file as 64 hexadecimal digits."""
+    with open(path, "rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()
+
+
+def read_image(path, part=None):
+    """Read one EXR as (float32 [h, w, c], channel names, pixel window, colour space name or None).
+
+    `part` names the part (a render pass) of a file with several; None is allowed only where there is one.
+    Raises Unreadable with the reason.
+    """
+    name = os.path.basename(path)
+    probe = oiio.ImageInput.open(path) if os.path.isfile(path) else None
+    if probe is None:
+        why = (oiio.geterror() or "no image in it") if os.path.isfile(path) else "no such file"
+        raise Unreadable(f"{name} cannot be read: {first_line(why)}. Render or export it again.")
+    subimage = _find_part(probe, name, part)
+    spec = probe.spec(subimage, 0)
+    if str(spec.format) not in ("float", "half"):
+        probe.close()
+        raise Unreadable(
+            f"{name} stores {spec.format} values; a float or half EXR holds scene-linear values."
+        )
+    pixels = probe.read_image(subimage, 0, 0, spec.nchannels, oiio.FLOAT)
+    problem = probe.geterror()
+    probe.close()
+    if pixels is None or problem:
+        raise Unreadable(f"{name} is damaged: {first_line(problem or 'no pixels')}. Render it again.")
+    window = (spec.x, spec.y, spec.width, spec.height)
+    space = spec.get_string_attribute("colorInteropID") or None
+    return (
+        np.asarray(pixels, np.float32).reshape(spec.height, spec.width, -1),
+        list(spec.channelnames),
+        window,
+        space,
+    )
+
+
+def first_line(text):
+    """The first line of a library's message, without the folders of a path in it."""
+    return re.sub(r"(?:/[^/\s\"']+)*/(?=[^/\s\"']+)", "", text.strip().splitlines()[0])
+
+
+def _find_part(probe, name, part):
+    parts = []
+    while probe.seek_subimage(len(parts), 0):
+        parts.append(probe.spec().get_string_attribute("oiio:subimagename"))
+    if part is None and len(parts) == 1:
+        return 0
+    if part in parts:
+        return parts.index(part)
+    probe.close()
+    listed = ", ".join(repr(item) for item in parts)
+    wanted = "no part was chosen" if part is None else f"part {part!r} is not among them"
+    raise Unreadable(f"{name} has {len(parts)} part(s), {listed}, and {wanted}. Set `part` to one of them.")
+
+
+def blocks_of(image, size):
+    """Means of size x size pixel blocks [by, bx, c]; blocks at the right and lower edge may be smaller."""
+    rows = np.arange(0, image.shape[0], size)
+    columns = np.arange(0, image.shape[1], size)
+    sums = np.add.reduceat(np.add.reduceat(image.astype(np.float64), rows, axis=0), columns, axis=1)
+    return sums / block_weights(image.shape, size)[..., None]
+
+
+def block_weights(shape, size):
+    """Number of pixels of every block, float64 [by, bx]."""
+    heights = np.diff(np.append(np.arange(0, shape[0], size), shape[0]))
+    widths = np.diff(np.append(np.arange(0, shape[1], size), shape[1]))
+    return np.outer(heights, widths).astype(np.float64)
+
+
+def load_side(paths, block, part=None, progress=lambda index: None):
+    """Read and average the replicas of one side; raises Unreadable when they do not belong together.
+
+    Replicas are read one by one, so memory hardly grows with their number (Welford's variance).
+    """
+    files, image_means, block_means = [], [], []
+    bad = {"nan": 0, "infinite": 0, "negative": 0}
+    mean = spread = first = None
+    for index, path in enumerate(paths):
+        progress(index)
+        pixels, names, window, space = read_image(path, part)
+        if first is None:
+            first = (names, window, space)
+            mean = np.zeros(pixels.shape, np.float64)
+            spread = np.zeros(pixels.shape, np.float64)
+        elif (names, window) != first[:2]:
+            raise Unreadable(
+                f"{os.path.basename(path)} is {describe(names, window)}, the first replica of its side is "
+                f"{describe(*first[:2])}. Average only renders of one picture."
+            )
+        files.append({"file": os.path.basename(path), "sha256": sha256(path)})
+        bad["nan"] += int(np.isnan(pixels).sum())
+        bad["infinite"] += int(np.isinf(pixels).sum())
+        bad["negative"] += int((pixels < 0).sum())
+        pixels = pixels.astype(np.float64)
+        with np.errstate(invalid="ignore"):
+            step = pixels - mean
+            mean += step / (index + 1)
+            spread += step * (pixels - mean)
+            image_means.append(pixels.mean(axis=(0, 1)))
+            block_means.append(blocks_of(pixels, block))
+    return Side(
+        files,
+        *first,
+        mean,
+        spread / (len(files) - 1) if len(files) > 1 else None,
+        np.array(image_means),
+        np.array(block_means),
+        bad,
+    )
+
+
+def describe(names, window):
+    """Size and channels in words."""
+    origin = "" if window[:2] == (0, 0) else f" at ({window[0]}, {window[1]})"
+    return f"{window[2]} x {window[3]}{origin} with channels {', '.join(names)}"
+
+
+def check_comparable(ours, reference):
+    """Raise Unreadable unless both sides have the same pixels, channels and declared colour space."""
+    if ours.window != reference.window or sorted(ours.names) != sorted(reference.names):
+        raise Unreadable(
+            f"ours is {describe(ours.names, ours.window)}, the reference is "
+            f"{describe(reference.names, reference.window)}. Render both with the same film settings."
+        )
+    if ours.colour_space and reference.colour_space and ours.colour_space != reference.colour_space:
+        raise Unreadable(
+            f"ours declares colour space {ours.colour_space}, the reference {reference.colour_space}. "
+            "Write both as linear Rec.709."
+        )
+
+
+def reorder(side, names):
+    """Put the channels of a side into the order of `names` (the same set)."""
+    order = [side.names.index(name) for name in names]
+    side.names = list(names)
+    side.mean = side.mean[..., order]
+    side.image_means = side.image_means[..., order]
+    side.block_means = side.block_means[..., order]
+    if side.pixel_variance is not None:
+        side.pixel_variance = side.pixel_variance[..., order]
+
+
+def _buffer(array):
+    return oiio.ImageBuf(np.ascontiguousarray(array, np.float32))
+
+
+def openimageio_figures(ours, reference, names, threshold):
+    """OpenImageIO's ImageBufAlgo.compare of two [h, w, c] arrays; the same as `idiff` prints.
+
+    mean_error and rms_error average over pixels and channels; psnr = 20 log10(1 / rms_error), peak 1, null
+    where the images are equal; a pixel fails where any channel differs by more than `threshold`.
+    """
+    result = oiio.ImageBufAlgo.compare(_buffer(ours), _buffer(reference), threshold, threshold)
+    x, y, c = result.maxx, result.maxy, result.maxc
+    pixels = ours.shape[0] * ours.shape[1]
+    return {
+        "mean_error": result.meanerror,
+        "rms_error": result.rms_error,
+        "psnr": result.PSNR if math.isfinite(result.PSNR) else None,
+        "max_error": result.maxerror,
+        "max_at": None
+        if result.maxerror == 0
+        else {
+            "x": x,
+            "y": y,
+            "channel": names[c],
+            "ours": float(np.float32(ours[y, x, c])),
+            "reference": float(np.float32(reference[y, x, c])),
+        },
+        "threshold": threshold,
+        "failing_pixels": int(result.nfail),
+        "failing_share": result.nfail / pixels,
+        "pixels": pixels,
+    }
+
+
+def channel_means(ours, reference):
+    """Mean of every channel on both sides, their relative difference and, with replicas, standard errors.
+
+    relative_difference = (ours - reference) / reference, null where only the reference's is 0.
+    standard_error_relative = sqrt(se_ours^2 + se_reference^2) / |reference| of what is known of the two.
+    """
+    rows = []
+    for c, name in enumerate(ours.names):
+        a, b = float(ours.image_means[:, c].mean()), float(reference.image_means[:, c].mean())
+        errors = [standard_error(side.image_means[:, c]) for side in (ours, reference)]
+        known = [error for error in errors if error is not None]
+        rows.append(
+            {
+                "channel": name,
+                "ours": a,
+                "reference": b,
+                "relative_difference": (a - b) / b if b != 0 else (0.0 if a == 0 else None),
+                "ours_standard_error": errors[0],
+                "reference_standard_error": errors[1],
+                "standard_error_relative": math.sqrt(sum(e * e for e in known)) / abs(b)
+                if known and b
+                else None,
+            }
+        )
+    return rows
+
+
+def standard_error(means):
+    """Standard error of the mean of K replica means, s / sqrt(K); None for K = 1."""
+    return float(np.std(means, ddof=1) / math.sqrt(len(means))) if len(means) > 1 else None
+
+
+def relative_squared_error(ours, reference, epsilon, weights=None):
+    """relMSE: the mean over pixels (or blocks, weighted by their pixels) and channels of
+    (ours - reference)^2 / (reference^2 + epsilon^2). None when epsilon is 0 and the images differ."""
+    return _relative_mean((ours - reference) ** 2, reference, epsilon, weights)
+
+
+def _relative_mean(squares, reference, epsilon, weights):
+    if epsilon == 0:
+        return 0.0 if not squares.any() else None
+    per_cell = (squares / (reference**2 + epsilon**2)).mean(axis=-1)
+    return float(np.average(per_cell, weights=weights))
+
+
+def relmse(ours, reference, block):
+    """All relMSE figures of the colour channels; see the formula texts in the result.
+
+    noise_*: what Monte Carlo noise alone is expected to add, from the replicas of each side that has two or
+    more; null when neither has. debiased_block: the product of the differences of two disjoint halves of the
+    replicas, whose expectation holds no noise; null unless both sides have two or more.
+    """
+    channels = ours.indices("colour")
+    a, b = ours.mean[..., channels], reference.mean[..., channels]
+    weights = block_weights(a.shape, block)
+    epsilon = RELATIVE_EPSILON * abs(float(b.mean()))
+    blocks = [side.block_means[..., channels] for side in (ours, reference)]
+    block_a, block_b = blocks[0].mean(axis=0), blocks[1].mean(axis=0)
+    noisy = [side for side in (ours, reference) if side.replicas > 1]
+    noise_pixel = noise_block = debiased = None
+    if noisy:
+        pixel = sum(side.pixel_variance[..., channels] / side.replicas for side in noisy)
+        cell = sum(side.block_means[..., channels].var(axis=0, ddof=1) / side.replicas for side in noisy)
+        noise_pixel = _relative_mean(pixel, b, epsilon, None)
+        noise_block = _relative_mean(cell, block_b, epsilon, weights)
+    if len(noisy) == 2:
+        halves = [[stack[i::2].mean(axis=0) for i in (0, 1)] for stack in blocks]
+        product = (halves[0][0] - halves[1][0]) * (halves[0][1] - halves[1][1])
+        debiased = _relative_mean(product, block_b, epsilon, weights)
+    return {
+        "formula": "mean over cells and channels of (ours - reference)^2 / (reference^2 + epsilon^2)",
+        "epsilon": epsilon,
+        "epsilon_rule": "1 % of the mean of the reference over its pixels and R, G, B",
+        "block_size": block,
+        "block_count": int(weights.size),
+        "pixel": relative_squared_error(a, b, epsilon),
+        "block": relative_squared_error(block_a, block_b, epsilon, weights),
+        "noise_pixel": noise_pixel,
+        "noise_block": noise_block,
+        "debiased_block": debiased,
+        "noise_from": [
+            name for name, side in (("ours", ours), ("reference", reference)) if side.replicas > 1
+        ],
+    }
+
+
+def luminance(rgb):
+    """Rec.709 luminance of [h, w, 3], float64 [h, w]; the channel itself for a single channel."""
+    if rgb.shape[-1] != 3:
+        return rgb.astype(np.float64).mean(axis=-1)
+    return rgb.astype(np.float64) @ np.array(LUMINANCE_WEIGHTS)
+
+
+def hdr_flip(ours, reference):
+    """HDR-FLIP of two scene-linear [h, w, 3] arrays: (figures, error map float32 [h, w] or None).
+
+    The exposures follow the reference alone, so they are the same for every candidate: the start exposure
+    maps its largest luminance to the display value 0.85, the stop exposure the median luminance of its lit
+    pixels (those above epsilon; the empty film would drive the median to 0). Negative values count as 0.
+    """
+    figures = {
+        "kind": "HDR-FLIP",
+        "mean": None,
+        "why_not": None,
+        "exposure_start": None,
+        "exposure_stop": None,
+        "exposure_rule": "fixed by the reference: its largest luminance and the median luminance of its "
+        "pixels above 1 % of the mean, each mapped to 0.85 by the tone mapper",
+        "tonemapper": FLIP_TONEMAPPER,
+        "pixels_per_degree": None,
+    }
+    bright = luminance(reference)
+    lit = bright[bright > max(RELATIVE_EPSILON * bright.mean(), 0.0)]
+    try:
+        import flip_evaluator
+    except ImportError:
+        figures["why_not"] = "the Python package flip-evaluator is not installed"
+        return figures, None
+    if reference.shape[-1] != 3 or lit.size == 0:
+        figures["why_not"] = (
+            "the reference has no R, G, B" if reference.shape[-1] != 3 else "the reference is black"
+        )
+        return figures, None
+    midtone = _aces_inverse(FLIP_MIDTONE)
+    start, stop = math.log2(midtone / lit.max()), math.log2(midtone / np.median(lit))
+    # The evaluator ends the process on an empty exposure range.
+    parameters = {
+        "startExposure": start,
+        "stopExposure": max(stop, start + 1e-3),
+        "tonemapper": FLIP_TONEMAPPER,
+    }
+    a, b = (np.ascontiguousarray(np.maximum(image, 0), np.float32) for image in (ours, reference))
+    error_map, mean, used = flip_evaluator.evaluate(b, a, "HDR", True, False, True, parameters)
+    figures.update(
+        mean=float(mean),
+        exposure_start=start,
+        exposure_stop=parameters["stopExposure"],
+        pixels_per_degree=float(used["ppd"]),
+    )
+    return figures, np.asarray(error_map, np.float32).reshape(a.shape[:2])
+
+
+def _aces_inverse(value):
+    """Scene value that the ACES approximation used by FLIP maps to `value`."""
+    numerator, denominator = (0.36 * 2.51, 0.6 * 0.03, 0.0), (0.36 * 2.43, 0.6 * 0.59, 0.14)
+    a, b, c = (n - value * d for n, d in zip(numerator, denominator, strict=True))
+    return (-b + math.sqrt(b * b - 4 * a * c)) / (2 * a)
+
+
+def input_array(path, place):
+    """Read a float32 [h, w] .npy file."""
+    try:
+        array = np.load(path, allow_pickle=False)
+    except (OSError, ValueError) as error:
+        raise protocol.InputError(
+            f"{place}: {path}",
+            first_line(str(error)),
+            "a float32 .npy file of shape [h, w]",
+            "write the slice again",
+        ) from None
+    if array.dtype != np.float32 or array.ndim != 2 or array.size == 0:
+        raise protocol.InputError(
+            f"{place}: {path}",
+            f"{array.dtype} of shape {list(array.shape)}",
+            "float32 of shape [h, w]",
+            "write the slice with numpy.save(path, values.astype(numpy.float32))",
+        )
+    return array

@@ -1,0 +1,140 @@
+"""How the scripts of this folder talk to their caller.
+
+A script reads one JSON request from stdin and answers with one JSON object per line: `hello` first, then
+`progress` and `warning`, and last `done` (exit status 0) or `error` (exit status 1; it can come before `hello`).
+The answers go to the file descriptor given as first argument, or to stdout. Blender prints to stdout as it likes,
+so file descriptor 1 is pointed at stderr before anything else and the answers use a duplicate of the real one.
+
+This module must not import bpy: a missing bpy is one of the errors that it reports.
+"""
+
+import json
+import os
+import platform
+import sys
+import traceback
+
+TRACEBACK_LINES = 6
+
+
+class InputError(Exception):
+    """An input that cannot be used: where it stands, what was found, what was expected, what to do."""
+
+    def __init__(self, place, found, expected, remedy):
+        super().__init__(f"{place}: found {found}, expected {expected}; {remedy}")
+        self.place = place
+        self.found = found
+        self.expected = expected
+        self.remedy = remedy
+
+
+class Messages:
+    """Writes the events of the protocol, one JSON object per line, to an open text stream."""
+
+    def __init__(self, stream):
+        self._stream = stream
+
+    def send(self, event, **fields):
+        """Write one event."""
+        self._stream.write(json.dumps({"event": event, **fields}, ensure_ascii=False) + "\n")
+        self._stream.flush()
+
+    def progress(self, done, what):
+        """Report that the fraction `done` (0..1) of the work is finished; `what` says which work."""
+        self.send("progress", done=round(float(done), 4), what=what)
+
+    def warning(self, place, message):
+        """Report something that was left out or changed and does not stop the work."""
+        self.send("warning", place=place, message=message)
+
+    def error(self, error):
+        """Report the InputError that stopped the work."""
+        self.send("error", place=error.place, found=error.found, expected=error.expected, remedy=error.remedy)
+
+
+class Located(dict):
+    """A JSON object that knows its place in the document, so that a missing key can be reported with it."""
+
+    place = ""
+
+    def __missing__(self, key):
+        raise InputError(
+            f"{self.place}.{key}",
+            "no such key",
+            f"`{key}` beside {', '.join(sorted(self)) or 'nothing'}",
+            "add the key to the document",
+        )
+
+
+def located(value, place):
+    """Return `value` (parsed JSON) with every object in it turned into a Located."""
+    if isinstance(value, dict):
+        result = Located({key: located(item, f"{place}.{key}") for key, item in value.items()})
+        result.place = place
+        return result
+    if isinstance(value, list):
+        return [located(item, f"{place}[{index}]") for index, item in enumerate(value)]
+    return value
+
+
+def serve(script, handle, before_bpy=None):
+    """Run one script: read the request, call `handle(request, messages)`, send its return value as result.
+
+    `before_bpy(request)` runs before bpy is imported, for checks of the environment that Blender reads when
+    it starts. Does not return: exits with status 0 or 1.
+    """
+    messages = Messages(_message_stream())
+    try:
+        request = _read_request()
+        if before_bpy is not None:
+            before_bpy(request)
+        messages.send("hello", blender=_blender_version(), python=platform.python_version())
+        messages.send("done", result=handle(request, messages))
+    except InputError as error:
+        messages.error(error)
+        sys.exit(1)
+    except Exception:
+        tail = " | ".join(traceback.format_exc().strip().splitlines()[-TRACEBACK_LINES:])
+        messages.error(
+            InputError(
+                script, tail, "no exception", "this is a defect of the script: report it with the input"
+            )
+        )
+        sys.exit(1)
+    sys.exit(0)
+
+
+def _message_stream():
+    real_stdout = os.dup(1)
+    os.dup2(2, 1)
+    descriptor = int(sys.argv[1]) if len(sys.argv) > 1 else real_stdout
+    return os.fdopen(descriptor, "w", encoding="utf-8")
+
+
+def _read_request():
+    text = sys.stdin.read()
+    try:
+        request = json.loads(text)
+    except json.JSONDecodeError as error:
+        raise InputError(
+            f"stdin, line {error.lineno}, column {error.colno}",
+            error.msg,
+            "one JSON document",
+            "mend the request",
+        ) from None
+    if not isinstance(request, dict):
+        raise InputError("stdin", f"a JSON {type(request).__name__}", "a JSON object", "mend the request")
+    return located(request, "request")
+
+
+def _blender_version():
+    try:
+        import bpy
+    except ImportError as error:
+        raise InputError(
+            f"python interpreter {platform.python_version()}",
+            f"bpy cannot be imported ({error})",
+            "the Python module bpy 5.0.1, which needs CPython 3.11",
+            "run `make` to create .venv, or `python3.11 -m pip install bpy==5.0.1`",
+        ) from None
+    return bpy.app.version_string

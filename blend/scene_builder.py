@@ -1,0 +1,180 @@
+"""Builds a scene in an empty Blender file: the inverse of scene_reader."""
+
+import bpy
+import numpy as np
+from mathutils import Matrix
+
+from graph_builder import build_material
+from protocol import InputError
+from rna import set_fields, set_value
+from scene_reader import (
+    CAMERA_FIELDS,
+    CLIP_FIELDS,
+    DISPLAY_FIELDS,
+    FILM_FIELDS,
+    FIXED_LIGHT_SETTINGS,
+    INTEGRATOR_FIELDS,
+    LIGHT_FIELDS,
+    LIGHT_TYPE_FIELDS,
+    LIGHT_TYPES,
+    NAME_PROPERTY,
+    PANORAMA_FIELDS,
+    PROJECTIONS,
+)
+
+ANCHOR_NAME = "World Origin"
+BOX_FACES = ((0, 2, 3, 1), (4, 5, 7, 6), (0, 1, 5, 4), (2, 6, 7, 3), (0, 4, 6, 2), (1, 3, 7, 5))
+
+
+def build_scene(scene, warn):
+    """Fill the open, empty file with `scene`; return the bpy object of the volume.
+
+    `warn(place, message)` is told of whatever Blender cannot reproduce exactly.
+    """
+    target = bpy.context.scene
+    target.render.engine = "CYCLES"
+    target[NAME_PROPERTY] = scene["name"]
+    objects = _Objects(target)
+    _build_camera(target, objects, scene["camera"])
+    _apply_film(target, scene["film"])
+    set_fields(target.cycles, INTEGRATOR_FIELDS, scene["integrator"])
+    set_fields(target.view_settings, DISPLAY_FIELDS, scene["display"])
+    for light in scene["lights"]:
+        _build_light(objects, light)
+    target.world = _build_world(scene["world"])
+    return _build_volume(objects, scene, warn)
+
+
+class _Objects:
+    """Creates objects at exact world matrices."""
+
+    def __init__(self, scene):
+        self._scene = scene
+        self._anchor = bpy.data.objects.new(ANCHOR_NAME, None)
+        scene.collection.objects.link(self._anchor)
+        self._matrices = {}
+
+    def new(self, name, data, rows):
+        """Link a new object called `name` with the world matrix `rows`.
+
+        Blender splits an object's own matrix into location, rotation and scale, which rounds it and loses
+        shear. The inverse matrix towards a parent is kept as it is, so the object hangs on an anchor at the
+        origin.
+        """
+        item = bpy.data.objects.new(name, data)
+        if item.name != name:
+            raise InputError(
+                f'object "{name}"', "this name twice", "one object of each name", "rename one of them"
+            )
+        self._scene.collection.objects.link(item)
+        item.parent = self._anchor
+        item.matrix_parent_inverse = Matrix(rows)
+        self._matrices[name] = rows
+        return item
+
+    def for_pointer(self, pointer):
+        """The object that a Texture Coordinate node refers to: one of the scene's, or a new empty."""
+        name, rows = pointer["name"], pointer["matrix_world"]
+        if name not in self._matrices:
+            return self.new(name, None, rows)
+        if self._matrices[name] != rows:
+            raise InputError(
+                f'object "{name}"',
+                "two different matrix_world",
+                "one object of each name",
+                "rename one of them",
+            )
+        return bpy.data.objects[name]
+
+
+def _build_camera(target, objects, entry):
+    camera = bpy.data.cameras.new(entry["name"])
+    camera.type = _blender_name(PROJECTIONS, entry, "projection")
+    if camera.type == "PANO":
+        camera.panorama_type = "EQUIRECTANGULAR"
+        set_fields(camera, PANORAMA_FIELDS, entry["panorama"])
+    set_fields(camera, CAMERA_FIELDS | CLIP_FIELDS, entry)
+    camera.shift_x, camera.shift_y = entry["shift"]
+    target.camera = objects.new(entry["name"], camera, entry["matrix_world"])
+
+
+def _blender_name(table, entry, key):
+    for blender_name, name in table.items():
+        if name == entry[key]:
+            return blender_name
+    raise InputError(
+        f"{entry.place}.{key}", repr(entry[key]), f"one of {list(table.values())}", "mend the value"
+    )
+
+
+def _apply_film(target, film):
+    render = target.render
+    for axis, size, aspect in zip("xy", film["resolution"], film["pixel_aspect"], strict=True):
+        set_value(render, f"resolution_{axis}", size, f"{film.place}.resolution")
+        set_value(render, f"pixel_aspect_{axis}", aspect, f"{film.place}.pixel_aspect")
+    set_value(
+        render, "resolution_percentage", film["resolution_percentage"], f"{film.place}.resolution_percentage"
+    )
+    set_fields(target.cycles, FILM_FIELDS, film)
+    render.film_transparent = film["transparent"]
+
+
+def _build_light(objects, entry):
+    light = bpy.data.lights.new(entry["name"], _blender_name(LIGHT_TYPES, entry, "type"))
+    set_fields(light, LIGHT_FIELDS | LIGHT_TYPE_FIELDS[light.type], entry)
+    if light.type == "AREA":
+        light.size, light.size_y = entry["size"]
+    for setting, value in FIXED_LIGHT_SETTINGS.items():
+        if hasattr(light, setting):
+            setattr(light, setting, value)
+    objects.new(entry["name"], light, entry["matrix_world"])
+
+
+def _build_world(entry):
+    world = bpy.data.worlds.new("World")
+    nodes = world.node_tree.nodes
+    nodes.clear()
+    background = nodes.new("ShaderNodeBackground")
+    background.inputs["Color"].default_value = [*entry["color"], 1.0]
+    background.inputs["Strength"].default_value = entry["strength"]
+    world.node_tree.links.new(
+        nodes.new("ShaderNodeOutputWorld").inputs["Surface"], background.outputs["Background"]
+    )
+    return world
+
+
+def _build_volume(objects, scene, warn):
+    entry = scene["volume"]
+    mesh = bpy.data.meshes.new(entry["object"])
+    mesh.from_pydata(*_mesh_data(entry))
+    mesh.use_auto_texspace = False
+    mesh.texspace_location = entry["texture_space"]["location"]
+    mesh.texspace_size = entry["texture_space"]["size"]
+    item = objects.new(entry["object"], mesh, entry["matrix_world"])
+    material = build_material(scene["graph"], objects.for_pointer, warn)
+    material.cycles.volume_step_rate = entry["volume_step_rate"]
+    mesh.materials.append(material)
+    return item
+
+
+def _mesh_data(entry):
+    """Vertices, edges and faces of the volume's mesh. Blender would crash on faces without vertices."""
+    shape = entry["shape"]
+    if shape["type"] == "box":
+        return _box_corners(entry["bounds"]), [], BOX_FACES
+    vertices, triangles = shape["vertices"], shape["triangles"]
+    indices = np.asarray(triangles)
+    if indices.ndim != 2 or indices.shape[1] != 3 or indices.min() < 0 or indices.max() >= len(vertices):
+        raise InputError(
+            f"{shape.place}.triangles",
+            f"an array of shape {list(indices.shape)}",
+            f"triples of indices below {len(vertices)}",
+            "mend the mesh",
+        )
+    return vertices, [], triangles
+
+
+def _box_corners(bounds):
+    """The corners of a box [8][3]; bit k of a corner's index chooses min (0) or max (1) of axis k."""
+    limits = np.array([bounds["min"], bounds["max"]], np.float32)
+    return [[float(limits[index >> axis & 1, axis]) for axis in range(3)] for index in range(8)]

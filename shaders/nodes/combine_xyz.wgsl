@@ -1,0 +1,5 @@
+// Combine XYZ node (ShaderNodeCombineXYZ): a vector from its components. Exact.
+
+fn evaluate(x: f32, y: f32, z: f32) -> vec3f {
+    return vec3f(x, y, z);
+}

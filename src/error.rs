@@ -1,0 +1,43 @@
+//! The one error type: where it happened, what was found there, what was expected, what to do.
+
+/// A failure that a user can act on.
+///
+/// Every field is a short phrase; [`std::fmt::Display`] joins them into one line. The library
+/// never prints and never panics on input: it returns this, and the program's edge prints it.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("{place}: found {found}; expected {expected}. {remedy}")]
+pub struct Error {
+    /// File, JSON path, line, node or command line argument.
+    pub place: String,
+    /// What was there.
+    pub found: String,
+    /// What should have been there.
+    pub expected: String,
+    /// The next step for the user.
+    pub remedy: String,
+}
+
+/// The result type of the whole library.
+pub type Result<T> = std::result::Result<T, Error>;
+
+impl Error {
+    /// Builds an error from its four parts.
+    pub fn new(
+        place: impl Into<String>,
+        found: impl Into<String>,
+        expected: impl Into<String>,
+        remedy: impl Into<String>,
+    ) -> Self {
+        Self { place: place.into(), found: found.into(), expected: expected.into(), remedy: remedy.into() }
+    }
+
+    /// An operating system failure on a file.
+    pub fn io(path: &std::path::Path, expected: &str, cause: &std::io::Error) -> Self {
+        Self::new(
+            path.display().to_string(),
+            cause.to_string(),
+            expected,
+            "Check the path, its permissions and the free space.",
+        )
+    }
+}

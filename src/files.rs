@@ -1,0 +1,90 @@
+//! Files: atomic writing, reading with a place in the error, and content hashes.
+
+use crate::error::{Error, Result};
+use sha2::{Digest, Sha256};
+use std::io::Write;
+use std::path::Path;
+
+/// Writes `bytes` to `path` through a temporary file in the same folder and a rename, so that a
+/// reader sees the old file or the whole new one, never a part.
+pub fn write_atomically(path: &Path, bytes: &[u8]) -> Result<()> {
+    replace_atomically(path, |temporary| {
+        std::fs::File::create(temporary).and_then(|mut file| file.write_all(bytes).and_then(|()| file.sync_all()))
+    })
+}
+
+/// Lets `write` fill a temporary file beside `path`, then renames it to `path`.
+pub fn replace_atomically(path: &Path, write: impl FnOnce(&Path) -> std::io::Result<()>) -> Result<()> {
+    let folder = match path.parent() {
+        Some(parent) if !parent.as_os_str().is_empty() => parent,
+        _ => Path::new("."),
+    };
+    let fail = |cause: &std::io::Error| Error::io(path, "a writable file", cause);
+    std::fs::create_dir_all(folder).map_err(|cause| fail(&cause))?;
+    let extension = path.extension().map(|e| format!(".{}", e.to_string_lossy())).unwrap_or_default();
+    let temporary = tempfile::Builder::new()
+        .prefix(".cloudparity-")
+        .suffix(&extension)
+        .tempfile_in(folder)
+        .map_err(|cause| fail(&cause))?
+        .into_temp_path();
+    write(&temporary).map_err(|cause| fail(&cause))?;
+    // Temporary files are private; the result gets the permissions of an ordinary new file.
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::PermissionsExt;
+        std::fs::set_permissions(&temporary, std::fs::Permissions::from_mode(0o644)).map_err(|cause| fail(&cause))?;
+    }
+    temporary.persist(path).map_err(|cause| fail(&cause.error))
+}
+
+/// Reads a text file.
+pub fn read_text(path: &Path, expected: &str) -> Result<String> {
+    std::fs::read_to_string(path).map_err(|cause| Error::io(path, expected, &cause))
+}
+
+/// SHA-256 of `bytes` as 64 hexadecimal digits.
+pub fn sha256(bytes: &[u8]) -> String {
+    Sha256::digest(bytes).iter().map(|byte| format!("{byte:02x}")).collect()
+}
+
+/// Reads a float32 `.npy` file of shape `[n, 3]`.
+pub fn read_points(path: &Path) -> Result<Vec<[f32; 3]>> {
+    let array: ndarray::Array2<f32> = ndarray_npy::read_npy(path).map_err(|cause| {
+        Error::new(
+            path.display().to_string(),
+            cause.to_string(),
+            "a float32 .npy file of shape [n, 3] in C order",
+            "Write it with numpy.save(path, points.astype(numpy.float32)).",
+        )
+    })?;
+    if array.ncols() != 3 {
+        return Err(Error::new(
+            path.display().to_string(),
+            format!("an array of shape {:?}", array.shape()),
+            "shape [n, 3]",
+            "Give one row of x, y, z per point, in the frame of the volume's object.",
+        ));
+    }
+    Ok(array.rows().into_iter().map(|row| [row[0], row[1], row[2]]).collect())
+}
+
+/// Writes float32 values as `.npy`: shape `[n]` for one component, else `[n, components]`.
+pub fn write_values(path: &Path, values: &[f32], components: usize) -> Result<()> {
+    let count = values.len() / components;
+    let shape: Vec<usize> = if components == 1 { vec![count] } else { vec![count, components] };
+    let array = ndarray::ArrayD::from_shape_vec(shape, values.to_vec())
+        .expect("the length is a multiple of the components by construction");
+    replace_atomically(path, |temporary| {
+        ndarray_npy::write_npy(temporary, &array).map_err(std::io::Error::other)
+    })
+}
+
+/// Reads any float32 `.npy` file as its flat values and shape.
+pub fn read_values(path: &Path) -> Result<(Vec<f32>, Vec<usize>)> {
+    let array: ndarray::ArrayD<f32> = ndarray_npy::read_npy(path).map_err(|cause| {
+        Error::new(path.display().to_string(), cause.to_string(), "a float32 .npy file", "Run the step again.")
+    })?;
+    let shape = array.shape().to_vec();
+    Ok((array.iter().copied().collect(), shape))
+}

@@ -1,0 +1,214 @@
+//! Running a program on the CPU, in batches of points on all cores.
+
+use super::{Operand, Program};
+use crate::error::{Error, Result};
+use crate::nodes::{Column, Kernel, Oracle, Real};
+use rayon::prelude::*;
+
+/// Points per batch: registers of a batch stay in the caches.
+const BATCH: usize = 512;
+
+/// Which arithmetic to evaluate with.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Arithmetic {
+    /// f32, bit for bit as Cycles.
+    Single,
+    /// f64 with f32 coordinates and hashes.
+    Oracle,
+    /// f64 throughout.
+    Unrounded,
+}
+
+/// Points and what is given beside them.
+#[derive(Clone, Copy)]
+pub struct Points<'a> {
+    /// Positions in the object's frame.
+    pub positions: &'a [[f32; 3]],
+    /// Per-point attributes by name, as long as the positions.
+    pub attributes: &'a [(String, Vec<[f32; 3]>)],
+}
+
+impl<'a> Points<'a> {
+    /// Positions without attributes.
+    pub fn new(positions: &'a [[f32; 3]]) -> Self {
+        Self { positions, attributes: &[] }
+    }
+}
+
+/// A number type with its entry point into a kernel.
+pub trait Evaluation: Real {
+    /// Evaluates one instruction.
+    fn run(kernel: &dyn Kernel, inputs: &[Column<'_, Self>], outputs: &mut [&mut [Self]]);
+}
+
+impl Evaluation for f32 {
+    fn run(kernel: &dyn Kernel, inputs: &[Column<'_, Self>], outputs: &mut [&mut [Self]]) {
+        kernel.evaluate_f32(inputs, outputs);
+    }
+}
+
+impl Evaluation for Oracle {
+    fn run(kernel: &dyn Kernel, inputs: &[Column<'_, Self>], outputs: &mut [&mut [Self]]) {
+        kernel.evaluate_oracle(inputs, outputs);
+    }
+}
+
+impl Evaluation for f64 {
+    fn run(kernel: &dyn Kernel, inputs: &[Column<'_, Self>], outputs: &mut [&mut [Self]]) {
+        kernel.evaluate_unrounded(inputs, outputs);
+    }
+}
+
+impl Program {
+    /// Evaluates every output at every point. The result holds, point by point, the components of
+    /// all outputs in order, as f64 (exact for f32 arithmetic).
+    pub fn evaluate(&self, points: Points<'_>, arithmetic: Arithmetic) -> Result<Vec<f64>> {
+        Ok(match arithmetic {
+            Arithmetic::Single => self.evaluate_as::<f32>(points)?.into_iter().map(f64::from).collect(),
+            Arithmetic::Oracle => self.evaluate_as::<Oracle>(points)?.into_iter().map(|value| value.0).collect(),
+            Arithmetic::Unrounded => self.evaluate_as::<f64>(points)?,
+        })
+    }
+
+    /// [`Self::evaluate`] in f32, without the widening.
+    pub fn evaluate_single(&self, points: Points<'_>) -> Result<Vec<f32>> {
+        self.evaluate_as::<f32>(points)
+    }
+
+    fn evaluate_as<R: Evaluation>(&self, points: Points<'_>) -> Result<Vec<R>> {
+        let attributes = self.attribute_columns(points)?;
+        let width = self.output_components();
+        let mut results = vec![R::default(); points.positions.len() * width];
+        if width == 0 {
+            return Ok(results);
+        }
+        results.par_chunks_mut(BATCH * width).enumerate().for_each_init(
+            || Workspace::<R>::new(self),
+            |workspace, (batch, results)| {
+                let start = batch * BATCH;
+                let count = results.len() / width;
+                let positions = &points.positions[start..start + count];
+                let attributes: Vec<_> = attributes.iter().map(|values| &values[start..start + count]).collect();
+                workspace.run(self, positions, &attributes);
+                workspace.collect(self, count, results);
+            },
+        );
+        Ok(results)
+    }
+
+    fn attribute_columns<'a>(&self, points: Points<'a>) -> Result<Vec<&'a [[f32; 3]]>> {
+        self.attributes
+            .iter()
+            .map(|name| {
+                let found = points.attributes.iter().find(|(given, _)| given == name);
+                match found {
+                    Some((_, values)) if values.len() == points.positions.len() => Ok(values.as_slice()),
+                    Some((_, values)) => Err(Error::new(
+                        format!("attribute {name}"),
+                        format!("{} values", values.len()),
+                        format!("{}, one per point", points.positions.len()),
+                        "Give as many attribute values as points.",
+                    )),
+                    None => Err(Error::new(
+                        format!("attribute {name}"),
+                        "no values",
+                        "three numbers per point",
+                        "Attribute nodes only evaluate in probes that carry their data; remove the node from the scene.",
+                    )),
+                }
+            })
+            .collect()
+    }
+}
+
+/// Columns of one batch: positions, attributes, constants, registers.
+struct Workspace<R> {
+    /// Column of every distinct operand, by [`Workspace::slots`].
+    columns: Vec<Vec<R>>,
+    uniform: Vec<bool>,
+    first_attribute: usize,
+    first_constant: usize,
+    constants: Vec<u32>,
+    first_register: usize,
+}
+
+impl<R: Evaluation> Workspace<R> {
+    fn new(program: &Program) -> Self {
+        let operands = || {
+            program
+                .instructions
+                .iter()
+                .flat_map(|instruction| &instruction.inputs)
+                .chain(program.outputs.iter().flat_map(|output| &output.operands))
+        };
+        let mut constants: Vec<u32> = operands()
+            .filter_map(|operand| match operand {
+                Operand::Constant(value) => Some(value.to_bits()),
+                _ => None,
+            })
+            .collect();
+        constants.sort_unstable();
+        constants.dedup();
+        let first_attribute = 3;
+        let first_constant = first_attribute + 3 * program.attributes.len();
+        let first_register = first_constant + constants.len();
+        let mut columns = vec![vec![R::default(); BATCH]; first_register + program.registers];
+        let mut uniform = vec![false; columns.len()];
+        for (index, &bits) in constants.iter().enumerate() {
+            columns[first_constant + index].fill(R::of(f32::from_bits(bits)));
+            uniform[first_constant + index] = true;
+        }
+        Self { columns, uniform, first_attribute, first_constant, constants, first_register }
+    }
+
+    fn slot(&self, operand: &Operand) -> usize {
+        match operand {
+            Operand::Position(axis) => *axis,
+            Operand::Attribute(number, axis) => self.first_attribute + 3 * number + axis,
+            Operand::Constant(value) => {
+                let found = self.constants.binary_search(&value.to_bits());
+                self.first_constant + found.expect("every constant has a column")
+            }
+            Operand::Register(register) => self.first_register + register,
+        }
+    }
+
+    fn run(&mut self, program: &Program, positions: &[[f32; 3]], attributes: &[&[[f32; 3]]]) {
+        let count = positions.len();
+        for axis in 0..3 {
+            for (value, position) in self.columns[axis].iter_mut().zip(positions) {
+                *value = R::of(position[axis]);
+            }
+            for (number, values) in attributes.iter().enumerate() {
+                let column = &mut self.columns[self.first_attribute + 3 * number + axis];
+                for (value, attribute) in column.iter_mut().zip(*values) {
+                    *value = R::of(attribute[axis]);
+                }
+            }
+        }
+        for instruction in &program.instructions {
+            let slots: Vec<usize> = instruction.inputs.iter().map(|operand| self.slot(operand)).collect();
+            let start = self.first_register + instruction.first_register;
+            // Results stand behind everything that an instruction may read.
+            let (before, after) = self.columns.split_at_mut(start);
+            let inputs: Vec<Column<'_, R>> = slots
+                .iter()
+                .map(|&slot| Column { values: &before[slot][..count], uniform: self.uniform[slot] })
+                .collect();
+            let mut outputs: Vec<&mut [R]> =
+                after[..instruction.components()].iter_mut().map(|column| &mut column[..count]).collect();
+            R::run(instruction.kernel.as_ref(), &inputs, &mut outputs);
+        }
+    }
+
+    fn collect(&self, program: &Program, count: usize, results: &mut [R]) {
+        let operands = program.outputs.iter().flat_map(|output| &output.operands);
+        let width = program.output_components();
+        for (component, operand) in operands.enumerate() {
+            let column = &self.columns[self.slot(operand)];
+            for index in 0..count {
+                results[index * width + component] = column[index];
+            }
+        }
+    }
+}

@@ -1,0 +1,530 @@
+//! Groups, reroutes, muted nodes and implicit conversions resolved into one flat list of nodes.
+
+use super::{Note, Target};
+use crate::error::{Error, Result};
+use crate::nodes::{self, Mode, NodeType, Role, SourceContext, SourceValue};
+use crate::scene::{Group, Input, Node, Scene, SocketType};
+use std::collections::HashMap;
+
+/// Where a component comes from, before registers are numbered.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) enum Source {
+    Constant(f32),
+    Position(usize),
+    Attribute(usize, usize),
+    /// Node number, component counted over all its existing outputs.
+    Node(usize, usize),
+}
+
+/// A node with its inputs resolved to components.
+pub(super) struct FlatNode {
+    pub label: String,
+    pub node_type: &'static NodeType,
+    pub mode: Mode,
+    pub inputs: Vec<Source>,
+}
+
+/// The flat graph; `nodes` are in evaluation order.
+pub(super) struct Flat {
+    pub nodes: Vec<FlatNode>,
+    pub outputs: Vec<(String, SocketType, Vec<Source>)>,
+    pub attributes: Vec<String>,
+    pub notes: Vec<Note>,
+}
+
+/// A resolved value and its type.
+type Resolved = (SocketType, Vec<Source>);
+
+/// A tree in the place where it is used.
+struct Tree<'a> {
+    path: Vec<String>,
+    nodes: &'a [Node],
+    /// The group and the group node, unless this is the material's own tree.
+    group: Option<(&'a Group, &'a Node, usize)>,
+}
+
+struct Flattener<'a> {
+    scene: &'a Scene,
+    trees: Vec<Tree<'a>>,
+    tree_numbers: HashMap<Vec<String>, usize>,
+    flat: Flat,
+    done: HashMap<(usize, String), usize>,
+    open: Vec<(usize, String)>,
+}
+
+pub(super) fn flatten(scene: &Scene, targets: &[Target]) -> Result<Flat> {
+    let mut flattener = Flattener {
+        scene,
+        trees: vec![Tree { path: Vec::new(), nodes: &scene.graph().nodes, group: None }],
+        tree_numbers: HashMap::new(),
+        flat: Flat { nodes: Vec::new(), outputs: Vec::new(), attributes: Vec::new(), notes: Vec::new() },
+        done: HashMap::new(),
+        open: Vec::new(),
+    };
+    for target in targets {
+        let (kind, sources) = flattener.target(target)?;
+        flattener.flat.outputs.push((target.name(), kind, sources));
+    }
+    flattener.note_unreached();
+    Ok(flattener.flat)
+}
+
+impl<'a> Flattener<'a> {
+    fn place(&self, tree: usize, node: &str) -> String {
+        let material = &self.scene.graph().material;
+        let path = &self.trees[tree].path;
+        let groups: String = path.iter().map(|name| format!("{name}/")).collect();
+        format!("material {material}: node {groups}{node}")
+    }
+
+    fn label(&self, tree: usize, node: &str) -> String {
+        self.trees[tree].path.iter().map(|name| format!("{name}/")).collect::<String>() + node
+    }
+
+    fn note(&mut self, tree: usize, node: &Node, action: &'static str, reason: impl Into<String>) {
+        let note = Note {
+            node: self.label(tree, &node.name),
+            node_type: node.kind.clone(),
+            action,
+            reason: reason.into(),
+        };
+        if !self.flat.notes.contains(&note) {
+            self.flat.notes.push(note);
+        }
+    }
+
+    fn find(&self, tree: usize, name: &str, from: &str) -> Result<&'a Node> {
+        let nodes = self.trees[tree].nodes;
+        nodes.iter().find(|node| node.name == name).ok_or_else(|| {
+            Error::new(
+                from.to_owned(),
+                format!("a link from \"{name}\", which does not exist"),
+                "a link from a node of the same tree",
+                "Correct the name in the scene file, or export the scene again.",
+            )
+        })
+    }
+
+    /// The tree of a group node, entered once per place.
+    fn enter(&mut self, tree: usize, node: &'a Node) -> Result<usize> {
+        let place = self.place(tree, &node.name);
+        let name = node.group.as_deref().unwrap_or_default();
+        let group = self.scene.graph().group(name).ok_or_else(|| {
+            Error::new(
+                place.clone(),
+                format!("a group \"{name}\" that the file does not hold"),
+                "one of the groups under $.graph.groups",
+                "Export the scene again.",
+            )
+        })?;
+        let mut path = self.trees[tree].path.clone();
+        path.push(node.name.clone());
+        if path.len() > 32 {
+            return Err(Error::new(
+                place,
+                "groups nested more than 32 deep",
+                "groups that do not hold themselves",
+                "Break the ring of groups.",
+            ));
+        }
+        if let Some(&number) = self.tree_numbers.get(&path) {
+            return Ok(number);
+        }
+        self.note(tree, node, "inlined", format!("group \"{name}\""));
+        let number = self.trees.len();
+        self.tree_numbers.insert(path.clone(), number);
+        self.trees.push(Tree { path, nodes: &group.nodes, group: Some((group, node, tree)) });
+        Ok(number)
+    }
+
+    fn target(&mut self, target: &Target) -> Result<Resolved> {
+        let from = format!("target {}", target.name());
+        let mut tree = 0;
+        for name in &target.groups {
+            let node = self.find(tree, name, &from)?;
+            tree = self.enter(tree, node)?;
+        }
+        let node = self.find(tree, &target.node, &from)?;
+        match (&target.output, &target.input) {
+            (Some(output), _) => self.output(tree, node, output),
+            (None, Some(input)) => {
+                let node_type = self.node_type(tree, node)?;
+                let socket = node_type.inputs.iter().find(|socket| socket.identifier == input).ok_or_else(|| {
+                    Error::new(from.clone(), "no such input", "an input of that node", "Check the identifier.")
+                })?;
+                let sources = self.input(tree, node, socket)?;
+                Ok((socket.kind, sources))
+            }
+            (None, None) => Err(Error::new(from, "no socket", "NODE.SOCKET", "Name a socket.")),
+        }
+    }
+
+    fn node_type(&self, tree: usize, node: &Node) -> Result<&'static NodeType> {
+        nodes::find(&node.kind).ok_or_else(|| {
+            let known: Vec<_> =
+                nodes::registry().iter().map(|node_type| node_type.label).filter(|label| !label.starts_with('(')).collect();
+            Error::new(
+                self.place(tree, &node.name),
+                format!("the node type {}", node.kind),
+                format!("one of the supported nodes: {}", known.join(", ")),
+                "Replace the node, or mute it; a node that does not reach the volume does not matter.",
+            )
+        })
+    }
+
+    /// The value of an output.
+    fn output(&mut self, tree: usize, node: &'a Node, socket: &str) -> Result<Resolved> {
+        let key = (tree, node.name.clone());
+        if self.open.contains(&key) {
+            let names: Vec<_> = self.open.iter().map(|(tree, name)| self.label(*tree, name)).collect();
+            return Err(Error::new(
+                self.place(tree, &node.name),
+                format!("a cycle of links: {} -> {}", names.join(" -> "), node.name),
+                "a graph without cycles",
+                "Remove one of these links.",
+            ));
+        }
+        self.open.push(key);
+        let result = self.output_unguarded(tree, node, socket);
+        self.open.pop();
+        result
+    }
+
+    fn output_unguarded(&mut self, tree: usize, node: &'a Node, socket: &str) -> Result<Resolved> {
+        if node.muted {
+            return self.bypassed(tree, node, socket);
+        }
+        match node.kind.as_str() {
+            "NodeReroute" => {
+                let kind = node.socket_type.unwrap_or(SocketType::Float);
+                let sources = match node.inputs.get("Input") {
+                    Some(input) => self.value(tree, node, "Input", input, kind)?,
+                    None => vec![Source::Constant(0.0); kind.components()],
+                };
+                self.note(tree, node, "inlined", "reroute");
+                Ok((kind, sources))
+            }
+            "ShaderNodeGroup" => self.group_output(tree, node, socket),
+            _ => {
+                let node_type = self.node_type(tree, node)?;
+                self.node_output(tree, node, node_type, socket)
+            }
+        }
+    }
+
+    fn group_output(&mut self, tree: usize, node: &'a Node, socket: &str) -> Result<Resolved> {
+        let inner = self.enter(tree, node)?;
+        let group = self.trees[inner].group.expect("an entered group").0;
+        let place = self.place(tree, &node.name);
+        let interface = group.outputs.iter().find(|output| output.identifier == socket).ok_or_else(|| {
+            Error::new(
+                place.clone(),
+                format!("a link from output \"{socket}\""),
+                format!("an output of the group \"{}\"", group.name),
+                "Correct the identifier, or export the scene again.",
+            )
+        })?;
+        let end = group.nodes.iter().find(|node| node.kind == "NodeGroupOutput").ok_or_else(|| {
+            Error::new(place, format!("no Group Output in \"{}\"", group.name), "one", "Add a Group Output node.")
+        })?;
+        let sources = match end.inputs.get(socket) {
+            Some(input) => self.value(inner, end, socket, input, interface.kind)?,
+            None => constant(&stored_default(interface.default.as_ref()), interface.kind),
+        };
+        Ok((interface.kind, sources))
+    }
+
+    /// A muted node passes on the input that `bypass` names, zero else.
+    fn bypassed(&mut self, tree: usize, node: &'a Node, socket: &str) -> Result<Resolved> {
+        let kinds = self.socket_kinds(tree, node)?;
+        let kind_of = |identifier: &str, output: bool| {
+            kinds.iter().find(|(name, is_output, _)| name == identifier && *is_output == output).map(|(_, _, kind)| *kind)
+        };
+        let kind = kind_of(socket, true).unwrap_or(SocketType::Float);
+        let through = node.bypass.as_ref().and_then(|bypass| bypass.get(socket));
+        let Some(through) = through else {
+            self.note(tree, node, "bypassed", "muted, without an internal link: zero");
+            return Ok((kind, vec![Source::Constant(0.0); kind.components()]));
+        };
+        self.note(tree, node, "bypassed", format!("muted: {socket} is {through}"));
+        let input_kind = kind_of(through, false).unwrap_or(kind);
+        let sources = match node.inputs.get(through.as_str()) {
+            Some(input) => self.value(tree, node, through, input, input_kind)?,
+            None => vec![Source::Constant(0.0); input_kind.components()],
+        };
+        Ok((kind, self.convert(tree, node, input_kind, kind, sources)))
+    }
+
+    /// Identifier, whether it is an output, and kind of every socket of a node.
+    fn socket_kinds(&self, tree: usize, node: &Node) -> Result<Vec<(String, bool, SocketType)>> {
+        if let Some(name) = &node.group {
+            let group = self.scene.graph().group(name);
+            let sockets = |list: &[crate::scene::Socket], output: bool| {
+                list.iter().map(|socket| (socket.identifier.clone(), output, socket.kind)).collect::<Vec<_>>()
+            };
+            return Ok(group
+                .map(|group| [sockets(&group.inputs, false), sockets(&group.outputs, true)].concat())
+                .unwrap_or_default());
+        }
+        let node_type = self.node_type(tree, node)?;
+        let inputs = node_type.inputs.iter().map(|socket| (socket.identifier.to_owned(), false, socket.kind));
+        let outputs = node_type.outputs.iter().map(|socket| (socket.identifier.to_owned(), true, socket.kind));
+        Ok(inputs.chain(outputs).collect())
+    }
+
+    fn node_output(
+        &mut self,
+        tree: usize,
+        node: &'a Node,
+        node_type: &'static NodeType,
+        socket: &str,
+    ) -> Result<Resolved> {
+        let place = self.place(tree, &node.name);
+        let mode = Mode::read(node_type, &node.properties, &place)?;
+        let existing: Vec<_> = node_type.outputs_of(&mode).collect();
+        let Some(position) = existing.iter().position(|output| output.identifier == socket) else {
+            let names: Vec<_> = existing.iter().map(|output| output.identifier).collect();
+            return Err(Error::new(
+                place,
+                format!("a link from output \"{socket}\""),
+                format!("one of the outputs of {} in this mode: {}", node_type.label, names.join(", ")),
+                "Correct the identifier, or export the scene again.",
+            ));
+        };
+        let kind = existing[position].kind;
+        match &node_type.role {
+            Role::Closure => Err(Error::new(
+                place,
+                "a closure",
+                "a value (float, vector or colour)",
+                "Link a value output; closures only feed the Material Output.",
+            )),
+            Role::Source(resolve) => {
+                let context =
+                    SourceContext { matrix_world: &self.scene.volume.matrix_world, place: &place, node };
+                let value = resolve(&context, &mode, socket)?;
+                Ok((kind, self.source(tree, node, value)))
+            }
+            Role::Evaluated(_) => {
+                let number = match self.done.get(&(tree, node.name.clone())) {
+                    Some(&number) => number,
+                    None => self.evaluated(tree, node, node_type, mode)?,
+                };
+                let first: usize = existing[..position].iter().map(|output| output.kind.components()).sum();
+                let sources = (0..kind.components()).map(|component| Source::Node(number, first + component)).collect();
+                Ok((kind, sources))
+            }
+        }
+    }
+
+    fn evaluated(
+        &mut self,
+        tree: usize,
+        node: &'a Node,
+        node_type: &'static NodeType,
+        mode: Mode,
+    ) -> Result<usize> {
+        let mut inputs = Vec::new();
+        for socket in node_type.inputs_of(&mode) {
+            inputs.extend(self.input(tree, node, socket)?);
+        }
+        for identifier in node.inputs.keys() {
+            if !node_type.inputs.iter().any(|socket| socket.identifier == identifier) {
+                let names: Vec<_> = node_type.inputs.iter().map(|socket| socket.identifier).collect();
+                return Err(Error::new(
+                    format!("{}: input {identifier}", self.place(tree, &node.name)),
+                    "an input that the node does not have",
+                    format!("one of {}", names.join(", ")),
+                    "Correct the identifier, or export the scene again.",
+                ));
+            }
+        }
+        let outputs = node_type.outputs_of(&mode).map(|output| output.identifier).collect();
+        let number = self.flat.nodes.len();
+        let label = self.label(tree, &node.name);
+        self.flat.nodes.push(FlatNode { label, node_type, mode: mode.with_wanted(outputs), inputs });
+        self.done.insert((tree, node.name.clone()), number);
+        Ok(number)
+    }
+
+    fn input(&mut self, tree: usize, node: &'a Node, socket: &nodes::InputSocket) -> Result<Vec<Source>> {
+        match node.inputs.get(socket.identifier) {
+            Some(input) if is_link(input) || !socket.generated_when_unlinked => {
+                self.value(tree, node, socket.identifier, input, socket.kind)
+            }
+            _ if socket.generated_when_unlinked => Ok(self.source(tree, node, SourceValue::Generated)),
+            _ => Ok(socket.default.iter().map(|&value| Source::Constant(value)).collect()),
+        }
+    }
+
+    /// Resolves a stored value or a link to components of `kind`.
+    fn value(
+        &mut self,
+        tree: usize,
+        node: &'a Node,
+        socket: &str,
+        input: &'a Input,
+        kind: SocketType,
+    ) -> Result<Vec<Source>> {
+        let place = format!("{}: input {socket}", self.place(tree, &node.name));
+        let wrong = |found: String| {
+            Error::new(
+                place.clone(),
+                found,
+                match kind.components() {
+                    1 => "a number or a link".to_owned(),
+                    _ => "a list of three numbers or a link".to_owned(),
+                },
+                "Correct the value's type.",
+            )
+        };
+        match input {
+            Input::Number(value) if kind.components() == 1 => Ok(vec![Source::Constant(*value)]),
+            Input::List(values) if kind.components() == 3 && (3..=4).contains(&values.len()) => {
+                Ok(values[..3].iter().map(|&value| Source::Constant(value)).collect())
+            }
+            Input::Number(value) => Err(wrong(format!("the number {value}"))),
+            Input::List(values) => Err(wrong(format!("a list of {} numbers", values.len()))),
+            Input::Text(text) => Err(wrong(format!("the text \"{text}\""))),
+            Input::Link { node: name, socket: output } => {
+                let from = self.find(tree, name, &place)?;
+                let (found, sources) = self.output(tree, from, output)?;
+                if found == SocketType::Shader || kind == SocketType::Shader {
+                    return Err(wrong("a closure".into()));
+                }
+                Ok(self.convert(tree, node, found, kind, sources))
+            }
+            Input::GroupInput(identifier) => {
+                let (found, sources) = self.group_input(tree, &place, identifier)?;
+                Ok(self.convert(tree, node, found, kind, sources))
+            }
+        }
+    }
+
+    fn group_input(&mut self, tree: usize, place: &str, identifier: &str) -> Result<Resolved> {
+        let Some((group, group_node, parent)) = self.trees[tree].group else {
+            return Err(Error::new(
+                place.to_owned(),
+                format!("group_input \"{identifier}\" outside of a group"),
+                "a value or a link",
+                "Only nodes of a group can read its inputs.",
+            ));
+        };
+        let interface = group.inputs.iter().find(|socket| socket.identifier == identifier).ok_or_else(|| {
+            Error::new(
+                place.to_owned(),
+                format!("group_input \"{identifier}\""),
+                format!("an input of the group \"{}\"", group.name),
+                "Correct the identifier, or export the scene again.",
+            )
+        })?;
+        let sources = match group_node.inputs.get(identifier) {
+            Some(input) => self.value(parent, group_node, identifier, input, interface.kind)?,
+            None => constant(&stored_default(interface.default.as_ref()), interface.kind),
+        };
+        Ok((interface.kind, sources))
+    }
+
+    fn convert(
+        &mut self,
+        tree: usize,
+        node: &Node,
+        from: SocketType,
+        to: SocketType,
+        sources: Vec<Source>,
+    ) -> Vec<Source> {
+        match (from.components(), to.components()) {
+            (1, 3) => vec![sources[0].clone(); 3],
+            (3, 1) => {
+                let name = if from == SocketType::Color { "COLOR" } else { "VECTOR" };
+                let mut properties = serde_json::Map::new();
+                properties.insert("from".into(), name.into());
+                self.internal(tree, node, &nodes::conversion::TYPE, &properties, sources, 1)
+            }
+            _ => sources,
+        }
+    }
+
+    /// Appends a node that has no counterpart in the file.
+    fn internal(
+        &mut self,
+        tree: usize,
+        node: &Node,
+        node_type: &'static NodeType,
+        properties: &serde_json::Map<String, serde_json::Value>,
+        inputs: Vec<Source>,
+        components: usize,
+    ) -> Vec<Source> {
+        let label = format!("{} {}", self.label(tree, &node.name), node_type.label);
+        let mode = Mode::read(node_type, properties, &label).expect("the compiler's own properties are legal");
+        let outputs = node_type.outputs_of(&mode).map(|output| output.identifier).collect();
+        self.flat.nodes.push(FlatNode { label, node_type, mode: mode.with_wanted(outputs), inputs });
+        let number = self.flat.nodes.len() - 1;
+        (0..components).map(|component| Source::Node(number, component)).collect()
+    }
+
+    fn source(&mut self, tree: usize, node: &Node, value: SourceValue) -> Vec<Source> {
+        let affine = |flattener: &mut Self, rows: [[f32; 4]; 3]| {
+            let mut inputs: Vec<Source> = (0..3).map(Source::Position).collect();
+            for column in 0..4 {
+                inputs.extend(rows.iter().map(|row| Source::Constant(row[column])));
+            }
+            let none = serde_json::Map::new();
+            flattener.internal(tree, node, &nodes::affine::TYPE, &none, inputs, 3)
+        };
+        match value {
+            SourceValue::Constant(values) => values.into_iter().map(Source::Constant).collect(),
+            SourceValue::Position => (0..3).map(Source::Position).collect(),
+            SourceValue::Affine(rows) => affine(self, rows),
+            SourceValue::Generated => {
+                let space = &self.scene.volume.texture_space;
+                let rows = std::array::from_fn(|axis| {
+                    let factor = if space.size[axis] != 0.0 { 0.5 / space.size[axis] } else { 0.0 };
+                    let mut row = [0.0; 4];
+                    row[axis] = factor;
+                    row[3] = -(space.location[axis] * factor - 0.5);
+                    row
+                });
+                affine(self, rows)
+            }
+            SourceValue::Attribute(name) => {
+                let known = self.flat.attributes.iter().position(|attribute| *attribute == name);
+                let number = known.unwrap_or_else(|| {
+                    self.flat.attributes.push(name);
+                    self.flat.attributes.len() - 1
+                });
+                (0..3).map(|axis| Source::Attribute(number, axis)).collect()
+            }
+        }
+    }
+
+    /// Lists the nodes of every entered tree that no target reached.
+    fn note_unreached(&mut self) {
+        for tree in 0..self.trees.len() {
+            for node in self.trees[tree].nodes {
+                let evaluated = nodes::find(&node.kind).is_some_and(|node_type| matches!(node_type.role, Role::Evaluated(_)));
+                if evaluated && !node.muted && !self.done.contains_key(&(tree, node.name.clone())) {
+                    self.note(tree, node, "dropped", "does not reach what was asked for");
+                }
+            }
+        }
+    }
+}
+
+fn is_link(input: &Input) -> bool {
+    matches!(input, Input::Link { .. } | Input::GroupInput(_))
+}
+
+/// Components of an interface default.
+fn stored_default(value: Option<&serde_json::Value>) -> Vec<f32> {
+    match value {
+        Some(serde_json::Value::Array(items)) => items.iter().filter_map(|x| x.as_f64()).map(|x| x as f32).collect(),
+        Some(serde_json::Value::Bool(flag)) => vec![f32::from(u8::from(*flag))],
+        Some(other) => other.as_f64().map(|x| vec![x as f32]).unwrap_or_default(),
+        None => Vec::new(),
+    }
+}
+
+fn constant(values: &[f32], kind: SocketType) -> Vec<Source> {
+    (0..kind.components()).map(|index| Source::Constant(values.get(index).copied().unwrap_or(0.0))).collect()
+}

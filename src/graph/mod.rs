@@ -1,0 +1,113 @@
+//! From the node graph of a scene file to a program that evaluates.
+//!
+//! [`flatten`] inlines groups, follows reroutes and muted nodes and inserts conversions; the passes
+//! in [`passes`] fold constants by Blender's rules, merge equal nodes and drop what the targets do
+//! not reach; [`Program`] is what is left, in evaluation order. [`evaluate`] runs it on the CPU,
+//! [`wgsl`] writes it as a shader, [`bounds`] encloses it over a box.
+
+pub mod bounds;
+pub mod evaluate;
+mod flatten;
+mod passes;
+pub mod target;
+pub mod wgsl;
+
+pub use target::Target;
+
+use crate::error::Result;
+use crate::nodes::{Kernel, Mode, NodeType};
+use crate::scene::{Scene, SocketType};
+
+/// Where a scalar component comes from.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Operand {
+    /// A number.
+    Constant(f32),
+    /// Component 0 to 2 of the object-space position.
+    Position(usize),
+    /// Component of a per-point attribute, by its number in [`Program::attributes`].
+    Attribute(usize, usize),
+    /// A component that an instruction computes.
+    Register(usize),
+}
+
+/// One node of the program.
+pub struct Instruction {
+    /// Place of the node: group names joined by `/`.
+    pub label: String,
+    /// The node's type.
+    pub node_type: &'static NodeType,
+    /// Its mode, with the wanted outputs.
+    pub mode: Mode,
+    /// Components of the existing inputs, in socket order.
+    pub inputs: Vec<Operand>,
+    /// Registers of the wanted outputs' components: the first, counted upwards.
+    pub first_register: usize,
+    /// Wanted outputs: identifier, kind.
+    pub outputs: Vec<(&'static str, SocketType)>,
+    /// The evaluator.
+    pub kernel: Box<dyn Kernel>,
+}
+
+impl Instruction {
+    /// Number of output components.
+    pub fn components(&self) -> usize {
+        self.outputs.iter().map(|(_, kind)| kind.components()).sum()
+    }
+}
+
+/// A value that the program computes.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Output {
+    /// The target that asked for it.
+    pub name: String,
+    /// Kind of value.
+    pub kind: SocketType,
+    /// Its components.
+    pub operands: Vec<Operand>,
+}
+
+/// A specialised graph.
+pub struct Program {
+    /// Nodes in evaluation order.
+    pub instructions: Vec<Instruction>,
+    /// Values asked for.
+    pub outputs: Vec<Output>,
+    /// Names of the per-point attributes that it reads.
+    pub attributes: Vec<String>,
+    /// Number of registers.
+    pub registers: usize,
+    /// What the passes did, for `cloudparity explain`.
+    pub notes: Vec<Note>,
+}
+
+/// One thing that a pass did.
+#[derive(Debug, Clone, PartialEq, serde::Serialize)]
+pub struct Note {
+    /// Place of the node.
+    pub node: String,
+    /// Blender's type.
+    pub node_type: String,
+    /// What happened: inlined, folded, simplified, merged, dropped, converted, bypassed.
+    pub action: &'static str,
+    /// The reason, with the value or the other node's place.
+    pub reason: String,
+}
+
+impl Program {
+    /// Compiles the graph of `scene` for these targets.
+    pub fn compile(scene: &Scene, targets: &[Target]) -> Result<Self> {
+        let flat = flatten::flatten(scene, targets)?;
+        Ok(passes::run(flat))
+    }
+
+    /// Compiles the density of the scene's volume.
+    pub fn density(scene: &Scene) -> Result<Self> {
+        Self::compile(scene, &[target::density(scene)?])
+    }
+
+    /// Number of output components over all outputs.
+    pub fn output_components(&self) -> usize {
+        self.outputs.iter().map(|output| output.operands.len()).sum()
+    }
+}

@@ -1,0 +1,144 @@
+//! Naming a value of the graph: a socket by its place, or an input of the closing node.
+
+use crate::error::{Error, Result};
+use crate::scene::{Graph, Input, Node, Scene};
+use serde::{Deserialize, Serialize};
+
+/// A socket somewhere in the graph.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Target {
+    /// Group nodes from the material's tree down.
+    pub groups: Vec<String>,
+    /// Node name.
+    pub node: String,
+    /// Identifier of an output of that node.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub output: Option<String>,
+    /// Identifier of an input of that node.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub input: Option<String>,
+}
+
+impl Target {
+    /// An output of a node of the material's own tree.
+    pub fn output(node: &str, socket: &str) -> Self {
+        Self { groups: Vec::new(), node: node.into(), output: Some(socket.into()), input: None }
+    }
+
+    /// An input of a node of the material's own tree.
+    pub fn input(node: &str, socket: &str) -> Self {
+        Self { groups: Vec::new(), node: node.into(), output: None, input: Some(socket.into()) }
+    }
+
+    /// `Group.001/Math.004.Value`.
+    pub fn name(&self) -> String {
+        let socket = self.output.as_deref().or(self.input.as_deref()).unwrap_or_default();
+        let mut parts = self.groups.clone();
+        parts.push(self.node.clone());
+        format!("{}.{socket}", parts.join("/"))
+    }
+
+    /// Reads `NODE.SOCKET` or `GROUP NODE/NODE.SOCKET`. A node name without its groups is searched
+    /// in every tree; several finds are an error that lists them.
+    pub fn parse(text: &str, graph: &Graph) -> Result<Self> {
+        let place = format!("--output {text}");
+        let mut finds = Vec::new();
+        search(graph, &graph.nodes, &mut Vec::new(), &mut |groups, node| {
+            let path = groups.iter().map(String::as_str).chain([node.name.as_str()]).collect::<Vec<_>>().join("/");
+            for name in [path.as_str(), node.name.as_str()] {
+                if let Some(socket) = text.strip_prefix(name).and_then(|rest| rest.strip_prefix('.')) {
+                    finds.push(Self {
+                        groups: groups.to_vec(),
+                        node: node.name.clone(),
+                        output: Some(socket.to_owned()),
+                        input: None,
+                    });
+                    break;
+                }
+            }
+        });
+        // "Math.001.Value" also reads as socket "001.Value" of "Math": the longest node name wins.
+        let longest = finds.iter().map(|find| find.node.len()).max();
+        finds.retain(|find| Some(find.node.len()) == longest);
+        match finds.len() {
+            1 => Ok(finds.remove(0)),
+            0 => Err(Error::new(
+                place,
+                "no node of that name",
+                "NODE.SOCKET with a node of the graph, such as \"Noise Texture.Fac\"",
+                "cloudparity explain lists the nodes.",
+            )),
+            _ => Err(Error::new(
+                place,
+                format!("{} nodes of that name", finds.len()),
+                finds.iter().map(Self::name).collect::<Vec<_>>().join(" or "),
+                "Write the group node's name and a slash before the node.",
+            )),
+        }
+    }
+}
+
+/// Calls `visit` for every node of every tree, once per place where a group is used.
+fn search(graph: &Graph, nodes: &[Node], groups: &mut Vec<String>, visit: &mut impl FnMut(&[String], &Node)) {
+    for node in nodes {
+        visit(groups, node);
+        let inner = node.group.as_ref().and_then(|name| graph.group(name));
+        // A group cannot hold itself in Blender; the depth limit keeps a damaged file finite.
+        if let Some(group) = inner.filter(|_| groups.len() < 32) {
+            groups.push(node.name.clone());
+            search(graph, &group.nodes, groups, visit);
+            groups.pop();
+        }
+    }
+}
+
+/// The closing node of the scene's material: what feeds Volume of the Material Output, through
+/// reroutes.
+pub fn closing_node(scene: &Scene) -> Result<&Node> {
+    let graph = scene.graph();
+    let place = format!("material {}", graph.material);
+    let missing = |found: &str| {
+        Error::new(
+            place.clone(),
+            found.to_owned(),
+            "a Material Output whose Volume input is linked to a volume closure",
+            "Link a Principled Volume to the Volume socket of the Material Output.",
+        )
+    };
+    let output = graph
+        .nodes
+        .iter()
+        .find(|node| node.kind == "ShaderNodeOutputMaterial")
+        .ok_or_else(|| missing("no Material Output"))?;
+    let mut input = output.inputs.get("Volume").ok_or_else(|| missing("no link to its Volume input"))?;
+    for _ in 0..=graph.nodes.len() {
+        let Input::Link { node: name, .. } = input else { return Err(missing("no link to its Volume input")) };
+        let node = graph.nodes.iter().find(|node| node.name == *name).ok_or_else(|| {
+            Error::new(
+                format!("{place}: node {}", output.name),
+                format!("a link from \"{name}\", which does not exist"),
+                "a link from a node of the same tree",
+                "Export the scene again.",
+            )
+        })?;
+        if node.kind == "NodeReroute" {
+            input = node.inputs.get("Input").ok_or_else(|| missing("a reroute without a link"))?;
+            continue;
+        }
+        if node.kind != "ShaderNodeVolumePrincipled" || node.muted {
+            return Err(Error::new(
+                format!("{place}: node {}", node.name),
+                if node.muted { format!("a muted {}", node.kind) } else { node.kind.clone() },
+                "Principled Volume (ShaderNodeVolumePrincipled) as the closing node",
+                "Replace the closure by a Principled Volume; the other volume closures are not supported yet.",
+            ));
+        }
+        return Ok(node);
+    }
+    Err(missing("a ring of reroutes"))
+}
+
+/// The Density input of the closing node.
+pub fn density(scene: &Scene) -> Result<Target> {
+    Ok(Target::input(&closing_node(scene)?.name, "Density"))
+}

@@ -1,0 +1,12 @@
+//! cloudparity: procedural volumes from Blender, exact in Rust and WGSL, compared with Cycles.
+//!
+//! The way of the data: [`scene`] (files) to [`graph`] (flat, specialised programs of [`nodes`]) to
+//! values on the CPU, WGSL on the GPU and bounds. `ARCHITECTURE.md` is the map.
+
+pub mod error;
+pub mod files;
+pub mod graph;
+pub mod nodes;
+pub mod scene;
+
+pub use error::{Error, Result};

@@ -1,0 +1,43 @@
+//! Implicit conversion between socket types, inserted by the compiler where a link joins a vector
+//! or colour output to a float input. (A float feeds a vector by repetition, and vectors and
+//! colours exchange unchanged; neither needs a node.)
+//!
+//! Vector to float is the mean, colour to float the luminance of linear Rec. 709 with the weights
+//! of Blender's default configuration.
+
+use super::real::Real;
+use super::{Column, Evaluate, InputSocket, Interval, NodeType, OutputSocket, Property, Role, always, map};
+use crate::scene::SocketType;
+
+/// The node type. It has no counterpart in Blender's interface.
+pub static TYPE: NodeType = NodeType {
+    type_name: "cloudparity.Conversion",
+    label: "(implicit conversion)",
+    module: "conversion",
+    properties: &[Property::choice("from", &["VECTOR", "COLOR"])],
+    inputs: &[InputSocket::vector("Vector", "Vector", &[0.0; 3], always)],
+    outputs: &[OutputSocket::new("Value", SocketType::Float, always)],
+    role: Role::Evaluated(|mode| Box::new(Conversion { luminance: mode.choice("from") == "COLOR" })),
+};
+
+/// Luminance weights of linear Rec. 709 primaries.
+const LUMINANCE: [f32; 3] = [0.212_639_12, 0.715_169_13, 0.072_192_76];
+
+struct Conversion {
+    luminance: bool,
+}
+
+impl Evaluate for Conversion {
+    fn evaluate<R: Real>(&self, inputs: &[Column<'_, R>], outputs: &mut [&mut [R]]) {
+        if self.luminance {
+            let [red, green, blue] = LUMINANCE.map(R::of);
+            map(inputs, [0, 1, 2], outputs[0], |[r, g, b]: [R; 3]| (r * red + g * green) + b * blue);
+        } else {
+            map(inputs, [0, 1, 2], outputs[0], |[x, y, z]: [R; 3]| ((x + y) + z) * R::of(1.0 / 3.0));
+        }
+    }
+
+    fn enclose(&self, _inputs: &[Interval], outputs: &mut [Interval]) {
+        outputs[0] = Interval::EVERYTHING;
+    }
+}

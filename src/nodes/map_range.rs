@@ -1,0 +1,177 @@
+//! Map Range (`ShaderNodeMapRange`): remaps a float or a vector from one range to another.
+//!
+//! Interpolation linear, stepped, smoothstep or smootherstep; `clamp` limits the result to the
+//! target range. An empty source range gives 0 for floats and the target's lower end for vectors.
+
+use super::real::Real;
+use super::{Column, Evaluate, InputSocket, Interval, Mode, NodeType, OutputSocket, Property, Role};
+use crate::scene::SocketType;
+
+/// The node type.
+pub static TYPE: NodeType = NodeType {
+    type_name: "ShaderNodeMapRange",
+    label: "Map Range",
+    module: "map_range",
+    properties: &[
+        Property::flag("clamp", true),
+        Property::choice("interpolation_type", &["LINEAR", "STEPPED", "SMOOTHSTEP", "SMOOTHERSTEP"]),
+        Property::choice("data_type", &["FLOAT", "FLOAT_VECTOR"]),
+    ],
+    inputs: &[
+        InputSocket::float("Value", "Value", &[1.0], is_float),
+        InputSocket::float("From Min", "From Min", &[0.0], is_float),
+        InputSocket::float("From Max", "From Max", &[1.0], is_float),
+        InputSocket::float("To Min", "To Min", &[0.0], is_float),
+        InputSocket::float("To Max", "To Max", &[1.0], is_float),
+        InputSocket::float("Steps", "Steps", &[4.0], |mode| is_float(mode) && is_stepped(mode)),
+        InputSocket::vector("Vector", "Vector", &[0.0; 3], is_vector),
+        InputSocket::vector("From_Min_FLOAT3", "From Min", &[0.0; 3], is_vector),
+        InputSocket::vector("From_Max_FLOAT3", "From Max", &[1.0; 3], is_vector),
+        InputSocket::vector("To_Min_FLOAT3", "To Min", &[0.0; 3], is_vector),
+        InputSocket::vector("To_Max_FLOAT3", "To Max", &[1.0; 3], is_vector),
+        InputSocket::vector("Steps_FLOAT3", "Steps", &[4.0; 3], |mode| is_vector(mode) && is_stepped(mode)),
+    ],
+    outputs: &[
+        OutputSocket::new("Result", SocketType::Float, is_float),
+        OutputSocket::new("Vector", SocketType::Vector, is_vector),
+    ],
+    role: Role::Evaluated(|mode| {
+        Box::new(MapRange {
+            interpolation: mode.choice("interpolation_type"),
+            clamp: mode.flag("clamp"),
+            vector: is_vector(mode),
+        })
+    }),
+};
+
+fn is_float(mode: &Mode) -> bool {
+    mode.choice("data_type") == "FLOAT"
+}
+
+fn is_vector(mode: &Mode) -> bool {
+    !is_float(mode)
+}
+
+fn is_stepped(mode: &Mode) -> bool {
+    mode.choice("interpolation_type") == "STEPPED"
+}
+
+struct MapRange {
+    interpolation: &'static str,
+    clamp: bool,
+    vector: bool,
+}
+
+/// Limits `value` to the range between `a` and `b`, whichever is lower.
+fn clamp_to<R: Real>(value: R, a: R, b: R) -> R {
+    if a > b { value.clamped(b, a) } else { value.clamped(a, b) }
+}
+
+/// Factor of a stepped remap.
+fn stepped<R: Real>(t: R, steps: R) -> R {
+    if steps > R::of(0.0) { (t * (steps + R::of(1.0))).floor() / steps } else { R::of(0.0) }
+}
+
+/// Smootherstep between two edges.
+fn smoother_step<R: Real>(value: R, edge0: R, edge1: R) -> R {
+    (value - edge0).safe_divide(edge1 - edge0).clamped(R::of(0.0), R::of(1.0)).quintic()
+}
+
+impl MapRange {
+    fn float<R: Real>(&self, value: R, from: [R; 2], to: [R; 2], steps: R) -> R {
+        let result = if from[0] == from[1] {
+            R::of(0.0)
+        } else {
+            // Smooth factors of a reversed range are mirrored, not divided by a negative width.
+            let mirrored = |step: fn(R, R, R) -> R| {
+                if from[0] > from[1] {
+                    R::of(1.0) - step(value, from[1], from[0])
+                } else {
+                    step(value, from[0], from[1])
+                }
+            };
+            let linear = (value - from[0]) / (from[1] - from[0]);
+            let factor = match self.interpolation {
+                "LINEAR" => linear,
+                "STEPPED" => stepped(linear, steps),
+                "SMOOTHSTEP" => mirrored(R::smooth_step),
+                _ => mirrored(smoother_step),
+            };
+            to[0] + factor * (to[1] - to[0])
+        };
+        if self.clamp { clamp_to(result, to[0], to[1]) } else { result }
+    }
+
+    fn component<R: Real>(&self, value: R, from: [R; 2], to: [R; 2], steps: R) -> R {
+        let t = (value - from[0]).safe_divide(from[1] - from[0]);
+        let limited = t.saturate();
+        let factor = match self.interpolation {
+            "LINEAR" => t,
+            "STEPPED" => stepped(t, steps),
+            "SMOOTHSTEP" => (R::of(3.0) - R::of(2.0) * limited) * (limited * limited),
+            _ => limited.quintic(),
+        };
+        let result = to[0] + factor * (to[1] - to[0]);
+        let clamps = self.clamp && matches!(self.interpolation, "LINEAR" | "STEPPED");
+        if clamps { clamp_to(result, to[0], to[1]) } else { result }
+    }
+}
+
+impl Evaluate for MapRange {
+    fn evaluate<R: Real>(&self, inputs: &[Column<'_, R>], outputs: &mut [&mut [R]]) {
+        let width = if self.vector { 3 } else { 1 };
+        for (axis, output) in outputs.iter_mut().enumerate() {
+            let column = |socket: usize| inputs.get(socket * width + axis).map(|column| column.values);
+            let [value, from_min, from_max, to_min, to_max] =
+                [0, 1, 2, 3, 4].map(|socket| column(socket).expect("five inputs in every mode"));
+            // Only the stepped modes have the sixth input.
+            let steps = column(5).unwrap_or(value);
+            for (index, result) in output.iter_mut().enumerate() {
+                let from = [from_min[index], from_max[index]];
+                let to = [to_min[index], to_max[index]];
+                *result = if self.vector {
+                    self.component(value[index], from, to, steps[index])
+                } else {
+                    self.float(value[index], from, to, steps[index])
+                };
+            }
+        }
+    }
+
+    fn enclose(&self, _inputs: &[Interval], outputs: &mut [Interval]) {
+        outputs.fill(Interval::EVERYTHING);
+    }
+
+    fn fold_constants(&self, inputs: &[f32]) -> Option<Vec<f32>> {
+        // Blender's own rules for an empty source range and for negative step counts.
+        if self.vector {
+            if self.interpolation != "STEPPED" || inputs[15..18].iter().all(|&steps| steps >= 0.0) {
+                return None;
+            }
+            return Some(
+                (0..3)
+                    .map(|axis| {
+                        let at = |socket: usize| inputs[3 * socket + axis];
+                        let t = (at(0) - at(1)).safe_divide(at(2) - at(1));
+                        let result = at(3) + folded_step(t, at(5)) * (at(4) - at(3));
+                        if self.clamp { clamp_to(result, at(3), at(4)) } else { result }
+                    })
+                    .collect(),
+            );
+        }
+        let [value, from_min, from_max, to_min, to_max] = inputs[..5] else { return None };
+        let result = if from_min == from_max {
+            to_min
+        } else if self.interpolation == "STEPPED" && inputs[5] < 0.0 {
+            to_min + folded_step((value - from_min) / (from_max - from_min), inputs[5]) * (to_max - to_min)
+        } else {
+            return None;
+        };
+        Some(vec![if self.clamp { clamp_to(result, to_min, to_max) } else { result }])
+    }
+}
+
+/// Blender's own stepped factor, which takes negative counts as they are.
+fn folded_step(t: f32, steps: f32) -> f32 {
+    (t * (steps + 1.0)).floor().safe_divide(steps)
+}

@@ -1,0 +1,40 @@
+//! Attribute (`ShaderNodeAttribute`) of type Geometry, in probes only: three numbers per point,
+//! given beside the positions under the attribute's name. A scene that renders has no such data,
+//! so the node is refused there.
+
+use super::{NodeType, OutputSocket, Property, Role, SourceValue, always};
+use crate::error::Error;
+use crate::scene::SocketType;
+
+/// The node type.
+pub static TYPE: NodeType = NodeType {
+    type_name: "ShaderNodeAttribute",
+    label: "Attribute",
+    module: "point_attribute",
+    properties: &[Property::choice("attribute_type", &["GEOMETRY"]), Property::other("attribute_name")],
+    inputs: &[],
+    outputs: &[
+        OutputSocket::new("Color", SocketType::Color, always),
+        OutputSocket::new("Vector", SocketType::Vector, always),
+        OutputSocket::new("Fac", SocketType::Float, always),
+        OutputSocket::new("Alpha", SocketType::Float, always),
+    ],
+    role: Role::Source(|context, _, output| {
+        let name = context.node.properties.get("attribute_name").and_then(|value| value.as_str());
+        match (output, name) {
+            ("Vector", Some(name)) => Ok(SourceValue::Attribute(name.to_owned())),
+            (_, None) => Err(Error::new(
+                format!("{}: property attribute_name", context.place),
+                "nothing",
+                "the name of a per-point attribute",
+                "Give the attribute's name.",
+            )),
+            (other, _) => Err(Error::new(
+                format!("{}: output {other}", context.place),
+                format!("the {other} output of Attribute"),
+                "the Vector output (probes carry three numbers per point)",
+                "Link Vector and take it apart with Separate XYZ.",
+            )),
+        }
+    }),
+};

@@ -1,0 +1,251 @@
+//! Vector Math (`ShaderNodeVectorMath`): 29 operations on 3-vectors.
+//!
+//! Inputs a = `Vector`, b = `Vector_001`, c = `Vector_002`, s = `Scale`; result `Vector`, or
+//! `Value` for dot product, distance and length. Component-wise where nothing else is said.
+
+use super::math::{Kept, sign, simplify};
+use super::real::{Library, Real, dot, length, safe_unit};
+use super::{
+    Column, Evaluate, InputSocket, Interval, Mode, NodeType, OutputSocket, Property, Role, Simplified, always,
+    vector_at,
+};
+use crate::scene::SocketType;
+
+/// The node type.
+pub static TYPE: NodeType = NodeType {
+    type_name: "ShaderNodeVectorMath",
+    label: "Vector Math",
+    module: "vector_math",
+    properties: &[Property::choice("operation", OPERATIONS)],
+    inputs: &[
+        InputSocket::vector("Vector", "Vector", &[0.0; 3], always),
+        InputSocket::vector("Vector_001", "Vector", &[0.0; 3], |mode| vectors_of(mode) >= 2),
+        InputSocket::vector("Vector_002", "Vector", &[0.0; 3], |mode| vectors_of(mode) >= 3),
+        InputSocket::float("Scale", "Scale", &[1.0], |mode| matches!(mode.choice("operation"), "SCALE" | "REFRACT")),
+    ],
+    outputs: &[
+        OutputSocket::new("Vector", SocketType::Vector, |mode| !gives_value(mode.choice("operation"))),
+        OutputSocket::new("Value", SocketType::Float, |mode| gives_value(mode.choice("operation"))),
+    ],
+    role: Role::Evaluated(|mode| {
+        Box::new(VectorMath { operation: mode.choice("operation"), vectors: vectors_of(mode) })
+    }),
+};
+
+/// Blender's names of the operations.
+pub const OPERATIONS: &[&str] = &[
+    "ADD",
+    "SUBTRACT",
+    "MULTIPLY",
+    "DIVIDE",
+    "MULTIPLY_ADD",
+    "CROSS_PRODUCT",
+    "PROJECT",
+    "REFLECT",
+    "REFRACT",
+    "FACEFORWARD",
+    "DOT_PRODUCT",
+    "DISTANCE",
+    "LENGTH",
+    "SCALE",
+    "NORMALIZE",
+    "ABSOLUTE",
+    "POWER",
+    "SIGN",
+    "MINIMUM",
+    "MAXIMUM",
+    "FLOOR",
+    "CEIL",
+    "FRACTION",
+    "MODULO",
+    "WRAP",
+    "SNAP",
+    "SINE",
+    "COSINE",
+    "TANGENT",
+];
+
+fn gives_value(operation: &str) -> bool {
+    matches!(operation, "DOT_PRODUCT" | "DISTANCE" | "LENGTH")
+}
+
+fn vectors_of(mode: &Mode) -> usize {
+    match mode.choice("operation") {
+        "LENGTH" | "SCALE" | "NORMALIZE" | "ABSOLUTE" | "SIGN" | "FLOOR" | "CEIL" | "FRACTION" | "SINE" | "COSINE"
+        | "TANGENT" => 1,
+        "MULTIPLY_ADD" | "FACEFORWARD" | "WRAP" => 3,
+        _ => 2,
+    }
+}
+
+struct VectorMath {
+    operation: &'static str,
+    vectors: usize,
+}
+
+/// `function` on each component of two vectors.
+fn each<R: Real>(a: [R; 3], b: [R; 3], function: impl Fn(R, R) -> R) -> [R; 3] {
+    std::array::from_fn(|axis| function(a[axis], b[axis]))
+}
+
+fn cross<R: Real>(a: [R; 3], b: [R; 3]) -> [R; 3] {
+    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+}
+
+fn reflect<R: Real>(a: [R; 3], b: [R; 3]) -> [R; 3] {
+    let normal = safe_unit(b);
+    let product = dot(a, normal);
+    each(a, normal, |x, n| x - (R::of(2.0) * n) * product)
+}
+
+fn refract<R: Real>(a: [R; 3], b: [R; 3], eta: R) -> [R; 3] {
+    let one = R::of(1.0);
+    let normal = safe_unit(b);
+    let cosine = dot(normal, a);
+    let k = one - (eta * eta) * (one - cosine * cosine);
+    if k < R::of(0.0) {
+        return [R::of(0.0); 3];
+    }
+    let along = eta * cosine + k.sqrt();
+    each(a, normal, |x, n| eta * x - along * n)
+}
+
+fn project<R: Real>(a: [R; 3], b: [R; 3]) -> [R; 3] {
+    let square = dot(b, b);
+    if square != R::of(0.0) {
+        let factor = dot(a, b) / square;
+        b.map(|x| factor * x)
+    } else {
+        [R::of(0.0); 3]
+    }
+}
+
+fn wrap<R: Real>(a: R, maximum: R, minimum: R) -> R {
+    let value = a - minimum;
+    let range = maximum - minimum;
+    if range == R::of(0.0) { minimum } else { (value - (value / range).floor() * range) + minimum }
+}
+
+impl Evaluate for VectorMath {
+    fn evaluate<R: Real>(&self, inputs: &[Column<'_, R>], outputs: &mut [&mut [R]]) {
+        let zero = R::of(0.0);
+        let scale = 3 * self.vectors;
+        if gives_value(self.operation) {
+            for index in 0..outputs[0].len() {
+                let a = vector_at(inputs, 0, index);
+                outputs[0][index] = match self.operation {
+                    "LENGTH" => length(a),
+                    "DOT_PRODUCT" => dot(a, vector_at(inputs, 3, index)),
+                    _ => length(each(a, vector_at(inputs, 3, index), |x, y| x - y)),
+                };
+            }
+            return;
+        }
+        macro_rules! vectors {
+            (|$index:ident| $body:expr) => {
+                for $index in 0..outputs[0].len() {
+                    let result: [R; 3] = $body;
+                    for axis in 0..3 {
+                        outputs[axis][$index] = result[axis];
+                    }
+                }
+            };
+        }
+        macro_rules! unary {
+            ($function:expr) => {
+                vectors!(|index| $function(vector_at(inputs, 0, index)))
+            };
+        }
+        macro_rules! binary {
+            ($function:expr) => {
+                vectors!(|index| $function(vector_at(inputs, 0, index), vector_at(inputs, 3, index)))
+            };
+        }
+        match self.operation {
+            "ADD" => binary!(|a, b| each(a, b, |x, y| x + y)),
+            "SUBTRACT" => binary!(|a, b| each(a, b, |x, y| x - y)),
+            "MULTIPLY" => binary!(|a, b| each(a, b, |x, y| x * y)),
+            "DIVIDE" => binary!(|a, b| each(a, b, R::safe_divide)),
+            "MULTIPLY_ADD" => vectors!(|index| {
+                let product = each(vector_at(inputs, 0, index), vector_at(inputs, 3, index), |x, y| x * y);
+                each(product, vector_at(inputs, 6, index), |x, y| x + y)
+            }),
+            "CROSS_PRODUCT" => binary!(cross),
+            "PROJECT" => binary!(project),
+            "REFLECT" => binary!(reflect),
+            "REFRACT" => vectors!(|index| refract(
+                vector_at(inputs, 0, index),
+                vector_at(inputs, 3, index),
+                inputs[scale].values[index]
+            )),
+            "FACEFORWARD" => vectors!(|index| {
+                let a = vector_at(inputs, 0, index);
+                if dot(vector_at(inputs, 6, index), vector_at(inputs, 3, index)) < zero { a } else { a.map(|x| -x) }
+            }),
+            "SCALE" => vectors!(|index| {
+                let factor = inputs[scale].values[index];
+                vector_at(inputs, 0, index).map(|x| x * factor)
+            }),
+            "NORMALIZE" => unary!(safe_unit),
+            "ABSOLUTE" => unary!(|a: [R; 3]| a.map(R::abs)),
+            "POWER" => binary!(|a, b| each(a, b, R::safe_power)),
+            "SIGN" => unary!(|a: [R; 3]| a.map(sign)),
+            "MINIMUM" => binary!(|a, b| each(a, b, R::lesser)),
+            "MAXIMUM" => binary!(|a, b| each(a, b, R::greater)),
+            "FLOOR" => unary!(|a: [R; 3]| a.map(R::floor)),
+            "CEIL" => unary!(|a: [R; 3]| a.map(R::ceil)),
+            "FRACTION" => unary!(|a: [R; 3]| a.map(R::fraction)),
+            // Not the exact remainder: the rounded quotient is truncated.
+            "MODULO" => binary!(|a, b| each(a, b, |x: R, y: R| {
+                if y != zero { x - (x / y).trunc() * y } else { zero }
+            })),
+            "WRAP" => vectors!(|index| {
+                let [a, b, c] = [0, 3, 6].map(|first| vector_at(inputs, first, index));
+                std::array::from_fn(|axis| wrap(a[axis], b[axis], c[axis]))
+            }),
+            "SNAP" => binary!(|a, b| each(a, b, |x: R, y: R| x.safe_divide(y).floor() * y)),
+            "SINE" => unary!(|a: [R; 3]| a.map(|x| x.library(Library::Sin))),
+            "COSINE" => unary!(|a: [R; 3]| a.map(|x| x.library(Library::Cos))),
+            "TANGENT" => unary!(|a: [R; 3]| a.map(|x| x.library(Library::Tan))),
+            other => unreachable!("{other} is not in OPERATIONS"),
+        }
+    }
+
+    fn enclose(&self, _inputs: &[Interval], outputs: &mut [Interval]) {
+        outputs.fill(Interval::EVERYTHING);
+    }
+
+    fn fold_constants(&self, inputs: &[f32]) -> Option<Vec<f32>> {
+        let special = |function: fn(f32, f32) -> f32| {
+            Some((0..3).map(|axis| function(inputs[axis], inputs[3 + axis])).collect())
+        };
+        match self.operation {
+            "POWER" => special(|a, b| if a == 0.0 && b < 0.0 { f32::INFINITY } else { a.safe_power(b) }),
+            // Blender folds with the exact remainder, NaN for a zero divisor.
+            "MODULO" => special(|a, b| a % b),
+            _ => None,
+        }
+    }
+
+    fn simplify_constants(&self, inputs: &[Option<f32>]) -> Option<Simplified> {
+        let whole = |first: usize| -> Option<[f32; 3]> {
+            Some([inputs.get(first).copied()??, inputs.get(first + 1).copied()??, inputs.get(first + 2).copied()??])
+        };
+        // A vector counts as the constant 0 or 1 when all its components are.
+        let single = |vector: Option<[f32; 3]>| vector.filter(|v| v[0] == v[1] && v[1] == v[2]).map(|v| v[0]);
+        let a = single(whole(0));
+        let b = if self.vectors >= 2 { single(whole(3)) } else { None };
+        let zero = |x: Option<f32>| x == Some(0.0);
+        match self.operation {
+            "ADD" | "SUBTRACT" | "MULTIPLY" | "DIVIDE" => simplify(self.operation, a, b).map(|kept| match kept {
+                Kept::First => Simplified::Inputs(vec![0, 1, 2]),
+                Kept::Second => Simplified::Inputs(vec![3, 4, 5]),
+                Kept::Value(value) => Simplified::Constant(vec![value; 3]),
+            }),
+            "DOT_PRODUCT" if zero(a) || zero(b) => Some(Simplified::Constant(vec![0.0])),
+            "CROSS_PRODUCT" if zero(a) || zero(b) => Some(Simplified::Constant(vec![0.0; 3])),
+            "SCALE" if zero(a) || zero(inputs[3]) => Some(Simplified::Constant(vec![0.0; 3])),
+            _ => None,
+        }
+    }
+}

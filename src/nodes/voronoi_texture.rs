@@ -1,0 +1,584 @@
+//! Voronoi Texture (`ShaderNodeTexVoronoi`): cellular noise in 1 to 4 dimensions (Worley 1996), as
+//! a fractal of octaves.
+//!
+//! Features F1, F2, smooth F1 (polynomial smooth minimum over the 5^n neighbourhood), distance to
+//! edge and n-sphere radius; metrics Euclidean, Manhattan, Chebychev, Minkowski. Each cell holds
+//! one point at a hashed position. Only cells within one step are searched, so a distance above 1
+//! may miss a nearer point and the field can jump at cell faces: Blender's field does so too.
+//!
+//! Coordinates are `Vector * Scale`, `W * Scale`; octaves multiply the rounded coordinate.
+
+mod lanes;
+
+use super::hash::{hash_floats, pcg_values};
+use super::noise_texture::dimensions;
+use super::real::{Real, dot, length};
+use super::{Column, Evaluate, InputSocket, Interval, Mode, NodeType, OutputSocket, Property, Role, always};
+use crate::scene::SocketType;
+
+/// The node type.
+pub static TYPE: NodeType = NodeType {
+    type_name: "ShaderNodeTexVoronoi",
+    label: "Voronoi Texture",
+    module: "voronoi_texture",
+    properties: &[
+        Property::choice("voronoi_dimensions", &["3D", "1D", "2D", "4D"]),
+        Property::choice("distance", &["EUCLIDEAN", "MANHATTAN", "CHEBYCHEV", "MINKOWSKI"]),
+        Property::choice("feature", &["F1", "F2", "SMOOTH_F1", "DISTANCE_TO_EDGE", "N_SPHERE_RADIUS"]),
+        Property::flag("normalize", false),
+    ],
+    inputs: &[
+        InputSocket::coordinate(|mode| mode.choice("voronoi_dimensions") != "1D"),
+        InputSocket::float("W", "W", &[0.0], has_w),
+        InputSocket::float("Scale", "Scale", &[5.0], always),
+        InputSocket::float("Detail", "Detail", &[0.0], is_fractal),
+        InputSocket::float("Roughness", "Roughness", &[0.5], is_fractal),
+        InputSocket::float("Lacunarity", "Lacunarity", &[2.0], is_fractal),
+        InputSocket::float("Smoothness", "Smoothness", &[1.0], |mode| mode.choice("feature") == "SMOOTH_F1"),
+        InputSocket::float("Exponent", "Exponent", &[0.5], has_exponent),
+        InputSocket::float("Randomness", "Randomness", &[1.0], always),
+    ],
+    outputs: &[
+        OutputSocket::new("Distance", SocketType::Float, is_fractal),
+        OutputSocket::new("Color", SocketType::Color, has_color),
+        OutputSocket::new("Position", SocketType::Vector, |mode| {
+            has_color(mode) && mode.choice("voronoi_dimensions") != "1D"
+        }),
+        OutputSocket::new("W", SocketType::Float, |mode| has_color(mode) && has_w(mode)),
+        OutputSocket::new("Radius", SocketType::Float, |mode| !is_fractal(mode)),
+    ],
+    role: Role::Evaluated(|mode| {
+        Box::new(VoronoiTexture {
+            dimensions: dimensions(mode.choice("voronoi_dimensions")),
+            metric: Metric::read(mode.choice("distance")),
+            feature: Feature::read(mode.choice("feature")),
+            normalize: mode.flag("normalize"),
+            has_exponent: has_exponent(mode),
+            distance: mode.wants("Distance"),
+            color: mode.wants("Color"),
+            position: mode.wants("Position"),
+            w: mode.wants("W"),
+        })
+    }),
+};
+
+fn has_w(mode: &Mode) -> bool {
+    matches!(mode.choice("voronoi_dimensions"), "1D" | "4D")
+}
+
+fn is_fractal(mode: &Mode) -> bool {
+    mode.choice("feature") != "N_SPHERE_RADIUS"
+}
+
+fn has_color(mode: &Mode) -> bool {
+    matches!(mode.choice("feature"), "F1" | "F2" | "SMOOTH_F1")
+}
+
+fn has_exponent(mode: &Mode) -> bool {
+    has_color(mode) && mode.choice("distance") == "MINKOWSKI" && mode.choice("voronoi_dimensions") != "1D"
+}
+
+/// Distance between a point and a cell's point.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Metric {
+    Euclidean,
+    Manhattan,
+    Chebychev,
+    Minkowski,
+}
+
+impl Metric {
+    fn read(name: &str) -> Self {
+        match name {
+            "EUCLIDEAN" => Self::Euclidean,
+            "MANHATTAN" => Self::Manhattan,
+            "CHEBYCHEV" => Self::Chebychev,
+            _ => Self::Minkowski,
+        }
+    }
+
+    /// Distance of the offset `v`.
+    fn distance<R: Real, const N: usize>(self, v: [R; N], exponent: R) -> R {
+        if N == 1 {
+            return v[0].abs();
+        }
+        match self {
+            Self::Euclidean => length(v),
+            Self::Minkowski => self.compared(v, exponent).powf(R::of(1.0) / exponent),
+            _ => self.compared(v, exponent),
+        }
+    }
+
+    /// A quantity that orders offsets as the distance does: without the root.
+    fn compared<R: Real, const N: usize>(self, v: [R; N], exponent: R) -> R {
+        if N == 1 {
+            return v[0].abs();
+        }
+        match self {
+            Self::Euclidean => dot(v, v),
+            Self::Manhattan => sum(v.map(Real::abs)),
+            Self::Chebychev => {
+                let v = v.map(Real::abs);
+                v[1..].iter().fold(v[0], |largest, &x| largest.greater(x))
+            }
+            Self::Minkowski => sum(v.map(|x| x.abs().powf(exponent))),
+        }
+    }
+}
+
+/// Sum in the kernel's association.
+fn sum<R: Real, const N: usize>(v: [R; N]) -> R {
+    match N {
+        1 => v[0],
+        2 => v[0] + v[1],
+        3 => (v[0] + v[1]) + v[2],
+        _ => (v[0] + v[1]) + (v[2] + v[3]),
+    }
+}
+
+/// What is measured in each octave.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Feature {
+    F1,
+    F2,
+    SmoothF1,
+    DistanceToEdge,
+    NSphereRadius,
+}
+
+impl Feature {
+    fn read(name: &str) -> Self {
+        match name {
+            "F1" => Self::F1,
+            "F2" => Self::F2,
+            "SMOOTH_F1" => Self::SmoothF1,
+            "DISTANCE_TO_EDGE" => Self::DistanceToEdge,
+            _ => Self::NSphereRadius,
+        }
+    }
+}
+
+/// The node in one mode.
+pub(super) struct VoronoiTexture {
+    dimensions: usize,
+    metric: Metric,
+    feature: Feature,
+    normalize: bool,
+    has_exponent: bool,
+    distance: bool,
+    color: bool,
+    position: bool,
+    w: bool,
+}
+
+/// Parameters of one point, clamped as the kernel does.
+#[derive(Clone, Copy)]
+struct Parameters<R> {
+    scale: R,
+    detail: R,
+    roughness: R,
+    lacunarity: R,
+    smoothness: R,
+    exponent: R,
+    randomness: R,
+}
+
+/// Result of a feature.
+#[derive(Clone, Copy)]
+struct Found<R, const N: usize> {
+    distance: R,
+    color: [R; 3],
+    position: [R; N],
+}
+
+/// A coordinate taken apart: the cell that holds it and its place within.
+#[derive(Clone, Copy)]
+struct Cell<R, const N: usize> {
+    floor: [R; N],
+    index: [i32; N],
+    local: [R; N],
+}
+
+impl<R: Real, const N: usize> Cell<R, N> {
+    fn of(x: [R; N]) -> Self {
+        let floor = x.map(Real::floor);
+        Self {
+            floor,
+            index: floor.map(Real::to_int),
+            local: std::array::from_fn(|axis| (x[axis] - floor[axis]).round_coordinate()),
+        }
+    }
+
+    /// Point of the cell at `offset`, relative to this cell's corner.
+    fn point(&self, offset: [i32; N], randomness: R) -> [R; N] {
+        let hash: [R; N] = if N == 1 {
+            [hash_floats([self.floor[0] + R::of(offset[0] as f32)]); N]
+        } else {
+            pcg_values(std::array::from_fn(|axis| self.index[axis].wrapping_add(offset[axis])))
+        };
+        std::array::from_fn(|axis| R::of(offset[axis] as f32) + hash[axis] * randomness)
+    }
+
+    /// [`Self::point`] relative to the coordinate.
+    fn offset_to(&self, offset: [i32; N], randomness: R) -> [R; N] {
+        let point = self.point(offset, randomness);
+        std::array::from_fn(|axis| point[axis] - self.local[axis])
+    }
+
+    /// Colour of the cell at `offset`.
+    fn color(&self, offset: [i32; N]) -> [R; 3] {
+        let cell: [i32; N] = std::array::from_fn(|axis| self.index[axis].wrapping_add(offset[axis]));
+        match N {
+            1 => {
+                let place = self.floor[0] + R::of(offset[0] as f32);
+                [hash_floats([place]), hash_floats([place, R::of(1.0)]), hash_floats([place, R::of(2.0)])]
+            }
+            2 => pcg_values([cell[0], cell[1], 0]),
+            3 => pcg_values([cell[0], cell[1], cell[2]]),
+            _ => {
+                let [x, y, z, _] = pcg_values([cell[0], cell[1], cell[2], cell[3]]);
+                [x, y, z]
+            }
+        }
+    }
+}
+
+/// Offsets of the (2 radius + 1)^N cells around one, first axis fastest.
+fn neighbours<const N: usize>(radius: i32) -> impl Iterator<Item = [i32; N]> {
+    let side = 2 * radius + 1;
+    (0..side.pow(N as u32)).map(move |mut index| {
+        std::array::from_fn(|_| {
+            let offset = index % side - radius;
+            index /= side;
+            offset
+        })
+    })
+}
+
+impl VoronoiTexture {
+    fn f1<R: Real, const N: usize>(&self, x: [R; N], parameters: &Parameters<R>) -> Found<R, N> {
+        let cell = Cell::of(x);
+        let mut smallest = R::of(f32::MAX);
+        let (mut nearest, mut target) = ([R::of(0.0); N], [0; N]);
+        for offset in neighbours::<N>(1) {
+            let point = cell.point(offset, parameters.randomness);
+            let v: [R; N] = std::array::from_fn(|axis| point[axis] - cell.local[axis]);
+            let compared = self.metric.compared(v, parameters.exponent);
+            if compared < smallest {
+                (smallest, nearest, target) = (compared, point, offset);
+            }
+        }
+        let v: [R; N] = std::array::from_fn(|axis| nearest[axis] - cell.local[axis]);
+        Found {
+            distance: self.metric.distance(v, parameters.exponent),
+            color: cell.color(target),
+            position: std::array::from_fn(|axis| nearest[axis] + cell.floor[axis]),
+        }
+    }
+
+    fn f2<R: Real, const N: usize>(&self, x: [R; N], parameters: &Parameters<R>) -> Found<R, N> {
+        let cell = Cell::of(x);
+        let start = (R::of(f32::MAX), [R::of(0.0); N], [0; N]);
+        let (mut first, mut second) = (start, start);
+        for offset in neighbours::<N>(1) {
+            let point = cell.point(offset, parameters.randomness);
+            let v: [R; N] = std::array::from_fn(|axis| point[axis] - cell.local[axis]);
+            let distance = self.metric.distance(v, parameters.exponent);
+            if distance < first.0 {
+                second = first;
+                first = (distance, point, offset);
+            } else if distance < second.0 {
+                second = (distance, point, offset);
+            }
+        }
+        Found {
+            distance: second.0,
+            color: cell.color(second.2),
+            position: std::array::from_fn(|axis| second.1[axis] + cell.floor[axis]),
+        }
+    }
+
+    fn smooth_f1<R: Real, const N: usize>(&self, x: [R; N], parameters: &Parameters<R>) -> Found<R, N> {
+        let cell = Cell::of(x);
+        let (half, one, smoothness) = (R::of(0.5), R::of(1.0), parameters.smoothness);
+        let mut found =
+            Found { distance: R::of(0.0), color: [R::of(0.0); 3], position: [R::of(0.0); N] };
+        for (count, offset) in neighbours::<N>(2).enumerate() {
+            let point = cell.point(offset, parameters.randomness);
+            let v: [R; N] = std::array::from_fn(|axis| point[axis] - cell.local[axis]);
+            let distance = self.metric.distance(v, parameters.exponent);
+            let h = if count == 0 {
+                one
+            } else {
+                (half + (half * (found.distance - distance)) / smoothness).smooth_step(R::of(0.0), one)
+            };
+            let mut correction = (smoothness * h) * (one - h);
+            found.distance = found.distance.lerp(distance, h) - correction;
+            correction = correction / (one + R::of(3.0) * smoothness);
+            let color = cell.color(offset);
+            for channel in 0..3 {
+                found.color[channel] = found.color[channel].lerp(color[channel], h) - correction;
+            }
+            for axis in 0..N {
+                found.position[axis] = found.position[axis].lerp(point[axis], h) - correction;
+            }
+        }
+        for axis in 0..N {
+            found.position[axis] = found.position[axis] + cell.floor[axis];
+        }
+        found
+    }
+
+    fn edge<R: Real, const N: usize>(&self, x: [R; N], parameters: &Parameters<R>) -> R {
+        let cell = Cell::of(x);
+        let randomness = parameters.randomness;
+        if N == 1 {
+            // The middle cell hashes its own floor, sign of zero included.
+            let point = |offset: i32| {
+                let place = if offset == 0 { cell.floor[0] } else { cell.floor[0] + R::of(offset as f32) };
+                R::of(offset as f32) + hash_floats::<R, 1>([place]) * randomness
+            };
+            let [left, middle, right] = [-1, 0, 1].map(point);
+            let to = |other: R| ((middle + other) / R::of(2.0) - cell.local[0]).abs();
+            return to(left).lesser(to(right));
+        }
+        let mut smallest = R::of(f32::MAX);
+        let mut nearest = [R::of(0.0); N];
+        for offset in neighbours::<N>(1) {
+            let v = cell.offset_to(offset, randomness);
+            let square = dot(v, v);
+            if square < smallest {
+                (smallest, nearest) = (square, v);
+            }
+        }
+        let mut edge = R::of(f32::MAX);
+        for offset in neighbours::<N>(1) {
+            let v = cell.offset_to(offset, randomness);
+            let across: [R; N] = std::array::from_fn(|axis| v[axis] - nearest[axis]);
+            if dot(across, across) > R::of(0.0001) {
+                let norm = length(across);
+                let direction = if N == 3 {
+                    across.map(|x| x / norm)
+                } else {
+                    let inverse = R::of(1.0) / norm;
+                    across.map(|x| x * inverse)
+                };
+                let middle: [R; N] = std::array::from_fn(|axis| (nearest[axis] + v[axis]) * R::of(0.5));
+                edge = edge.lesser(dot(middle, direction));
+            }
+        }
+        edge
+    }
+
+    fn n_sphere_radius<R: Real, const N: usize>(&self, x: [R; N], parameters: &Parameters<R>) -> R {
+        let cell = Cell::of(x);
+        let nearest_of = |centre: [i32; N], to: [R; N], skip_centre: bool| {
+            let mut smallest = R::of(f32::MAX);
+            let (mut nearest, mut target) = ([R::of(0.0); N], [0; N]);
+            for offset in neighbours::<N>(1) {
+                if skip_centre && offset == [0; N] {
+                    continue;
+                }
+                let place: [i32; N] = std::array::from_fn(|axis| centre[axis] + offset[axis]);
+                let point = cell.point(place, parameters.randomness);
+                let v: [R; N] = std::array::from_fn(|axis| point[axis] - to[axis]);
+                let compared = if N == 1 { v[0].abs() } else { dot(v, v) };
+                if compared < smallest {
+                    (smallest, nearest, target) = (compared, point, place);
+                }
+            }
+            (nearest, target)
+        };
+        let (closest, target) = nearest_of([0; N], cell.local, false);
+        let (neighbour, _) = nearest_of(target, closest, true);
+        let v: [R; N] = std::array::from_fn(|axis| neighbour[axis] - closest[axis]);
+        (if N == 1 { v[0].abs() } else { length(v) }) / R::of(2.0)
+    }
+
+    fn feature<R: Real, const N: usize>(&self, x: [R; N], parameters: &Parameters<R>) -> Found<R, N> {
+        match self.feature {
+            Feature::F2 => self.f2(x, parameters),
+            Feature::SmoothF1 if parameters.smoothness != R::of(0.0) => self.smooth_f1(x, parameters),
+            _ => self.f1(x, parameters),
+        }
+    }
+
+    /// The fractal sum of F1, F2 or smooth F1.
+    fn fractal<R: Real, const N: usize>(&self, q: [R; N], parameters: &Parameters<R>) -> Found<R, N> {
+        let (zero, one) = (R::of(0.0), R::of(1.0));
+        let single = parameters.detail == zero || parameters.roughness == zero;
+        let whole = parameters.detail.floor().to_int();
+        let rest = parameters.detail - parameters.detail.floor();
+        let (mut amplitude, mut total, mut scale) = (one, zero, one);
+        let mut sum = Found { distance: zero, color: [zero; 3], position: [zero; N] };
+        for octave in 0..=parameters.detail.ceil().to_int() {
+            let found = self.feature(q.map(|x| (x * scale).round_coordinate()), parameters);
+            if single {
+                (sum, total) = (found, one);
+                break;
+            }
+            let inverse = one / scale;
+            if octave <= whole {
+                total = total + amplitude;
+                sum.distance = sum.distance + found.distance * amplitude;
+                for channel in 0..3 {
+                    sum.color[channel] = sum.color[channel] + found.color[channel] * amplitude;
+                }
+                for axis in 0..N {
+                    sum.position[axis] = sum.position[axis].lerp(found.position[axis] * inverse, amplitude);
+                }
+                scale = (scale * parameters.lacunarity).round_coordinate();
+                amplitude = amplitude * parameters.roughness;
+            } else if rest != zero {
+                total = total.lerp(total + amplitude, rest);
+                sum.distance = sum.distance.lerp(sum.distance + found.distance * amplitude, rest);
+                for channel in 0..3 {
+                    let next = sum.color[channel] + found.color[channel] * amplitude;
+                    sum.color[channel] = sum.color[channel].lerp(next, rest);
+                }
+                for axis in 0..N {
+                    let next = sum.position[axis].lerp(found.position[axis] * inverse, amplitude);
+                    sum.position[axis] = sum.position[axis].lerp(next, rest);
+                }
+            }
+        }
+        if self.normalize {
+            sum.distance = sum.distance / (total * self.largest_distance::<R, N>(parameters));
+            let inverse = one / total;
+            sum.color = sum.color.map(|x| x * inverse);
+        }
+        let inverse = if parameters.scale != zero { one / parameters.scale } else { zero };
+        sum.position = sum.position.map(|x| if parameters.scale != zero { x * inverse } else { zero });
+        sum
+    }
+
+    /// Distance that `normalize` divides by.
+    fn largest_distance<R: Real, const N: usize>(&self, parameters: &Parameters<R>) -> R {
+        let half = R::of(0.5) + R::of(0.5) * parameters.randomness;
+        let distance = self.metric.distance([half; N], parameters.exponent);
+        if self.feature == Feature::F2 { distance * R::of(2.0) } else { distance }
+    }
+
+    /// The fractal of the distance to edge.
+    fn fractal_edge<R: Real, const N: usize>(&self, q: [R; N], parameters: &Parameters<R>) -> R {
+        let (zero, one) = (R::of(0.0), R::of(1.0));
+        let single = parameters.detail == zero || parameters.roughness == zero;
+        let whole = parameters.detail.floor().to_int();
+        let rest = parameters.detail - parameters.detail.floor();
+        let largest = R::of(0.5) + R::of(0.5) * parameters.randomness;
+        let (mut amplitude, mut scale, mut maximum, mut distance) = (one, one, largest, R::of(8.0));
+        for octave in 0..=parameters.detail.ceil().to_int() {
+            let found = self.edge(q.map(|x| (x * scale).round_coordinate()), parameters);
+            if single {
+                distance = found;
+                break;
+            }
+            let next_maximum = maximum.lerp(largest / scale, amplitude);
+            let next_distance = distance.lerp(distance.lesser(found / scale), amplitude);
+            if octave <= whole {
+                (maximum, distance) = (next_maximum, next_distance);
+                scale = (scale * parameters.lacunarity).round_coordinate();
+                amplitude = amplitude * parameters.roughness;
+            } else if rest != zero {
+                maximum = maximum.lerp(next_maximum, rest);
+                distance = distance.lerp(distance.lesser(next_distance), rest);
+            }
+        }
+        if self.normalize { distance / maximum } else { distance }
+    }
+
+    /// First column of each parameter, `None` where the mode lacks it: scale, detail, roughness,
+    /// lacunarity, smoothness, exponent, randomness.
+    fn parameter_columns(&self) -> [Option<usize>; 7] {
+        let mut next = if self.dimensions == 1 { 1 } else { 3 + usize::from(self.dimensions == 4) };
+        let fractal = self.feature != Feature::NSphereRadius;
+        let exists =
+            [true, fractal, fractal, fractal, self.feature == Feature::SmoothF1, self.has_exponent, true];
+        exists.map(|exists| {
+            exists.then(|| {
+                next += 1;
+                next - 1
+            })
+        })
+    }
+
+    fn evaluate_points<R: Real, const N: usize>(&self, inputs: &[Column<'_, R>], outputs: &mut [&mut [R]]) {
+        let columns = self.parameter_columns();
+        for index in 0..outputs[0].len() {
+            let at = |column: Option<usize>| column.map_or(R::of(0.0), |column| inputs[column].values[index]);
+            let [scale, detail, roughness, lacunarity, smoothness, exponent, randomness] = columns.map(at);
+            let parameters = Parameters {
+                scale,
+                detail: detail.clamped(R::of(0.0), R::of(15.0)),
+                roughness: roughness.saturate(),
+                lacunarity,
+                smoothness: (smoothness / R::of(2.0)).clamped(R::of(0.0), R::of(0.5)),
+                exponent,
+                randomness: randomness.saturate(),
+            };
+            let q: [R; N] = std::array::from_fn(|axis| (inputs[axis].values[index] * scale).round_coordinate());
+            match self.feature {
+                Feature::DistanceToEdge => outputs[0][index] = self.fractal_edge(q, &parameters),
+                Feature::NSphereRadius => outputs[0][index] = self.n_sphere_radius(q, &parameters),
+                _ => self.store(index, &self.fractal(q, &parameters), outputs),
+            }
+        }
+    }
+
+    fn store<R: Real, const N: usize>(&self, index: usize, found: &Found<R, N>, outputs: &mut [&mut [R]]) {
+        let mut next = 0;
+        let mut put = |value: R| {
+            outputs[next][index] = value;
+            next += 1;
+        };
+        if self.distance {
+            put(found.distance);
+        }
+        if self.color {
+            found.color.into_iter().for_each(&mut put);
+        }
+        if self.position {
+            for axis in 0..3 {
+                put(if axis < N { found.position[axis] } else { R::of(0.0) });
+            }
+        }
+        if self.w {
+            put(found.position[N - 1]);
+        }
+    }
+}
+
+impl Evaluate for VoronoiTexture {
+    fn evaluate<R: Real>(&self, inputs: &[Column<'_, R>], outputs: &mut [&mut [R]]) {
+        match self.dimensions {
+            1 => self.evaluate_points::<R, 1>(inputs, outputs),
+            2 => self.evaluate_points::<R, 2>(inputs, outputs),
+            3 => self.evaluate_points::<R, 3>(inputs, outputs),
+            _ => self.evaluate_points::<R, 4>(inputs, outputs),
+        }
+    }
+
+    fn evaluate_fast(&self, inputs: &[Column<'_, f32>], outputs: &mut [&mut [f32]]) -> bool {
+        lanes::evaluate(self, inputs, outputs)
+    }
+
+    fn enclose(&self, _inputs: &[Interval], outputs: &mut [Interval]) {
+        outputs.fill(Interval::EVERYTHING);
+    }
+
+    fn fold_constants(&self, inputs: &[f32]) -> Option<Vec<f32>> {
+        // Blender folds without clamping Detail: a negative one leaves no octave at all.
+        let detail = inputs[self.parameter_columns()[1]?];
+        if detail >= 0.0 {
+            return None;
+        }
+        let empty = if self.feature == Feature::DistanceToEdge { 8.0 } else { 0.0 };
+        let color = usize::from(self.color) * 3;
+        let position = usize::from(self.position) * 3;
+        let mut values = vec![0.0; usize::from(self.distance) + color + position + usize::from(self.w)];
+        if self.distance {
+            values[0] = empty;
+        }
+        Some(values)
+    }
+}

@@ -1,0 +1,465 @@
+//! Scene files: camera, film, lights, world, volume and the node graph of its material.
+//!
+//! One `*.scene.json` drives every renderer, so that "the same camera" is true by construction.
+//! Conventions are Blender's: metres, Z up, a camera and a light look down their local -Z,
+//! matrices act on column vectors and are written row by row. All numbers are f32.
+
+mod graph_file;
+pub mod overrides;
+
+pub use graph_file::{Graph, Group, Input, Node, Socket, SocketType};
+
+use crate::error::{Error, Result};
+use crate::files;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use std::path::Path;
+
+/// The format that this version reads and writes.
+pub const FORMAT: &str = "cloudparity-scene/1";
+
+/// Row-major 4x4 matrix for column vectors.
+pub type Matrix = [[f32; 4]; 4];
+
+/// A complete scene.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Scene {
+    /// Always `cloudparity-scene/1`.
+    pub format: String,
+    /// Short name, used for output files and titles.
+    pub name: String,
+    /// The camera of the picture.
+    pub camera: Camera,
+    /// Resolution, pixel filter, exposure.
+    pub film: Film,
+    /// Bounce limits.
+    pub integrator: Integrator,
+    /// How a picture is shown; never touches scene-linear values.
+    pub display: Display,
+    /// Sun, point, spot and area lights.
+    #[serde(default)]
+    pub lights: Vec<Light>,
+    /// The constant background.
+    pub world: World,
+    /// The object that holds the medium.
+    pub volume: Volume,
+    /// The node graph of the volume's material, here or in a file beside this one.
+    pub graph: GraphSource,
+}
+
+/// The graph itself or the file that holds it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(untagged)]
+pub enum GraphSource {
+    /// `{"file": "name.graph.json"}`, relative to the scene file.
+    File {
+        /// Path of the graph file.
+        file: String,
+    },
+    /// The graph in place.
+    Inline(Graph),
+}
+
+/// Camera projection and lens.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Camera {
+    /// Object name.
+    pub name: String,
+    /// Kind of projection.
+    pub projection: Projection,
+    /// Camera to world; its scale is ignored, as in Cycles.
+    pub matrix_world: Matrix,
+    /// Millimetres.
+    pub focal_length: f32,
+    /// Which sensor side fits the picture.
+    pub sensor_fit: SensorFit,
+    /// Millimetres.
+    pub sensor_width: f32,
+    /// Millimetres.
+    pub sensor_height: f32,
+    /// Width of the view in metres, orthographic only.
+    pub ortho_scale: f32,
+    /// View shift as a fraction of the fitted sensor length.
+    pub shift: [f32; 2],
+    /// Metres along the view axis at which rays start.
+    pub clip_start: f32,
+    /// Metres along the view axis at which rays end.
+    pub clip_end: f32,
+    /// Angles in radians, equirectangular only.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub panorama: Option<Panorama>,
+}
+
+/// Kind of projection.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum Projection {
+    /// Pinhole.
+    Perspective,
+    /// Parallel.
+    Orthographic,
+    /// Longitude and latitude.
+    Equirectangular,
+}
+
+/// Blender's sensor fit.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "UPPERCASE")]
+pub enum SensorFit {
+    /// The longer side of the picture.
+    Auto,
+    /// The width.
+    Horizontal,
+    /// The height.
+    Vertical,
+}
+
+/// Angular range of an equirectangular camera in radians.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Panorama {
+    /// Left edge.
+    pub longitude_min: f32,
+    /// Right edge.
+    pub longitude_max: f32,
+    /// Bottom edge.
+    pub latitude_min: f32,
+    /// Top edge.
+    pub latitude_max: f32,
+}
+
+/// The picture to make.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Film {
+    /// Width and height in pixels before the percentage.
+    pub resolution: [u32; 2],
+    /// Percent; the result is truncated, as in Blender.
+    pub resolution_percentage: u32,
+    /// Width and height of a pixel.
+    pub pixel_aspect: [f32; 2],
+    /// Reconstruction filter.
+    pub pixel_filter: PixelFilter,
+    /// Filter width in pixels; ignored by the box filter.
+    pub filter_width: f32,
+    /// Factor on radiance.
+    pub exposure: f32,
+    /// Leave the world out of what the camera sees directly.
+    pub transparent: bool,
+}
+
+/// Reconstruction filter.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "SCREAMING_SNAKE_CASE")]
+pub enum PixelFilter {
+    /// Uniform over the pixel.
+    Box,
+    /// Gaussian.
+    Gaussian,
+    /// Blackman-Harris.
+    BlackmanHarris,
+}
+
+/// Bounce limits as Cycles means them.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Integrator {
+    /// `n` allows `n + 1` scattering events; 0 is single scattering.
+    pub volume_bounces: u32,
+    /// Cap on all bounces; the smaller of both wins.
+    pub max_bounces: u32,
+}
+
+/// Display transform.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Display {
+    /// For example `AgX` or `Standard`.
+    pub view_transform: String,
+    /// For example `None`.
+    pub look: String,
+    /// Stops.
+    pub exposure: f32,
+    /// Power after the view transform.
+    pub gamma: f32,
+}
+
+/// A light; it shines along its local -Z.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Light {
+    /// Object name.
+    pub name: String,
+    /// Light to world.
+    pub matrix_world: Matrix,
+    /// Linear Rec. 709.
+    pub color: [f32; 3],
+    /// Irradiance for a sun, watts else.
+    pub strength: f32,
+    /// Stops on the strength.
+    pub exposure: f32,
+    /// Kind and its own settings.
+    #[serde(flatten)]
+    pub kind: LightKind,
+}
+
+/// Kinds of light with their own settings.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(tag = "type", rename_all = "lowercase")]
+pub enum LightKind {
+    /// Parallel light.
+    Sun {
+        /// Angular diameter in radians.
+        angle: f32,
+    },
+    /// Point or soft sphere.
+    Point {
+        /// Metres.
+        radius: f32,
+        /// A disc facing the receiver instead of a sphere.
+        soft_falloff: bool,
+    },
+    /// Cone.
+    Spot {
+        /// Metres.
+        radius: f32,
+        /// Full angle in radians.
+        spot_size: f32,
+        /// Softness of the edge, 0 to 1.
+        blend: f32,
+    },
+    /// One-sided rectangle or ellipse.
+    Area {
+        /// Blender's shape name.
+        shape: String,
+        /// Metres before the object's scale.
+        size: [f32; 2],
+    },
+}
+
+/// Constant background radiance `color * strength`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct World {
+    /// Linear Rec. 709.
+    pub color: [f32; 3],
+    /// Factor.
+    pub strength: f32,
+}
+
+/// The object with the volume material.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Volume {
+    /// Object name.
+    pub object: String,
+    /// Object to world.
+    pub matrix_world: Matrix,
+    /// Outline of the medium in object space.
+    pub shape: Shape,
+    /// Axis-aligned bounds of the shape in object space.
+    pub bounds: Bounds,
+    /// The mesh's texture space, for Generated coordinates.
+    pub texture_space: TextureSpace,
+    /// Material name.
+    pub material: String,
+    /// Blender's per-material factor on ray-marching steps.
+    pub volume_step_rate: f32,
+}
+
+/// Outline of a medium.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(tag = "type", rename_all = "lowercase")]
+pub enum Shape {
+    /// Exactly the bounds.
+    Box,
+    /// A closed triangle mesh with outward normals.
+    Mesh {
+        /// Object-space positions.
+        vertices: Vec<[f32; 3]>,
+        /// Vertex indices.
+        triangles: Vec<[u32; 3]>,
+    },
+}
+
+/// Axis-aligned box.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Bounds {
+    /// Lower corner.
+    pub min: [f32; 3],
+    /// Upper corner.
+    pub max: [f32; 3],
+}
+
+/// Location and half size of the box that Generated maps to 0..1.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct TextureSpace {
+    /// Centre.
+    pub location: [f32; 3],
+    /// Half size.
+    pub size: [f32; 3],
+}
+
+impl Scene {
+    /// Reads and checks a scene file; a graph in a file of its own is read into the scene.
+    pub fn load(path: &Path) -> Result<Self> {
+        let text = files::read_text(path, "a scene file (*.scene.json)")?;
+        let mut scene: Self = parse(&text, &path.display().to_string())?;
+        if let GraphSource::File { file } = &scene.graph {
+            let graph_path = path.parent().unwrap_or(Path::new(".")).join(file);
+            let graph_text = files::read_text(&graph_path, "the graph file that the scene names")?;
+            scene.graph = GraphSource::Inline(parse(&graph_text, &graph_path.display().to_string())?);
+        }
+        scene.check(&path.display().to_string())?;
+        Ok(scene)
+    }
+
+    /// Reads a scene from a JSON value, for example from the exporter; `place` names its source.
+    pub fn from_value(value: serde_json::Value, place: &str) -> Result<Self> {
+        let scene: Self = parse(&value.to_string(), place)?;
+        scene.check(place)?;
+        Ok(scene)
+    }
+
+    /// The graph. [`Scene::load`] has resolved files by then.
+    pub fn graph(&self) -> &Graph {
+        match &self.graph {
+            GraphSource::Inline(graph) => graph,
+            GraphSource::File { file } => unreachable!("the graph file {file} is read when the scene is loaded"),
+        }
+    }
+
+    /// The graph, to change it.
+    pub fn graph_mut(&mut self) -> &mut Graph {
+        match &mut self.graph {
+            GraphSource::Inline(graph) => graph,
+            GraphSource::File { file } => unreachable!("the graph file {file} is read when the scene is loaded"),
+        }
+    }
+
+    /// SHA-256 of the compact JSON form: the identity of the scene in every result.
+    pub fn content_hash(&self) -> String {
+        files::sha256(serde_json::to_string(self).expect("scene types serialise").as_bytes())
+    }
+
+    /// Width and height in pixels after the percentage (truncated, as Blender does).
+    pub fn image_size(&self) -> [u32; 2] {
+        self.film.resolution.map(|side| side * self.film.resolution_percentage / 100)
+    }
+
+    fn check(&self, place: &str) -> Result<()> {
+        if self.format != FORMAT {
+            return Err(Error::new(
+                format!("{place}: $.format"),
+                format!("\"{}\"", self.format),
+                format!("\"{FORMAT}\""),
+                "Export the scene again with this version, or use the version that wrote it.",
+            ));
+        }
+        let [width, height] = self.image_size();
+        if width == 0 || height == 0 || width > 16384 || height > 16384 {
+            return Err(Error::new(
+                format!("{place}: $.film.resolution"),
+                format!("a picture of {width} x {height} pixels"),
+                "1 to 16384 pixels per side",
+                "Change resolution or resolution_percentage.",
+            ));
+        }
+        let bounds = &self.volume.bounds;
+        if (0..3).any(|axis| bounds.min[axis] > bounds.max[axis]) {
+            return Err(Error::new(
+                format!("{place}: $.volume.bounds"),
+                format!("min {:?}, max {:?}", bounds.min, bounds.max),
+                "min not above max on any axis",
+                "Swap the corners.",
+            ));
+        }
+        for (name, matrix) in
+            [("volume.matrix_world", &self.volume.matrix_world), ("camera.matrix_world", &self.camera.matrix_world)]
+        {
+            if matrix_to_glam(matrix).determinant().abs() < 1e-30 {
+                return Err(Error::new(
+                    format!("{place}: $.{name}"),
+                    "a matrix that cannot be inverted",
+                    "an invertible object transform",
+                    "Remove the zero scale of the object.",
+                ));
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Row-major f32 matrix as a `glam` f64 matrix.
+pub fn matrix_to_glam(matrix: &Matrix) -> glam::DMat4 {
+    let flat: Vec<f64> = matrix.iter().flatten().map(|&x| f64::from(x)).collect();
+    glam::DMat4::from_cols_slice(&flat).transpose()
+}
+
+/// JSON Schema of scene files, generated from these types.
+pub fn schema() -> serde_json::Value {
+    let mut value = schemars::schema_for!(Scene).to_value();
+    value["title"] = "cloudparity scene".into();
+    value
+}
+
+/// Parses JSON with the path and line in the error, and refuses numbers beyond the f32 range,
+/// which would otherwise turn into infinities without a word.
+fn parse<T: serde::de::DeserializeOwned>(text: &str, place: &str) -> Result<T> {
+    let value: serde_json::Value = serde_json::from_str(text).map_err(|cause| {
+        Error::new(
+            format!("{place}: line {}, column {}", cause.line(), cause.column()),
+            cause.to_string(),
+            "complete JSON with finite numbers (NaN and Infinity do not exist in JSON)",
+            "Repair the file or export it again.",
+        )
+    })?;
+    check_numbers(&value, &mut String::from("$"), place)?;
+    serde_path_to_error::deserialize(value).map_err(|cause| {
+        let path = cause.path().to_string();
+        let message = cause.inner().to_string();
+        Error::new(
+            format!("{place}: $.{path}"),
+            message,
+            "what the scene schema says (cloudparity schema prints it)",
+            "Correct the value at this path.",
+        )
+    })
+}
+
+fn check_numbers(value: &serde_json::Value, path: &mut String, place: &str) -> Result<()> {
+    let length = path.len();
+    match value {
+        serde_json::Value::Number(number) => {
+            let magnitude = number.as_f64().unwrap_or(f64::INFINITY).abs();
+            if magnitude > f64::from(f32::MAX) {
+                return Err(Error::new(
+                    format!("{place}: {path}"),
+                    number.to_string(),
+                    "a finite number in the f32 range (magnitude at most 3.4028235e38)",
+                    "Choose a finite value.",
+                ));
+            }
+        }
+        serde_json::Value::Array(items) => {
+            for (index, item) in items.iter().enumerate() {
+                path.push_str(&format!("[{index}]"));
+                check_numbers(item, path, place)?;
+                path.truncate(length);
+            }
+        }
+        serde_json::Value::Object(fields) => {
+            for (key, item) in fields {
+                path.push('.');
+                path.push_str(key);
+                check_numbers(item, path, place)?;
+                path.truncate(length);
+            }
+        }
+        _ => {}
+    }
+    Ok(())
+}
