@@ -203,7 +203,7 @@ def _build_interface(tree, description, warn):
 
 
 def _create_sockets(tree, wanted):
-    """Create an interface socket for each of `wanted` [(direction, socket)], if possible with its identifier."""
+    """Create a socket for each of `wanted` [(direction, socket)], if possible with its identifier."""
     numbers = {}
     for index, (_, socket) in enumerate(wanted):
         match = OWN_IDENTIFIER.fullmatch(socket["identifier"])

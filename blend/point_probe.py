@@ -73,7 +73,7 @@ class PointProbe:
         }
 
     def _evaluate(self, material, inputs, count, seconds):
-        """Render `inputs` {attribute name: f32 [count, 3]} in chunks and add the times to `seconds` [repeats].
+        """Render `inputs` {attribute name: f32 [count, 3]} and add the times to `seconds` [repeats].
 
         Returns f32 [count] or [count, 3] for each AOV of the material.
         """

@@ -1,9 +1,9 @@
 """How the scripts of this folder talk to their caller.
 
 A script reads one JSON request from stdin and answers with one JSON object per line: `hello` first, then
-`progress` and `warning`, and last `done` (exit status 0) or `error` (exit status 1; it can come before `hello`).
-The answers go to the file descriptor given as first argument, or to stdout. Blender prints to stdout as it likes,
-so file descriptor 1 is pointed at stderr before anything else and the answers use a duplicate of the real one.
+`progress` and `warning`, and last `done` (exit status 0) or `error` (exit status 1; it can be the first). The
+answers go to the file descriptor given as first argument, or to stdout. Blender prints to stdout as it likes,
+so file descriptor 1 is pointed at stderr before anything else and the answers use a duplicate of the old one.
 
 This module must not import bpy: a missing bpy is one of the errors that it reports.
 """

@@ -20,7 +20,7 @@ LINE_WIDTH = 120
 
 
 def shortest(value, place):
-    """Return the float whose text is the shortest decimal of the f32 `value`; NaN and infinity are refused."""
+    """Return the float whose text is the shortest decimal of the f32 `value`. It must be finite."""
     single = np.float32(value)
     if not math.isfinite(single):
         raise InputError(place, str(single), "a finite number", "set a finite value in Blender")

@@ -267,7 +267,7 @@ def _read_world(world):
     if world is None:
         return {"color": [0.0, 0.0, 0.0], "strength": 1.0}
     place = f'world "{world.name}"'
-    if not world.use_nodes or world.node_tree is None:
+    if world.node_tree is None:
         return {"color": shortest_list(world.color, place), "strength": 1.0}
     output = world.node_tree.get_output_node("CYCLES")
     links = live_links(world.node_tree)

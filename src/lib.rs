@@ -3,8 +3,11 @@
 //! The way of the data: [`scene`] (files) to [`graph`] (flat, specialised programs of [`nodes`]) to
 //! values on the CPU, WGSL on the GPU and bounds. `ARCHITECTURE.md` is the map.
 
+pub mod blender;
+pub mod cli;
 pub mod error;
 pub mod files;
+pub mod gpu;
 pub mod graph;
 pub mod nodes;
 pub mod scene;

@@ -118,10 +118,13 @@ pub struct Node {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub socket_type: Option<SocketType>,
     /// Modes and flags by Blender's property identifier.
-    #[serde(default, skip_serializing_if = "serde_json::Map::is_empty")]
+    #[serde(default)]
     pub properties: serde_json::Map<String, serde_json::Value>,
-    /// Inputs by socket identifier.
+    /// Values that the node stores in its outputs (Value), by socket identifier.
     #[serde(default, skip_serializing_if = "indexmap::IndexMap::is_empty")]
+    pub outputs: indexmap::IndexMap<String, Input>,
+    /// Inputs by socket identifier.
+    #[serde(default)]
     pub inputs: indexmap::IndexMap<String, Input>,
 }
 

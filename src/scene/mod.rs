@@ -434,8 +434,8 @@ fn check_numbers(value: &serde_json::Value, path: &mut String, place: &str) -> R
     let length = path.len();
     match value {
         serde_json::Value::Number(number) => {
-            let magnitude = number.as_f64().unwrap_or(f64::INFINITY).abs();
-            if magnitude > f64::from(f32::MAX) {
+            // Rounded first: the shortest decimal of the largest f32 lies above it.
+            if !number.as_f64().is_some_and(|value| (value as f32).is_finite()) {
                 return Err(Error::new(
                     format!("{place}: {path}"),
                     number.to_string(),

@@ -1,7 +1,7 @@
 // Elementary functions with stated accuracy, because WGSL promises too little (sin: 2^-11 absolute on [-pi, pi]).
 // Source: range reduction in integers (Payne and Hanek for sin, cos, tan; fixed point for exp, pow), then near-minimax
 // polynomials fitted for this file. Integers make the reductions independent of fused or reassociated float arithmetic.
-// Domain: all finite f32. Accuracy: a few ulp (4 at most for normal results); measured by the tests of this module.
+// Domain: all finite f32. Accuracy: 5 ulp at most for normal results; measured by the tests of this module.
 // Limits: subnormal arguments count as zero and subnormal results may flush; NaN and infinity are not handled.
 #define_import_path cloudparity::numeric
 

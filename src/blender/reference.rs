@@ -1,0 +1,1 @@
+//! Pictures by Cycles, cached by content.

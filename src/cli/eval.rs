@@ -1,0 +1,58 @@
+//! `cloudparity eval`: values of the field, or of an inner output, at given points.
+
+use crate::error::Result;
+use crate::files;
+use crate::graph::evaluate::{Arithmetic, Points};
+use crate::graph::{Program, Target, target};
+use crate::scene::Scene;
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+/// Evaluate the density, or an inner output, at points of the object's frame.
+#[derive(clap::Args)]
+pub(super) struct Arguments {
+    /// The scene file.
+    scene: PathBuf,
+    /// float32 .npy of shape [n, 3].
+    #[arg(long)]
+    points: PathBuf,
+    /// float32 .npy to write: [n], or [n, 3] for vectors and colours.
+    #[arg(short, long)]
+    output_file: PathBuf,
+    /// The arithmetic.
+    #[arg(long, value_enum, default_value_t = super::Evaluator::Cpu)]
+    evaluator: super::Evaluator,
+    /// With --evaluator oracle: f64 throughout, without the f32 coordinates that define the field.
+    #[arg(long)]
+    unrounded: bool,
+    /// Change a stored value: "Large Noise/Scale=2". May be given several times.
+    #[arg(long = "set", value_name = "NAME=VALUE")]
+    set: Vec<String>,
+    /// NODE.SOCKET to evaluate instead of the density.
+    #[arg(long, value_name = "NODE.SOCKET")]
+    output: Option<String>,
+}
+
+pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
+    let mut scene = Scene::load(&arguments.scene)?;
+    for assignment in &arguments.set {
+        scene.set(assignment)?;
+    }
+    let target = match &arguments.output {
+        Some(name) => Target::parse(name, scene.graph())?,
+        None => target::density(&scene)?,
+    };
+    let program = Program::compile(&scene, &[target])?;
+    let positions = files::read_points(&arguments.points)?;
+    let points = Points::new(&positions);
+    let values: Vec<f32> = match arguments.evaluator {
+        super::Evaluator::Cpu => program.evaluate_single(points)?,
+        super::Evaluator::Gpu => crate::gpu::Gpu::open()?.field(&program)?.evaluate(points)?,
+        super::Evaluator::Oracle => {
+            let arithmetic = if arguments.unrounded { Arithmetic::Unrounded } else { Arithmetic::Oracle };
+            program.evaluate(points, arithmetic)?.into_iter().map(|value| value as f32).collect()
+        }
+    };
+    files::write_values(&arguments.output_file, &values, program.output_components())?;
+    Ok(ExitCode::SUCCESS)
+}

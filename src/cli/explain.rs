@@ -1,0 +1,112 @@
+//! `cloudparity explain`: what is left of a graph, what was left out, and why.
+
+use crate::error::Result;
+use crate::graph::{Operand, Program};
+use crate::scene::Scene;
+use std::fmt::Write;
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+/// Show the specialised graph: what is evaluated, what was left out, and why.
+#[derive(clap::Args)]
+pub(super) struct Arguments {
+    /// The scene file.
+    scene: PathBuf,
+    /// Change a stored value first.
+    #[arg(long = "set", value_name = "NAME=VALUE")]
+    set: Vec<String>,
+    /// JSON instead of text.
+    #[arg(long)]
+    json: bool,
+}
+
+pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
+    let mut scene = Scene::load(&arguments.scene)?;
+    for assignment in &arguments.set {
+        scene.set(assignment)?;
+    }
+    let program = Program::density(&scene)?;
+    let text = if arguments.json {
+        serde_json::to_string_pretty(&document(&program)).expect("JSON serialises") + "\n"
+    } else {
+        describe(&program)
+    };
+    super::print(&text)?;
+    Ok(ExitCode::SUCCESS)
+}
+
+/// The explanation as text.
+pub(crate) fn describe(program: &Program) -> String {
+    let mut text = String::new();
+    let line = |text: &mut String, parts: std::fmt::Arguments<'_>| {
+        writeln!(text, "{parts}").expect("writing to a string cannot fail");
+    };
+    line(&mut text, format_args!("Evaluated, in order ({} nodes):", program.instructions.len()));
+    for instruction in &program.instructions {
+        let inputs: Vec<String> = instruction.inputs.iter().map(|operand| name(program, operand)).collect();
+        line(
+            &mut text,
+            format_args!(
+                "  {} [{}{}] <- {}",
+                instruction.label,
+                instruction.node_type.label,
+                instruction.mode.words().iter().fold(String::new(), |words, word| format!("{words} {word}")),
+                inputs.join(", ")
+            ),
+        );
+    }
+    for output in &program.outputs {
+        let operands: Vec<String> = output.operands.iter().map(|operand| name(program, operand)).collect();
+        line(&mut text, format_args!("  {} = {}", output.name, operands.join(", ")));
+    }
+    line(&mut text, format_args!("Left out ({}):", program.notes.len()));
+    for note in &program.notes {
+        line(&mut text, format_args!("  {} [{}] {}: {}", note.node, note.node_type, note.action, note.reason));
+    }
+    text
+}
+
+fn document(program: &Program) -> serde_json::Value {
+    let evaluated: Vec<_> = program
+        .instructions
+        .iter()
+        .map(|instruction| {
+            let inputs: Vec<String> = instruction.inputs.iter().map(|operand| name(program, operand)).collect();
+            serde_json::json!({
+                "node": instruction.label,
+                "node_type": instruction.node_type.type_name,
+                "mode": instruction.mode.words(),
+                "inputs": inputs,
+            })
+        })
+        .collect();
+    serde_json::json!({"evaluated": evaluated, "left_out": program.notes})
+}
+
+/// A component in words: a number, a coordinate or the node that makes it.
+fn name(program: &Program, operand: &Operand) -> String {
+    match operand {
+        Operand::Constant(value) => value.to_string(),
+        Operand::Position(axis) => format!("position.{}", ["x", "y", "z"][*axis]),
+        Operand::Attribute(number, axis) => format!("{}.{}", program.attributes[*number], ["x", "y", "z"][*axis]),
+        Operand::Register(register) => {
+            let maker = program
+                .instructions
+                .iter()
+                .find(|instruction| {
+                    (instruction.first_register..instruction.first_register + instruction.components())
+                        .contains(register)
+                })
+                .expect("every register has an instruction");
+            let mut component = register - maker.first_register;
+            for (identifier, kind) in &maker.outputs {
+                if component < kind.components() {
+                    let axis = if kind.components() == 1 { "" } else { [".x", ".y", ".z"][component] };
+                    return format!("{}.{identifier}{axis}", maker.label);
+                }
+                component -= kind.components();
+            }
+            unreachable!("the register lies within the instruction's components")
+        }
+    }
+}

@@ -1,0 +1,86 @@
+//! The commands, one file each: read arguments, call the library, print.
+//!
+//! Data goes to stdout, progress and warnings to stderr. Exit status 0: done, or both sides agree;
+//! 1: they differ; 2: the command could not do its work.
+
+mod build;
+mod eval;
+mod explain;
+mod export;
+mod schema;
+mod shader;
+
+use crate::error::Result;
+use clap::{Parser, Subcommand};
+use std::io::IsTerminal;
+use std::process::ExitCode;
+
+/// Blender-parity research harness for procedural volumes.
+#[derive(Parser)]
+#[command(version, about)]
+struct CommandLine {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    Build(build::Arguments),
+    Eval(eval::Arguments),
+    Explain(explain::Arguments),
+    Export(export::Arguments),
+    Schema(schema::Arguments),
+    Shader(shader::Arguments),
+}
+
+/// Which evaluator.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+pub(crate) enum Evaluator {
+    /// f32 on the CPU, equal to Cycles bit for bit.
+    Cpu,
+    /// WGSL on the adapter.
+    Gpu,
+    /// f64 on the CPU.
+    Oracle,
+}
+
+/// Exit status of a command that could not do its work.
+const COULD_NOT: u8 = 2;
+
+/// Runs the program.
+pub fn run() -> ExitCode {
+    let command_line = CommandLine::parse();
+    let result = match command_line.command {
+        Command::Build(arguments) => build::run(&arguments),
+        Command::Eval(arguments) => eval::run(&arguments),
+        Command::Explain(arguments) => explain::run(&arguments),
+        Command::Export(arguments) => export::run(&arguments),
+        Command::Schema(arguments) => schema::run(&arguments),
+        Command::Shader(arguments) => shader::run(&arguments),
+    };
+    result.unwrap_or_else(|error| {
+        eprintln!("error: {error}");
+        ExitCode::from(COULD_NOT)
+    })
+}
+
+/// A bar on stderr with an estimate of the time left; hidden where stderr is no terminal.
+pub(crate) fn progress_bar(length: u64) -> indicatif::ProgressBar {
+    if !std::io::stderr().is_terminal() {
+        return indicatif::ProgressBar::hidden();
+    }
+    let style = indicatif::ProgressStyle::with_template("{wide_bar} {percent:>3}% {eta:>6} {msg}")
+        .expect("the template is well formed");
+    indicatif::ProgressBar::new(length).with_style(style)
+}
+
+/// Prints to stdout; a reader that closed the pipe early is no error.
+pub(crate) fn print(text: &str) -> Result<()> {
+    use std::io::Write;
+    match std::io::stdout().lock().write_all(text.as_bytes()) {
+        Err(cause) if cause.kind() != std::io::ErrorKind::BrokenPipe => {
+            Err(crate::error::Error::io(std::path::Path::new("stdout"), "a place to print to", &cause))
+        }
+        _ => Ok(()),
+    }
+}

@@ -1,0 +1,34 @@
+//! `cloudparity shader`: the standalone density function in a shading language.
+
+use crate::error::Result;
+use crate::files;
+use crate::graph::{Program, wgsl};
+use crate::scene::Scene;
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+/// Write the density function of a scene as a standalone shader.
+#[derive(clap::Args)]
+pub(super) struct Arguments {
+    /// The scene file.
+    scene: PathBuf,
+    /// The language.
+    #[arg(long, value_enum, default_value_t = wgsl::Language::Wgsl)]
+    target: wgsl::Language,
+    /// Change a stored value first.
+    #[arg(long = "set", value_name = "NAME=VALUE")]
+    set: Vec<String>,
+    /// The file to write.
+    #[arg(short, long)]
+    output: PathBuf,
+}
+
+pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
+    let mut scene = Scene::load(&arguments.scene)?;
+    for assignment in &arguments.set {
+        scene.set(assignment)?;
+    }
+    let program = Program::density(&scene)?;
+    files::write_atomically(&arguments.output, &wgsl::standalone(&program, arguments.target)?)?;
+    Ok(ExitCode::SUCCESS)
+}

@@ -1,0 +1,301 @@
+//! The figures as CSV and Markdown, and tables from JSON of no fixed layout.
+
+use super::inputs::Inputs;
+use super::numbers::{ABSENT, count, figure, percent, plain, rate, ratio, seconds, signed_percent};
+use super::summary::{Summary, evaluator_name};
+use serde::Serialize;
+use serde_json::Value;
+
+/// A table of text.
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize)]
+pub struct Table {
+    /// Single facts, name and value.
+    pub facts: Vec<(String, String)>,
+    /// Column names.
+    pub columns: Vec<String>,
+    /// Rows of cells, as many as there are columns.
+    pub rows: Vec<Vec<String>>,
+}
+
+impl Table {
+    /// A list of objects becomes rows, with the union of the keys as columns; of an object, its first
+    /// such list becomes rows and everything else a fact.
+    pub fn of(value: &Value) -> Self {
+        let mut table = Self::default();
+        match value {
+            Value::Array(items) => table.fill(items),
+            Value::Object(fields) => {
+                for (key, item) in fields {
+                    match item {
+                        Value::Array(items) if table.rows.is_empty() && items.iter().any(Value::is_object) => {
+                            table.fill(items);
+                        }
+                        _ => table.facts.push((words(key), plain(item))),
+                    }
+                }
+            }
+            other => table.facts.push(("value".into(), plain(other))),
+        }
+        table
+    }
+
+    fn fill(&mut self, items: &[Value]) {
+        let mut keys: Vec<&String> = Vec::new();
+        for key in items.iter().filter_map(Value::as_object).flat_map(|object| object.keys()) {
+            if !keys.contains(&key) {
+                keys.push(key);
+            }
+        }
+        self.columns = keys.iter().map(|key| words(key)).collect();
+        self.rows =
+            items.iter().map(|item| keys.iter().map(|key| plain(&item[key.as_str()])).collect()).collect();
+    }
+}
+
+fn words(key: &str) -> String {
+    key.replace('_', " ")
+}
+
+/// The facts of a scene file that a reader of the report wants: camera, film, light, medium, graph.
+pub fn scene_facts(scene: &Value) -> Vec<(&'static str, String)> {
+    let at = |pointer: &str| scene.pointer(pointer).filter(|value| !value.is_null());
+    let text = |pointer: &str| at(pointer).map(plain);
+    let mut facts = Vec::new();
+    let mut add = |name, value: Option<String>| facts.extend(value.map(|value| (name, value)));
+    let joined = |pointers: &[(&str, &str)]| {
+        let known: Vec<String> = pointers
+            .iter()
+            .filter_map(|(label, pointer)| Some(format!("{label}{}", text(pointer)?)))
+            .collect();
+        (!known.is_empty()).then(|| known.join(", "))
+    };
+    add("Name", text("/name"));
+    add("Camera", joined(&[("", "/camera/projection"), ("focal length ", "/camera/focal_length"), ("clip ", "/camera/clip_end")]));
+    let size = at("/film/resolution").and_then(Value::as_array).map(|size| {
+        size.iter().map(Value::to_string).collect::<Vec<_>>().join(" × ")
+    });
+    add("Resolution", size.zip(text("/film/resolution_percentage")).map(|(size, percent)| format!("{size} at {percent} %")));
+    add("Pixel filter", joined(&[("", "/film/pixel_filter"), ("width ", "/film/filter_width")]));
+    add("Transparent film", text("/film/transparent"));
+    add("Volume bounces", text("/integrator/volume_bounces"));
+    add("View", joined(&[("", "/display/view_transform"), ("look ", "/display/look"), ("exposure ", "/display/exposure")]));
+    let lights = at("/lights").and_then(Value::as_array).map(|lights| {
+        let each: Vec<String> = lights
+            .iter()
+            .map(|light| format!("{} ({}, strength {})", plain(&light["name"]), plain(&light["type"]), plain(&light["strength"])))
+            .collect();
+        if each.is_empty() { "none".into() } else { each.join("; ") }
+    });
+    add("Lights", lights);
+    add("World", joined(&[("colour ", "/world/color"), ("strength ", "/world/strength")]));
+    add("Volume", joined(&[("", "/volume/object"), ("shape ", "/volume/shape/type"), ("material ", "/volume/material")]));
+    let nodes = at("/graph/nodes").and_then(Value::as_array).map(|nodes| {
+        let groups = at("/graph/groups").and_then(Value::as_array).map_or(&[][..], Vec::as_slice);
+        let inside: usize = groups.iter().filter_map(|group| group["nodes"].as_array()).map(Vec::len).sum();
+        format!("{} nodes in {} trees", nodes.len() + inside, 1 + groups.len())
+    });
+    add("Graph", nodes.or_else(|| text("/graph/file")));
+    facts
+}
+
+/// Columns of `figures.csv`. Values are written in full, without units.
+const COLUMNS: [&str; 8] = ["section", "subject", "item", "quantity", "value", "unit", "limit", "outcome"];
+
+/// `figures.csv`: every number of the run, one per line, `\n` between lines, quoted where needed.
+pub fn csv(inputs: &Inputs) -> String {
+    let mut rows: Vec<[String; 8]> = Vec::new();
+    let mut add = |section: &str, subject: &str, item: &str, quantity: &str, value: Option<f64>, unit: &str| {
+        if let Some(value) = value {
+            let fields = [section, subject, item, quantity, &value.to_string(), unit, "", ""];
+            rows.push(fields.map(str::to_owned));
+        }
+    };
+    if let Some(diff) = &inputs.diff {
+        for (item, found) in [("colour", &diff.colour), ("alpha", &diff.alpha)] {
+            let Some(found) = found else { continue };
+            add("picture", "", item, "mean_error", Some(found.mean_error), "radiance");
+            add("picture", "", item, "rms_error", Some(found.rms_error), "radiance");
+            add("picture", "", item, "psnr", found.psnr, "dB");
+            add("picture", "", item, "max_error", Some(found.max_error), "radiance");
+            add("picture", "", item, "failing_share", Some(found.failing_share), "share");
+        }
+        for row in diff.channels.iter().flatten() {
+            add("picture", "channel mean", &row.channel, "ours", Some(row.ours), "radiance");
+            add("picture", "channel mean", &row.channel, "reference", Some(row.reference), "radiance");
+            add("picture", "channel mean", &row.channel, "relative_difference", row.relative_difference, "share");
+            add("picture", "channel mean", &row.channel, "standard_error_relative", row.standard_error_relative, "share");
+        }
+        if let Some(relmse) = &diff.relmse {
+            add("picture", "relMSE", "", "epsilon", Some(relmse.epsilon), "radiance");
+            add("picture", "relMSE", "pixel", "value", relmse.pixel, "");
+            add("picture", "relMSE", "pixel", "noise", relmse.noise_pixel, "");
+            add("picture", "relMSE", "block", "value", relmse.block, "");
+            add("picture", "relMSE", "block", "noise", relmse.noise_block, "");
+            add("picture", "relMSE", "block", "debiased", relmse.debiased_block, "");
+        }
+        add("picture", "HDR-FLIP", "", "mean", diff.flip.as_ref().and_then(|flip| flip.mean), "");
+    }
+    for slice in &inputs.slices {
+        add("slice", &slice.title, "", "equal_share", slice.equal_share, "share");
+        add("slice", &slice.title, "", "max_error", slice.max_error, "");
+    }
+    for row in inputs.bench.iter().flat_map(|bench| &bench.rows) {
+        add("bench", &row.what, "cycles", "rate", row.cycles_rate, "points/s");
+        add("bench", &row.what, "cpu", "rate", row.cpu_rate, "points/s");
+        add("bench", &row.what, "gpu", "rate", row.gpu_rate, "points/s");
+        add("bench", &row.what, "cpu", "ratio", row.cpu_ratio, "");
+        add("bench", &row.what, "gpu", "ratio", row.gpu_ratio, "");
+    }
+    for timing in &inputs.run.timings {
+        add("timing", &timing.what, "", "wall", Some(timing.seconds), "s");
+    }
+    let number = |value: Option<f64>| value.map(|value| value.to_string()).unwrap_or_default();
+    for check in inputs.diff.iter().flat_map(|diff| &diff.checks) {
+        let outcome = check.outcome.words();
+        rows.push(["check", "", "", &check.name, &number(check.value), "", &number(Some(check.limit)), outcome].map(str::to_owned));
+    }
+    for probe in &inputs.probes {
+        let scene = probe.scene.as_deref().unwrap_or_default();
+        for (name, found) in &probe.evaluators {
+            let outcome = found.verdict().map_or("", |verdict| verdict.words());
+            let counts = [
+                ("points", found.points.or(Some(probe.points)).map(|n| n as f64)),
+                ("differing", found.differing.map(|n| n as f64)),
+                ("one_sided_nonfinite", found.one_sided_nonfinite.map(|n| n as f64)),
+                ("p999_error", found.p999_error),
+                ("rms_error", found.rms_error),
+                ("mean_error", found.mean_error),
+                ("nonzero_share", found.nonzero_share),
+                ("seconds", found.seconds),
+            ];
+            for (quantity, value) in counts.into_iter().filter(|(_, value)| value.is_some()) {
+                rows.push(["field", scene, name, quantity, &number(value), "", "", ""].map(str::to_owned));
+            }
+            let limit = number(found.limit);
+            rows.push(["field", scene, name, "max_error", &number(found.max_error), "", &limit, outcome].map(str::to_owned));
+        }
+    }
+    for mode in &inputs.modes {
+        let outcome = mode.pass.map_or("", |pass| if pass { "agrees" } else { "differs" });
+        let subject = format!("{} {}", mode.node, plain(&mode.mode));
+        let output = plain(&mode.output);
+        for (quantity, value) in [("cpu_max_error", mode.cpu_max_error), ("wgsl_max_error", mode.wgsl_max_error)] {
+            let (value, limit) = (number(value), number(mode.limit));
+            rows.push(["mode", &subject, &output, quantity, &value, "", &limit, outcome].map(str::to_owned));
+        }
+    }
+    let lines = std::iter::once(COLUMNS.map(str::to_owned)).chain(rows);
+    lines.map(|row| row.map(|cell| quoted(&cell)).join(",") + "\n").collect()
+}
+
+fn quoted(cell: &str) -> String {
+    if cell.contains([',', '"', '\n', '\r']) { format!("\"{}\"", cell.replace('"', "\"\"")) } else { cell.to_owned() }
+}
+
+/// `report.md`: the page without its pictures' viewer, for terminals and repositories.
+pub fn markdown(inputs: &Inputs, summary: &Summary) -> String {
+    let mut text = format!("# {}\n\n**{}.** {}\n", line(&summary.title), capital(summary.words), line(&summary.sentence));
+    let parts = summary.parts.iter().map(|part| vec![part.name.clone(), part.words.into(), part.sentence.clone()]);
+    text += &table(&["Part", "Verdict", "Found"], parts);
+    let names = ["ours.png", "reference.png", "difference.png"];
+    let shown: Vec<String> =
+        names.iter().filter(|name| inputs.pictures.contains_key(**name)).map(|name| format!("![{name}]({name})")).collect();
+    if !shown.is_empty() {
+        text += &format!("\n{}\n", shown.join(" "));
+    }
+    if let Some(diff) = &inputs.diff {
+        text += "\n## Picture\n";
+        let channels = diff.channels.iter().flatten().map(|row| {
+            vec![
+                row.channel.clone(),
+                figure(Some(row.ours)),
+                figure(Some(row.reference)),
+                signed_percent(row.relative_difference),
+                percent(row.standard_error_relative),
+            ]
+        });
+        text += &table(&["Channel", "Ours, mean", "Reference, mean", "Difference", "Standard error"], channels);
+        let sides = [("Colour", &diff.colour), ("Alpha", &diff.alpha)];
+        let figures = sides.iter().filter_map(|(name, found)| {
+            let found = found.as_ref()?;
+            Some(vec![
+                (*name).to_owned(),
+                figure(Some(found.mean_error)),
+                figure(Some(found.rms_error)),
+                found.psnr.map_or("equal".into(), |psnr| figure(Some(psnr))),
+                figure(Some(found.max_error)),
+                percent(Some(found.failing_share)),
+            ])
+        });
+        text += &table(&["OpenImageIO", "Mean error", "RMS", "PSNR, dB", "Maximum", "Failing pixels"], figures);
+        if let Some(relmse) = &diff.relmse {
+            text += &format!(
+                "\nrelMSE = {}, epsilon {}: pixels {}, block means {}.\n",
+                relmse.formula,
+                figure(Some(relmse.epsilon)),
+                figure(relmse.pixel),
+                figure(relmse.block)
+            );
+        }
+    }
+    for probe in &inputs.probes {
+        text += &format!("\n## Field at {} points\n", count(Some(probe.points)));
+        let rows = probe.evaluators.iter().map(|(name, found)| {
+            vec![
+                evaluator_name(name).to_owned(),
+                count(found.differing),
+                figure(found.max_error),
+                figure(found.p999_error),
+                figure(found.rms_error),
+                seconds(found.seconds),
+            ]
+        });
+        text += &table(&["Evaluator", "Differing", "Maximum", "99.9 %", "RMS", "Time"], rows);
+    }
+    if let Some(bench) = &inputs.bench {
+        text += "\n## Speed against Cycles\n";
+        let rows = bench.rows.iter().map(|row| {
+            vec![row.what.clone(), count(row.points), rate(row.cycles_rate), ratio(row.cpu_ratio), ratio(row.gpu_ratio)]
+        });
+        text += &table(&["Work", "Points", "Cycles", "CPU", "GPU"], rows);
+    }
+    if !inputs.left_out.is_empty() {
+        text += "\n## Left out\n";
+        let rows = inputs.left_out.iter().map(|item| vec![item.what.clone(), item.why.clone(), item.remedy.clone()]);
+        text += &table(&["What", "Why", "Remedy"], rows);
+    }
+    text
+}
+
+fn table(columns: &[&str], rows: impl Iterator<Item = Vec<String>>) -> String {
+    let mut body = String::new();
+    for row in rows {
+        let cells: Vec<String> = row.iter().map(|cell| line(cell)).collect();
+        body += &format!("| {} |\n", cells.join(" | "));
+    }
+    if body.is_empty() {
+        return body;
+    }
+    format!("\n| {} |\n|{}\n{body}", columns.join(" | "), " --- |".repeat(columns.len()))
+}
+
+/// Text from a file on one line of Markdown, with its markup taken literally.
+fn line(text: &str) -> String {
+    let mut safe = String::new();
+    for letter in text.chars() {
+        match letter {
+            '\n' | '\r' | '\t' => safe.push(' '),
+            '|' | '<' | '>' | '[' | ']' | '`' | '*' | '_' | '\\' | '&' | '#' => {
+                safe.push('\\');
+                safe.push(letter);
+            }
+            _ => safe.push(letter),
+        }
+    }
+    if safe.is_empty() { ABSENT.into() } else { safe }
+}
+
+fn capital(text: &str) -> String {
+    let mut letters = text.chars();
+    letters.next().map(|first| first.to_uppercase().chain(letters).collect()).unwrap_or_default()
+}

@@ -1,0 +1,291 @@
+"""Reading a .blend file into a scene and building it back: nothing may be lost, nothing changed silently."""
+
+import json
+
+import numpy as np
+import pytest
+
+from blend_support import (
+    CLOUD_BLEND,
+    CLOUD_SCENE,
+    Recorder,
+    absorbing_nodes,
+    cloud_scene,
+    link,
+    node,
+    requires_bpy,
+    scene,
+)
+from protocol import InputError, located
+from scene_io import format_scene
+
+bpy = pytest.importorskip("bpy")
+
+from build_scene import handle as build  # noqa: E402
+from export_scene import handle as export  # noqa: E402
+from scene_reader import is_box  # noqa: E402
+
+pytestmark = requires_bpy
+
+
+def exported(path, object_name=None):
+    """The scene of a .blend file, with the warnings."""
+    messages = Recorder()
+    request = located({"blend": str(path), "object": object_name}, "request")
+    return export(request, messages)["scene"], messages.warnings
+
+
+def built(document, path):
+    """Build a scene into a .blend file; return its path."""
+    document = located(json.loads(json.dumps(document)), "scene")
+    build(located({"blend": str(path)}, "request") | {"scene": document}, Recorder())
+    return path
+
+
+def saved(path):
+    bpy.ops.wm.save_as_mainfile(filepath=str(path), copy=True)
+    return path
+
+
+@pytest.fixture
+def cube(tmp_path):
+    """The small scene built in Blender and left open: (path to save to, node tree of the material)."""
+    built(scene(absorbing_nodes(1.0)), tmp_path / "cube.blend")
+    return tmp_path / "changed.blend", bpy.data.materials["Material"].node_tree
+
+
+def assert_round_trip(document, folder):
+    again, _ = exported(built(document, folder / "again.blend"))
+    assert format_scene(again) == format_scene(document)
+
+
+def test_cloud_survives_building_and_exporting(tmp_path):
+    again, warnings = exported(built(cloud_scene(), tmp_path / "cloud.blend"))
+    assert format_scene(again) == CLOUD_SCENE.read_text(encoding="utf-8")
+    assert not warnings
+
+
+@pytest.mark.skipif(not CLOUD_BLEND.exists(), reason="the published .blend file is not here")
+def test_published_file_gives_the_committed_scene():
+    document, warnings = exported(CLOUD_BLEND)
+    assert format_scene(document) == CLOUD_SCENE.read_text(encoding="utf-8")
+    assert not warnings
+
+
+def test_cloud_group_has_its_sockets_and_panels():
+    group = cloud_scene()["graph"]["groups"][0]
+    assert [len(group["inputs"]), len(group["outputs"])] == [13, 1]
+    assert [socket["panel"] for socket in group["inputs"]].count("Large Noise") == 3
+
+
+def test_planted_difference_of_one_constant_is_seen(tmp_path):
+    built(cloud_scene(), tmp_path / "cloud.blend")
+    socket = bpy.data.node_groups["Procedural Clouds Shader"].nodes["Math.006"].inputs[1]
+    socket.default_value = float(np.nextafter(np.float32(socket.default_value), np.float32(0)))
+    again, _ = exported(saved(tmp_path / "planted.blend"))
+    before = CLOUD_SCENE.read_text(encoding="utf-8").splitlines()
+    after = format_scene(again).splitlines()
+    different = [(old, new) for old, new in zip(before, after, strict=True) if old != new]
+    assert len(different) == 1
+    assert "-0.25" in different[0][0]
+
+
+def test_everything_that_the_format_knows_survives(tmp_path):
+    built(scene(absorbing_nodes(1.0)), tmp_path / "start.blend")
+    _add_lights()
+    _add_nested_groups(bpy.data.materials["Material"].node_tree)
+    _deform_volume()
+    bpy.context.scene["cloudparity_name"] = "everything"
+    camera = bpy.context.scene.camera.data
+    camera.type, camera.panorama_type, camera.longitude_min = "PANO", "EQUIRECTANGULAR", -1.0
+    document, warnings = exported(saved(tmp_path / "everything.blend"))
+    assert not warnings
+    assert [light["type"] for light in document["lights"]] == ["area", "point", "spot", "sun"]
+    assert document["volume"]["shape"]["type"] == "mesh"
+    assert [group["name"] for group in document["graph"]["groups"]] == ["Inner", "Outer"]
+    assert_round_trip(document, tmp_path)
+
+
+def _add_lights():
+    for kind in ("SUN", "POINT", "SPOT", "AREA"):
+        light = bpy.data.lights.new(kind.lower(), kind)
+        light.color, light.energy, light.exposure = (0.1, 0.2, 0.3), 3.7, 0.5
+        item = bpy.data.objects.new(kind.lower(), light)
+        item.location, item.rotation_euler, item.scale = (1, 2, 3), (0.1, 0.7, -2), (1, 2, 0.3)
+        bpy.context.scene.collection.objects.link(item)
+
+
+def _add_nested_groups(tree):
+    """Two levels of groups with panels, gaps in the numbers, mutes, reroutes and frames."""
+    inner = bpy.data.node_groups.new("Inner", "ShaderNodeTree")
+    panel = inner.interface.new_panel("Panel")
+    inner.interface.new_socket(name="Out", in_out="OUTPUT", socket_type="NodeSocketColor")
+    inner.interface.new_socket(name="Vec", in_out="INPUT", socket_type="NodeSocketVector", parent=panel)
+    count = inner.interface.new_socket(name="Count", in_out="INPUT", socket_type="NodeSocketInt")
+    count.max_value, count.default_value = 9, 3
+    inner.interface.new_socket(name="Switch", in_out="INPUT", socket_type="NodeSocketBool")
+    entry, leave = inner.nodes.new("NodeGroupInput"), inner.nodes.new("NodeGroupOutput")
+    noise = inner.nodes.new("ShaderNodeTexNoise")
+    noise.mute, noise.label, noise.location = True, "muted", (33.3, -7.1)
+    noise.parent = inner.nodes.new("NodeFrame")
+    noise.parent.location = (100.1, 50.7)
+    reroute = inner.nodes.new("NodeReroute")
+    inner.links.new(noise.inputs["Vector"], entry.outputs["Vec"])
+    inner.links.new(reroute.inputs[0], noise.outputs["Color"])
+    inner.links.new(leave.inputs["Out"], reroute.outputs[0])
+    add = inner.nodes.new("ShaderNodeMath")
+    inner.links.new(add.inputs[0], entry.outputs["Count"]).is_muted = True
+
+    outer = bpy.data.node_groups.new("Outer", "ShaderNodeTree")
+    outer.interface.new_socket(name="Value", in_out="OUTPUT", socket_type="NodeSocketFloat")
+    call, leave = outer.nodes.new("ShaderNodeGroup"), outer.nodes.new("NodeGroupOutput")
+    call.node_tree = inner
+    coordinates = outer.nodes.new("ShaderNodeTexCoord")
+    coordinates.object = bpy.data.objects["area"]
+    outer.links.new(call.inputs["Vec"], coordinates.outputs["Object"])
+    mix = outer.nodes.new("ShaderNodeMix")
+    mix.data_type = "RGBA"
+    outer.links.new(next(item for item in mix.inputs if item.identifier == "A_Color"), call.outputs["Out"])
+    outer.links.new(leave.inputs["Value"], mix.outputs["Result"])
+    value = outer.nodes.new("ShaderNodeValue")
+    value.outputs[0].default_value = 0.123
+    outer.links.new(mix.inputs["Factor"], value.outputs[0])
+
+    call = tree.nodes.new("ShaderNodeGroup")
+    call.node_tree = outer
+    tree.links.new(tree.nodes["Principled Volume"].inputs["Density"], call.outputs["Value"])
+
+
+def _deform_volume():
+    """A rotated and sheared object whose mesh is a box no more, with a modifier."""
+    item = bpy.data.objects["Cube"]
+    item.parent = None
+    item.rotation_euler, item.scale = (0.3, 0.2, 0.1), (1, 2, 3)
+    carrier = bpy.data.objects.new("carrier", None)
+    carrier.rotation_euler, carrier.scale = (1, 0, 0.4), (2, 1, 1)
+    bpy.context.scene.collection.objects.link(carrier)
+    item.parent = carrier
+    item.data.vertices[0].co.x -= 0.3
+    item.modifiers.new("bevel", "BEVEL")
+
+
+def test_box_is_recognised_and_inside_out_box_is_not():
+    corners = np.array([[x, y, z] for x in (0, 1) for y in (0, 2) for z in (0, 3)], np.float32)
+    outward = [[0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1]]
+    outward += [[2, 3, 7], [2, 7, 6], [0, 2, 6], [0, 6, 4], [1, 5, 7], [1, 7, 3]]
+    outward = np.array(outward)
+    assert is_box(corners, outward)
+    assert not is_box(corners, outward[:, ::-1])
+    assert not is_box(corners, outward[:-1])
+    assert not is_box(corners + np.eye(8, 3, dtype=np.float32), outward)
+
+
+def test_two_volumes_are_named_and_one_can_be_chosen(cube):
+    path, _ = cube
+    second = bpy.data.objects.new("Second", bpy.data.objects["Cube"].data)
+    bpy.context.scene.collection.objects.link(second)
+    saved(path)
+    with pytest.raises(InputError) as refusal:
+        exported(path)
+    assert '"Cube"' in refusal.value.found
+    assert '"Second"' in refusal.value.found
+    document, warnings = exported(path, "Second")
+    assert document["volume"]["object"] == "Second"
+    assert "Cube" in warnings[0][0]
+    with pytest.raises(InputError, match="no such object"):
+        exported(path, "Third")
+
+
+def test_hidden_volume_is_none(cube):
+    path, _ = cube
+    bpy.data.objects["Cube"].hide_render = True
+    with pytest.raises(InputError, match="0 mesh objects"):
+        exported(saved(path))
+
+
+def test_image_that_reaches_the_volume_is_refused_and_another_is_left_out(cube):
+    path, tree = cube
+    image = tree.nodes.new("ShaderNodeTexImage")
+    image.image = bpy.data.images.new("picture", 4, 4)
+    image.image.pack()
+    follower = tree.nodes.new("ShaderNodeMath")
+    tree.links.new(follower.inputs[0], image.outputs["Alpha"])
+    document, warnings = exported(saved(path))
+    assert {item["name"] for item in document["graph"]["nodes"]} == {"Material Output", "Principled Volume"}
+    assert len(warnings) == 2
+    # Exporting opened the saved file, so the tree is another one now.
+    tree = bpy.data.materials["Material"].node_tree
+    tree.links.new(tree.nodes["Principled Volume"].inputs["Density"], tree.nodes["Math"].outputs[0])
+    with pytest.raises(InputError) as refusal:
+        exported(saved(path))
+    assert "Image Texture" in refusal.value.place
+    assert "picture" not in refusal.value.found
+    assert "image" in refusal.value.found.lower()
+
+
+def test_texture_mapping_other_than_identity_is_refused(cube):
+    path, tree = cube
+    noise = tree.nodes.new("ShaderNodeTexNoise")
+    noise.texture_mapping.scale = (1, 2, 1)
+    tree.links.new(tree.nodes["Principled Volume"].inputs["Density"], noise.outputs[0])
+    with pytest.raises(InputError, match="texture_mapping"):
+        exported(saved(path))
+
+
+def test_sky_is_refused_by_name_and_no_world_is_black(cube):
+    path, _ = cube
+    tree = bpy.context.scene.world.node_tree
+    sky = tree.nodes.new("ShaderNodeTexSky")
+    tree.links.new(tree.nodes["Background"].inputs["Color"], sky.outputs["Color"])
+    with pytest.raises(InputError) as refusal:
+        exported(saved(path))
+    assert "Sky Texture" in refusal.value.found
+    bpy.context.scene.world = None
+    document, _ = exported(saved(path))
+    assert document["world"] == {"color": [0.0, 0.0, 0.0], "strength": 1.0}
+
+
+def test_light_settings_without_words_are_refused(cube):
+    path, _ = cube
+    _add_lights()
+    bpy.data.lights["sun"].use_temperature = True
+    with pytest.raises(InputError) as refusal:
+        exported(saved(path))
+    assert refusal.value.place == 'light "sun", use_temperature'
+
+
+@pytest.mark.parametrize(
+    ("wrong", "place"),
+    [
+        (node("N", "ShaderNodeNoSuch"), "graph.nodes[N]"),
+        (node("N", "ShaderNodeMath", {"Value_002": 1.0}), "graph.nodes[N].inputs[Value_002]"),
+        (node("N", "ShaderNodeMath", {"Value": link("M", "Value")}), "graph.nodes[N].inputs[Value]"),
+        (node("N", "ShaderNodeTexMagic", turbulence_depth=50), "graph.nodes[N].properties.turbulence_depth"),
+        (node("N", "ShaderNodeMath", operation="ADDD"), "graph.nodes[N].properties.operation"),
+        (node("Principled Volume", "ShaderNodeMath"), "graph.nodes[Principled Volume]"),
+    ],
+)
+def test_graph_that_blender_would_change_is_refused(wrong, place, tmp_path):
+    with pytest.raises(InputError) as refusal:
+        built(scene([*absorbing_nodes(1.0), wrong]), tmp_path / "wrong.blend")
+    assert refusal.value.place == place
+    assert not list(tmp_path.iterdir())
+
+
+def test_group_identifiers_that_blender_cannot_reproduce_are_reported(tmp_path):
+    document = cloud_scene()
+    group = document["graph"]["groups"][0]
+    text = json.dumps(group).replace('"Socket_16"', '"Input_16"')
+    document["graph"]["groups"][0] = json.loads(text)
+    caller = next(item for item in document["graph"]["nodes"] if item["name"] == "Group.001")
+    caller["inputs"]["Input_16"] = caller["inputs"].pop("Socket_16")
+    messages = Recorder()
+    request = located(
+        {"scene": json.loads(json.dumps(document)), "blend": str(tmp_path / "old.blend")}, "request"
+    )
+    build(request, messages)
+    assert [place for place, _ in messages.warnings] == [
+        "graph.groups[Procedural Clouds Shader].inputs[Input_16]"
+    ]
+    tree = bpy.data.node_groups["Procedural Clouds Shader"]
+    assert tree.nodes["Math.006"].inputs[0].is_linked
