@@ -1,0 +1,31 @@
+//! What integration tests share: optional requirements and the committed scenes.
+#![allow(dead_code, reason = "each test file uses a part of it")]
+
+use cloudparity::scene::Scene;
+use std::path::{Path, PathBuf};
+
+/// Whether an optional requirement ("bpy", "vulkan") is there. When it is not, says so and returns
+/// false; panics instead when `CLOUDPARITY_REQUIRE` names it, so that CI cannot skip by accident.
+pub fn require(what: &str) -> bool {
+    let there = match what {
+        "bpy" => cloudparity::blender::has_bpy(),
+        "vulkan" => cloudparity::gpu::Gpu::open().is_ok(),
+        other => panic!("unknown requirement {other}"),
+    };
+    if !there {
+        let required = std::env::var("CLOUDPARITY_REQUIRE").unwrap_or_default();
+        assert!(!required.split(',').any(|name| name.trim() == what), "{what} is required and missing");
+        eprintln!("skipped: {what} is missing");
+    }
+    there
+}
+
+/// A path inside the project.
+pub fn project(path: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join(path)
+}
+
+/// A committed scene by its stem.
+pub fn scene(stem: &str) -> Scene {
+    Scene::load(&project(&format!("parity/scenes/{stem}.scene.json"))).expect("a committed scene loads")
+}
