@@ -343,9 +343,9 @@ def _write_outputs(result, request, sides, flip_map):
         result["map"] = _write_difference_maps(ours, reference, os.path.join(folder, "difference"), request)
         result["files"] = result["map"].pop("files")
         if flip_map is not None:
-            title = "HDR-FLIP error, 0 (no visible difference) to 1"
+            lines = ["HDR-FLIP error", "0: no visible difference"]
             picture = false_colour.colour(flip_map, 0.0, 1.0, false_colour.SEQUENTIAL)
-            legend = false_colour.legend(title, false_colour.SEQUENTIAL, false_colour.linear_ticks(0, 1))
+            legend = false_colour.legend(lines, false_colour.SEQUENTIAL, false_colour.linear_ticks(0, 1))
             result["files"] |= _write_picture(os.path.join(folder, "flip"), "flip", picture, legend)
         if request.get("display") is not None:
             for which, side in (("ours", ours), ("reference", reference)):
@@ -440,14 +440,14 @@ def _write_difference_maps(ours, reference, prefix, request):
     top = _round_up(float(np.quantile(absolute[lit], MAP_QUANTILE)) if lit.any() else 0.0)
 
     signed = false_colour.colour(relative, -limit, limit, false_colour.DIVERGING)
-    title = "Relative luminance difference; blue: ours darker, orange: brighter"
+    lines = ["Relative luminance difference", "blue: ours darker, orange: ours brighter"]
     ticks = false_colour.linear_ticks(-100 * limit, 100 * limit, unit=" %")
     files = _write_picture(
-        prefix, "difference", signed, false_colour.legend(title, false_colour.DIVERGING, ticks)
+        prefix, "difference", signed, false_colour.legend(lines, false_colour.DIVERGING, ticks)
     )
     picture = false_colour.colour(absolute, 0.0, top, false_colour.SEQUENTIAL)
-    title = "Absolute difference of the worst colour channel, linear radiance"
-    legend = false_colour.legend(title, false_colour.SEQUENTIAL, false_colour.linear_ticks(0, top))
+    lines = ["Absolute difference, linear radiance", "of the worst colour channel"]
+    legend = false_colour.legend(lines, false_colour.SEQUENTIAL, false_colour.linear_ticks(0, top))
     files |= _write_picture(f"{prefix}_absolute", "difference_absolute", picture, legend)
     return {
         "files": files,
@@ -509,7 +509,10 @@ def _write_slice(title, ours, reference, prefix):
     swatches = [(false_colour.NOT_FINITE, "not finite")] if finite.size < shown.size else []
     ticks = false_colour.linear_ticks(low, high) if high > low else [(0.5, false_colour.figure(low))]
     files = _write_picture(
-        f"{prefix}_field", "field", picture, false_colour.legend(title, table, ticks, swatches)
+        f"{prefix}_field",
+        "field",
+        picture,
+        false_colour.legend(["Value, linear scale"], table, ticks, swatches),
     )
     result = {
         "title": title,
@@ -538,9 +541,9 @@ def _write_slice(title, ours, reference, prefix):
     with np.errstate(divide="ignore"):
         logarithm = np.where(both & ~equal, np.log10(np.where(error > 0, error, 1.0)), np.nan)
     picture = _log_picture(logarithm, decades, table, equal)
-    title = "|ours - reference| / max(1, max |reference|), logarithmic"
+    formula = "|ours - reference| / max(1, max |reference|)"
     swatches = [(false_colour.EQUAL, "exactly equal"), (false_colour.NOT_FINITE, "not finite on one side")]
-    legend = false_colour.legend(title, _full(table), false_colour.decade_ticks(*decades), swatches)
+    legend = false_colour.legend([formula], _full(table), false_colour.decade_ticks(*decades), swatches)
     files = _write_picture(f"{prefix}_error", "error", picture, legend)
     result.update(
         error_png=os.path.basename(files["error"]),
@@ -548,7 +551,7 @@ def _write_slice(title, ours, reference, prefix):
         equal_share=float(equal.mean()),
         max_error=float(error[both].max()) if both.any() else None,
         one_sided_nonfinite=int(one_sided.sum()),
-        error_formula=title,
+        error_formula=formula,
     )
     return result
 

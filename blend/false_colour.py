@@ -63,40 +63,46 @@ def colour(values, low, high, table):
 
 def figure(value):
     """A number of a legend, four significant digits."""
-    return f"{value:.4g}"
+    return f"{value:.4g}".replace("-", "\u2212")
 
 
-def legend(title, table, ticks, swatches=()):
-    """An SVG colour bar. `ticks`: (position 0..1, label); `swatches`: (rgb, label) drawn under the bar."""
-    width, left, bar = 480, 12, 456
+def legend(lines, table, ticks, swatches=()):
+    """An SVG colour bar as wide as its place, with text of constant size.
+
+    `lines`: title, one entry per line; `ticks`: (position 0..1, label); `swatches`: (rgb, label), below.
+    """
     shades = table[np.linspace(0, STEPS - 1, 33).round().astype(int)].tolist()
     stops = "".join(
         f'<stop offset="{i / 32:.4f}" stop-color="#{bytes(shade).hex()}"/>' for i, shade in enumerate(shades)
     )
-    parts = []
+    parts = [f'<text y="{13 + 16 * i}">{html.escape(line)}</text>' for i, line in enumerate(lines)]
+    top = 16 * len(lines) + 6
+    parts.append(
+        f'<rect class="edge" x="1" y="{top}" width="100%" height="16" fill="url(#scale)"'
+        ' style="width:calc(100% - 2px)"/>'
+    )
     for position, label in ticks:
-        x = left + bar * position
-        anchor = "start" if position < 0.03 else "end" if position > 0.97 else "middle"
-        parts.append(f'<path class="tick" d="M{x:.1f} 44v5"/>')
-        parts.append(f'<text x="{x:.1f}" y="63" text-anchor="{anchor}">{html.escape(label)}</text>')
-    x = left
+        x, anchor = f"{100 * position:.2f}%", "middle"
+        if position < 0.03:
+            x, anchor = "1", "start"
+        elif position > 0.97:
+            anchor = "end"
+        parts.append(f'<text x="{x}" y="{top + 31}" text-anchor="{anchor}">{html.escape(label)}</text>')
+    height, x = top + 38, 1
     for rgb, label in swatches:
-        parts.append(f'<rect class="edge" x="{x}" y="75" width="14" height="14" fill="#{bytes(rgb).hex()}"/>')
-        parts.append(f'<text x="{x + 20}" y="87">{html.escape(label)}</text>')
-        x += 40 + 7 * len(label)
-    height = 100 if swatches else 74
-    ends = ", ".join(label for _, label in ticks)
+        parts.append(
+            f'<rect class="edge" x="{x}" y="{height + 1}" width="13" height="13" fill="#{bytes(rgb).hex()}"/>'
+            f'<text x="{x + 19}" y="{height + 12}">{html.escape(label)}</text>'
+        )
+        x += 36 + 7 * len(label)
+    height += 20 if swatches else 0
+    spoken = f"{' '.join(lines)}; colour scale at {', '.join(label for _, label in ticks)}"
     return (
-        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width} {height}" '
-        f'width="{width}" height="{height}" role="img">'
-        f"<title>{html.escape(f'{title}; colour scale at {ends}')}</title>"
+        f'<svg xmlns="http://www.w3.org/2000/svg" width="100%" height="{height}" role="img">'
+        f"<title>{html.escape(spoken)}</title>"
         "<style>:root{color-scheme:light dark}text{font:12px system-ui,sans-serif;fill:#333a44}"
-        ".tick,.edge{stroke:#7d8590}.edge{stroke-width:.75}"
-        "@media(prefers-color-scheme:dark){text{fill:#c8cfd8}}</style>"
-        f'<defs><linearGradient id="scale">{stops}</linearGradient></defs>'
-        f'<text x="{left}" y="16">{html.escape(title)}</text>'
-        f'<rect class="edge" x="{left}" y="26" width="{bar}" height="18" fill="url(#scale)"/>'
-        f"{''.join(parts)}</svg>\n"
+        ".edge{stroke:#7d8590;stroke-width:.75}@media(prefers-color-scheme:dark){text{fill:#c8cfd8}}</style>"
+        f'<defs><linearGradient id="scale">{stops}</linearGradient></defs>{"".join(parts)}</svg>\n'
     )
 
 

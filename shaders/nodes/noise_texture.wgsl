@@ -5,17 +5,10 @@
 // Source: Musgrave's fractals in Blender's form and order of operations. FBM scales the original p, the others go on
 // from the last p: in f32 these differ. Domain: finite f32; detail is limited to [0, 15], so no loop exceeds 17 steps.
 // Limits: a fused multiply-add changes the last bits, and a distortion multiplies such changes.
-#import cloudparity::gradient_noise::{snoise_1d, snoise_2d, snoise_3d, snoise_4d, mix_linear}
+#import cloudparity::gradient_noise::{snoise_1d, snoise_2d, snoise_3d, snoise_4d}
+#import cloudparity::numeric::mix_linear
 
-#ifdef NOISE_DIMENSIONS_1D
-alias Point = f32;
-#else ifdef NOISE_DIMENSIONS_2D
-alias Point = vec2f;
-#else ifdef NOISE_DIMENSIONS_3D
-alias Point = vec3f;
-#else ifdef NOISE_DIMENSIONS_4D
-alias Point = vec4f;
-#endif
+// vec4fs have four components in all dimensions; those beyond the dimension are never read.
 
 struct Outputs {
 #ifdef OUTPUT_FAC
@@ -26,62 +19,52 @@ struct Outputs {
 #endif
 }
 
-fn snoise(p: Point) -> f32 {
+fn snoise(p: vec4f) -> f32 {
 #ifdef NOISE_DIMENSIONS_1D
-    return snoise_1d(p);
+    return snoise_1d(p.x);
 #else ifdef NOISE_DIMENSIONS_2D
-    return snoise_2d(p);
+    return snoise_2d(p.xy);
 #else ifdef NOISE_DIMENSIONS_3D
-    return snoise_3d(p);
+    return snoise_3d(p.xyz);
 #else ifdef NOISE_DIMENSIONS_4D
     return snoise_4d(p);
 #endif
 }
 
-// R(s) for s = 0 .. 5: 100 + 100 * (Jenkins hash of s and of the component's index), written out.
-fn random_offset(s: u32) -> Point {
+// R(s) for s = 0 .. 5: 100 + 100 * (Jenkins hash of s and, from 2D on, of the component's index), written out.
+fn random_offset(s: u32) -> vec4f {
+    switch s {
+        case 0u: {
 #ifdef NOISE_DIMENSIONS_1D
-    switch s {
-        case 0u: {
-            return 158.242584;
-        }
-        case 1u: {
-            return 114.836052;
-        }
-        default: {
-            return 188.488693;
-        }
-    }
+            return vec4f(158.242584, 0.0, 0.0, 0.0);
 #else
-    var offset: vec4f;
-    switch s {
-        case 0u: {
-            offset = vec4f(186.031281, 114.955956, 154.44751, 142.504913);
+            return vec4f(186.031281, 114.955956, 154.44751, 142.504913);
+#endif
         }
         case 1u: {
-            offset = vec4f(199.839996, 162.292603, 154.048233, 142.267609);
+#ifdef NOISE_DIMENSIONS_1D
+            return vec4f(114.836052, 0.0, 0.0, 0.0);
+#else
+            return vec4f(199.839996, 162.292603, 154.048233, 142.267609);
+#endif
         }
         case 2u: {
-            offset = vec4f(111.633842, 157.369385, 199.088104, 178.436127);
+#ifdef NOISE_DIMENSIONS_1D
+            return vec4f(188.488693, 0.0, 0.0, 0.0);
+#else
+            return vec4f(111.633842, 157.369385, 199.088104, 178.436127);
+#endif
         }
         case 3u: {
-            offset = vec4f(165.445282, 162.768219, 193.408417, 145.255508);
+            return vec4f(165.445282, 162.768219, 193.408417, 145.255508);
         }
         case 4u: {
-            offset = vec4f(155.580917, 177.154633, 138.14003, 180.18573);
+            return vec4f(155.580917, 177.154633, 138.14003, 180.18573);
         }
         default: {
-            offset = vec4f(188.85379, 132.677689, 162.052155, 185.268158);
+            return vec4f(188.85379, 132.677689, 162.052155, 185.268158);
         }
     }
-#ifdef NOISE_DIMENSIONS_2D
-    return offset.xy;
-#else ifdef NOISE_DIMENSIONS_3D
-    return offset.xyz;
-#else
-    return offset;
-#endif
-#endif
 }
 
 #ifdef NOISE_DIMENSIONS_1D
@@ -135,7 +118,7 @@ fn finish(sum: f32, weights: f32) -> f32 {
 #endif
 }
 
-fn octave_sum(p: Point, f: Fractal) -> f32 {
+fn octave_sum(p: vec4f, f: Fractal) -> f32 {
     var sum = 0.0;
     var weights = 0.0;
     var amplitude = 1.0;
@@ -165,7 +148,7 @@ fn octave_sum(p: Point, f: Fractal) -> f32 {
 
 #else ifdef NOISE_TYPE_MULTIFRACTAL
 
-fn octave_sum(point: Point, f: Fractal) -> f32 {
+fn octave_sum(point: vec4f, f: Fractal) -> f32 {
     var p = point;
     var value = 1.0;
     var amplitude = 1.0;
@@ -184,7 +167,7 @@ fn octave_sum(point: Point, f: Fractal) -> f32 {
 
 #else ifdef NOISE_TYPE_HETERO_TERRAIN
 
-fn octave_sum(point: Point, f: Fractal) -> f32 {
+fn octave_sum(point: vec4f, f: Fractal) -> f32 {
     var p = point;
     var value = 0.0;
     var amplitude = f.roughness;
@@ -208,7 +191,7 @@ fn octave_sum(point: Point, f: Fractal) -> f32 {
 
 #else ifdef NOISE_TYPE_HYBRID_MULTIFRACTAL
 
-fn octave_sum(point: Point, f: Fractal) -> f32 {
+fn octave_sum(point: vec4f, f: Fractal) -> f32 {
     var p = point;
     var value = 0.0;
     var amplitude = 1.0;
@@ -232,7 +215,7 @@ fn octave_sum(point: Point, f: Fractal) -> f32 {
 #else ifdef NOISE_TYPE_RIDGED_MULTIFRACTAL
 
 // Has no fractional octave.
-fn octave_sum(point: Point, f: Fractal) -> f32 {
+fn octave_sum(point: vec4f, f: Fractal) -> f32 {
     var p = point;
     var value = 0.0;
     var signal = 0.0;
@@ -258,7 +241,7 @@ fn octave_sum(point: Point, f: Fractal) -> f32 {
 
 #endif
 
-fn fractal(p: Point, f: Fractal) -> f32 {
+fn fractal(p: vec4f, f: Fractal) -> f32 {
 #ifdef INPUT_DETAIL_IS_ZERO
     return one_octave(snoise(p), f.offset);
 #else ifdef INPUT_ROUGHNESS_IS_ZERO
@@ -269,30 +252,16 @@ fn fractal(p: Point, f: Fractal) -> f32 {
 }
 
 // Every axis moves by a noise of its own, all of them read at the undistorted point.
-fn distort(p: Point, distortion: f32) -> Point {
+fn distort(p: vec4f, distortion: f32) -> vec4f {
 #ifdef INPUT_DISTORTION_IS_ZERO
     return p;
 #else
     var moved = p;
     if distortion != 0.0 {
-#ifdef NOISE_DIMENSIONS_1D
-        moved = p + snoise(p + random_offset(0u)) * distortion;
-#else ifdef NOISE_DIMENSIONS_2D
-        for (var axis = 0u; axis < 2u; axis++) {
-            let push = snoise(p + random_offset(axis)) * distortion;
-            moved = select(moved, p + push, vec2u(axis) == vec2u(0u, 1u));
-        }
-#else ifdef NOISE_DIMENSIONS_3D
-        for (var axis = 0u; axis < 3u; axis++) {
-            let push = snoise(p + random_offset(axis)) * distortion;
-            moved = select(moved, p + push, vec3u(axis) == vec3u(0u, 1u, 2u));
-        }
-#else ifdef NOISE_DIMENSIONS_4D
-        for (var axis = 0u; axis < 4u; axis++) {
+        for (var axis = 0u; axis < DIMENSIONS; axis++) {
             let push = snoise(p + random_offset(axis)) * distortion;
             moved = select(moved, p + push, vec4u(axis) == vec4u(0u, 1u, 2u, 3u));
         }
-#endif
     }
     return moved;
 #endif
@@ -323,11 +292,11 @@ fn evaluate(
     distortion: f32,
 ) -> Outputs {
 #ifdef NOISE_DIMENSIONS_1D
-    let coordinates = w * scale;
+    let coordinates = vec4f(w * scale, 0.0, 0.0, 0.0);
 #else ifdef NOISE_DIMENSIONS_2D
-    let coordinates = vector.xy * scale;
+    let coordinates = vec4f(vector.xy * scale, 0.0, 0.0);
 #else ifdef NOISE_DIMENSIONS_3D
-    let coordinates = vector * scale;
+    let coordinates = vec4f(vector * scale, 0.0);
 #else ifdef NOISE_DIMENSIONS_4D
     let coordinates = vec4f(vector, w) * scale;
 #endif

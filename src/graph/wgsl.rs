@@ -1,1 +1,360 @@
-//! Writing a program as WGSL.
+//! Writing a program as WGSL and linking it with the modules of `shaders/`.
+//!
+//! A node's module is written once with conditions for its modes; an instance is the same text with
+//! the conditions of one mode resolved, under a name of its own. Instances that are equal are
+//! shared. After linking, everything that no entry point reaches is removed, so the shader holds
+//! nothing of a node that the graph does not use.
+
+use super::{Operand, Program};
+use crate::error::{Error, Result};
+use crate::nodes::shader_name;
+use crate::scene::SocketType;
+use naga_oil::compose::preprocess::Preprocessor;
+use naga_oil::compose::{
+    ComposableModuleDescriptor, Composer, ComposerError, ErrSource, ImportDefinition, NagaModuleDescriptor,
+    ShaderDefValue, get_preprocessor_data,
+};
+use std::collections::{BTreeMap, BTreeSet, HashMap};
+use std::fmt::Write;
+
+/// Modules that node modules import, in dependency order.
+const SHARED: &[(&str, &str)] = &[
+    ("nodes/shared/numeric.wgsl", include_str!("../../shaders/nodes/shared/numeric.wgsl")),
+    ("nodes/shared/hash.wgsl", include_str!("../../shaders/nodes/shared/hash.wgsl")),
+    ("nodes/shared/gradient_noise.wgsl", include_str!("../../shaders/nodes/shared/gradient_noise.wgsl")),
+];
+
+/// Import path of the specialised graph.
+pub const PROGRAM_PATH: &str = "cloudparity::graph";
+
+/// Target languages of `cloudparity shader`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+pub enum Language {
+    /// WebGPU Shading Language.
+    Wgsl,
+    /// SPIR-V 1.3 binary.
+    Spirv,
+    /// OpenGL Shading Language 4.50.
+    Glsl,
+    /// High Level Shading Language, shader model 6.0.
+    Hlsl,
+    /// Metal Shading Language 2.4.
+    Msl,
+}
+
+/// Composes a shader from the modules in `shaders/`, a program, and an entry text.
+pub struct Linker {
+    composer: Composer,
+}
+
+impl Linker {
+    /// A linker with the shared modules and the instances and text of `program`, which is then
+    /// importable as [`PROGRAM_PATH`]: `fn evaluate(position: vec3f, ...) -> f32` (or `vec3f`, or a
+    /// struct `Outputs` for several outputs); each attribute is a further `vec3f` argument.
+    pub fn new(program: &Program) -> Result<Self> {
+        let mut linker = Self { composer: Composer::default() };
+        for (path, source) in SHARED {
+            linker.add(path, source)?;
+        }
+        let text = linker.add_program(program)?;
+        linker.add("generated/graph.wgsl", &text)?;
+        Ok(linker)
+    }
+
+    /// Adds an importable module; its `#define_import_path` names it.
+    pub fn add(&mut self, path: &str, source: &str) -> Result<()> {
+        let descriptor = ComposableModuleDescriptor { source, file_path: path, ..Default::default() };
+        self.composer.add_composable_module(descriptor).map(|_| ()).map_err(|cause| self.failure(path, &cause))
+    }
+
+    /// Links the entry text and removes what no entry point reaches.
+    pub fn link(mut self, path: &str, source: &str) -> Result<naga::Module> {
+        let descriptor = NagaModuleDescriptor { source, file_path: path, ..Default::default() };
+        let mut module = match self.composer.make_naga_module(descriptor) {
+            Ok(module) => module,
+            Err(cause) => return Err(self.failure(path, &cause)),
+        };
+        naga::compact::compact(&mut module, naga::compact::KeepUnused::No);
+        rename(&mut module);
+        Ok(module)
+    }
+
+    fn failure(&self, path: &str, cause: &ComposerError) -> Error {
+        Error::new(
+            format!("shader {path}"),
+            cause.emit_to_string(&self.composer),
+            "a module that composes and validates",
+            "This is a defect of the program: report it with the scene file.",
+        )
+    }
+
+    /// Adds one instance of a node's module under `instance`.
+    ///
+    /// The definitions of a composition are shared by all its modules, so the conditions are
+    /// resolved here, before the composer sees the text. The preprocessor also turns imports into
+    /// decorated names, which the composer refuses in a text that it is handed; hence the module is
+    /// added empty, with its imports, and receives its text afterwards.
+    fn add_instance(&mut self, instance: &str, path: &str, source: &str, definitions: &[String]) -> Result<()> {
+        let definitions: HashMap<String, ShaderDefValue> =
+            definitions.iter().map(|name| (name.clone(), ShaderDefValue::Bool(true))).collect();
+        let (_, imports, _) = get_preprocessor_data(source);
+        let mut merged: BTreeMap<String, BTreeSet<String>> = BTreeMap::new();
+        for import in imports {
+            merged.entry(import.import).or_default().extend(import.items);
+        }
+        let imports: Vec<ImportDefinition> = merged
+            .into_iter()
+            .map(|(import, items)| ImportDefinition { import, items: items.into_iter().collect() })
+            .collect();
+        let descriptor = ComposableModuleDescriptor {
+            source: "",
+            file_path: path,
+            as_name: Some(instance.to_owned()),
+            additional_imports: &imports,
+            ..Default::default()
+        };
+        let added = self.composer.add_composable_module(descriptor).map(|_| ());
+        added.map_err(|cause| self.failure(path, &cause))?;
+        let text = Preprocessor::default().preprocess(source, &definitions).map_err(|inner| {
+            let source = ErrSource::Constructing { path: path.to_owned(), source: source.to_owned(), offset: 0 };
+            self.failure(path, &ComposerError { inner, source })
+        })?;
+        let module = self.composer.module_sets.get_mut(instance).expect("the module was just added");
+        module.sanitized_source = text.preprocessed_source;
+        Ok(())
+    }
+
+    /// Adds the instances that `program` needs and returns its own text.
+    fn add_program(&mut self, program: &Program) -> Result<String> {
+        let mut instances: HashMap<String, String> = HashMap::new();
+        let mut counts: HashMap<&str, usize> = HashMap::new();
+        let mut body = String::new();
+        let mut names = vec![String::new(); program.registers];
+        for (number, instruction) in program.instructions.iter().enumerate() {
+            let mut definitions = instruction.mode.shader_definitions();
+            let mut arguments = Vec::new();
+            let mut component = 0;
+            for socket in instruction.node_type.inputs_of(&instruction.mode) {
+                let operands = &instruction.inputs[component..component + socket.kind.components()];
+                component += operands.len();
+                if operands.iter().all(|operand| matches!(operand, Operand::Constant(value) if *value == 0.0)) {
+                    definitions.push(shader_name(&format!("input_{}_is_zero", socket.identifier)));
+                }
+                arguments.push(expression(operands, &names, &instruction.label)?);
+            }
+            let module = instruction.node_type.module;
+            let key = format!("{module} {}", definitions.join(" "));
+            let instance = match instances.get(&key) {
+                Some(instance) => instance.clone(),
+                None => {
+                    let count = counts.entry(module).or_default();
+                    *count += 1;
+                    // A letter last: the composer reserves names that end in a digit.
+                    let instance = format!("{module}_{count}i");
+                    let path = format!("nodes/{module}.wgsl");
+                    self.add_instance(&instance, &path, instruction.node_type.shader, &definitions)?;
+                    instances.insert(key, instance.clone());
+                    instance
+                }
+            };
+            let variable = format!("n{number}v");
+            line(&mut body, format_args!("    // {}", instruction.label.replace(['\n', '\r'], " ")));
+            line(&mut body, format_args!("    let {variable} = {instance}::evaluate({});", arguments.join(", ")));
+            let single = instruction.node_type.outputs_of(&instruction.mode).count() == 1;
+            let mut register = instruction.first_register;
+            for (identifier, kind) in &instruction.outputs {
+                let value =
+                    if single { variable.clone() } else { format!("{variable}.{}", shader_name(identifier).to_lowercase()) };
+                for axis in 0..kind.components() {
+                    names[register] = if kind.components() == 1 { value.clone() } else { format!("{value}.{}", AXES[axis]) };
+                    register += 1;
+                }
+            }
+        }
+        let mut text = format!("#define_import_path {PROGRAM_PATH}\n\n");
+        let attributes: String = (0..program.attributes.len()).map(|number| format!(", a{number}v: vec3f")).collect();
+        let expressions: Vec<String> = program
+            .outputs
+            .iter()
+            .map(|output| expression(&output.operands, &names, &output.name))
+            .collect::<Result<_>>()?;
+        let kinds: Vec<&str> = program.outputs.iter().map(|output| type_name(output.kind)).collect();
+        let (kind, value) = match expressions.as_slice() {
+            [one] => (kinds[0].to_owned(), one.clone()),
+            several => {
+                text.push_str("struct Outputs {\n");
+                for (number, kind) in kinds.iter().enumerate() {
+                    line(&mut text, format_args!("    o{number}v: {kind},"));
+                }
+                text.push_str("}\n\n");
+                ("Outputs".to_owned(), format!("Outputs({})", several.join(", ")))
+            }
+        };
+        line(&mut text, format_args!("fn evaluate(position: vec3f{attributes}) -> {kind} {{"));
+        text.push_str(&body);
+        line(&mut text, format_args!("    return {value};\n}}"));
+        Ok(text)
+    }
+}
+
+const AXES: [&str; 3] = ["x", "y", "z"];
+
+fn line(text: &mut String, parts: std::fmt::Arguments<'_>) {
+    writeln!(text, "{parts}").expect("writing to a string cannot fail");
+}
+
+fn type_name(kind: SocketType) -> &'static str {
+    if kind.components() == 1 { "f32" } else { "vec3f" }
+}
+
+/// One component as WGSL.
+fn scalar(operand: &Operand, names: &[String], place: &str) -> Result<String> {
+    Ok(match operand {
+        Operand::Constant(value) if value.is_finite() => format!("{value:?}f"),
+        Operand::Constant(value) => {
+            return Err(Error::new(
+                format!("shader: {place}"),
+                format!("the constant {value}"),
+                "a finite constant (WGSL has no infinities and no NaN)",
+                "Change the settings that lead to it, or evaluate on the CPU.",
+            ));
+        }
+        Operand::Position(axis) => format!("position.{}", AXES[*axis]),
+        Operand::Attribute(number, axis) => format!("a{number}v.{}", AXES[*axis]),
+        Operand::Register(register) => names[*register].clone(),
+    })
+}
+
+/// One socket's components as WGSL; a whole vector is named as such.
+fn expression(operands: &[Operand], names: &[String], place: &str) -> Result<String> {
+    let parts: Vec<String> = operands.iter().map(|operand| scalar(operand, names, place)).collect::<Result<_>>()?;
+    if parts.len() == 1 {
+        return Ok(parts[0].clone());
+    }
+    if let Some(whole) = parts[0].strip_suffix(".x") {
+        if parts.iter().zip(AXES).all(|(part, axis)| *part == format!("{whole}.{axis}")) {
+            return Ok(whole.to_owned());
+        }
+    }
+    Ok(format!("vec3f({})", parts.join(", ")))
+}
+
+/// Gives functions and types the names that a person reads: `math_1i_evaluate`, not the composer's
+/// decorated form.
+fn rename(module: &mut naga::Module) {
+    let plain = |name: &str| undecorate(name);
+    for (_, function) in module.functions.iter_mut() {
+        function.name = function.name.as_deref().map(plain);
+    }
+    for (_, variable) in module.global_variables.iter_mut() {
+        variable.name = variable.name.as_deref().map(plain);
+    }
+    for (_, constant) in module.constants.iter_mut() {
+        constant.name = constant.name.as_deref().map(plain);
+    }
+    let types: Vec<_> = module.types.iter().map(|(handle, kind)| (handle, kind.clone())).collect();
+    for (handle, mut kind) in types {
+        if let Some(name) = kind.name.as_deref().map(plain) {
+            kind.name = Some(name);
+            module.types.replace(handle, kind);
+        }
+    }
+}
+
+/// `itemX_naga_oil_mod_XBASE32X` as `module_item`.
+fn undecorate(name: &str) -> String {
+    const MARK: &str = "X_naga_oil_mod_X";
+    let Some((item, rest)) = name.split_once(MARK) else { return name.to_owned() };
+    let Some((encoded, tail)) = rest.split_once('X') else { return name.to_owned() };
+    let mut bits = 0_u32;
+    let mut count = 0;
+    let mut module = String::new();
+    for digit in encoded.bytes() {
+        let value = match digit {
+            b'A'..=b'Z' => digit - b'A',
+            b'2'..=b'7' => digit - b'2' + 26,
+            _ => return name.to_owned(),
+        };
+        bits = (bits << 5) | u32::from(value);
+        count += 5;
+        if count >= 8 {
+            count -= 8;
+            module.push(char::from((bits >> count) as u8));
+        }
+    }
+    let module = module.rsplit("::").next().unwrap_or_default();
+    format!("{module}_{item}{tail}")
+}
+
+/// Entry point that evaluates the density at the points of a storage buffer.
+const STANDALONE: &str = include_str!("../../shaders/integrate/density_at_points.wgsl");
+
+/// The density function with an entry point, as bytes of `language`.
+pub fn standalone(program: &Program, language: Language) -> Result<Vec<u8>> {
+    let module = Linker::new(program)?.link("integrate/density_at_points.wgsl", STANDALONE)?;
+    write(&module, language)
+}
+
+/// Validates with what every WebGPU implementation offers.
+pub fn validate(module: &naga::Module) -> Result<naga::valid::ModuleInfo> {
+    let flags = naga::valid::ValidationFlags::all();
+    naga::valid::Validator::new(flags, naga::valid::Capabilities::empty()).validate(module).map_err(|cause| {
+        Error::new(
+            "shader",
+            cause.into_inner().to_string(),
+            "a valid module",
+            "This is a defect of the program: report it with the scene file.",
+        )
+    })
+}
+
+/// Writes a module in a language.
+pub fn write(module: &naga::Module, language: Language) -> Result<Vec<u8>> {
+    use naga::back;
+    let info = validate(module)?;
+    let failure = |cause: String| {
+        Error::new("shader", cause, "a module that the language can express", "Choose another target language.")
+    };
+    let options = naga::back::pipeline_constants::process_overrides;
+    let entry = module.entry_points.first().map(|entry| entry.name.clone()).unwrap_or_default();
+    let _ = options;
+    Ok(match language {
+        Language::Wgsl => back::wgsl::write_string(module, &info, back::wgsl::WriterFlags::empty())
+            .map_err(|cause| failure(cause.to_string()))?
+            .into_bytes(),
+        Language::Spirv => {
+            let words = back::spv::write_vec(module, &info, &back::spv::Options::default(), None)
+                .map_err(|cause| failure(cause.to_string()))?;
+            words.iter().flat_map(|word| word.to_le_bytes()).collect()
+        }
+        Language::Glsl => {
+            let options = back::glsl::Options { version: back::glsl::Version::Desktop(450), ..Default::default() };
+            let pipeline = back::glsl::PipelineOptions {
+                shader_stage: naga::ShaderStage::Compute,
+                entry_point: entry,
+                multiview: None,
+            };
+            let mut text = String::new();
+            back::glsl::Writer::new(&mut text, module, &info, &options, &pipeline, naga::proc::BoundsCheckPolicies::default())
+                .and_then(|mut writer| writer.write())
+                .map_err(|cause| failure(cause.to_string()))?;
+            text.into_bytes()
+        }
+        Language::Hlsl => {
+            let options = back::hlsl::Options { fake_missing_bindings: true, ..Default::default() };
+            let pipeline = back::hlsl::PipelineOptions::default();
+            let mut text = String::new();
+            back::hlsl::Writer::new(&mut text, &options, &pipeline)
+                .write(module, &info, None)
+                .map_err(|cause| failure(cause.to_string()))?;
+            text.into_bytes()
+        }
+        Language::Msl => {
+            let options = back::msl::Options { fake_missing_bindings: true, lang_version: (2, 4), ..Default::default() };
+            back::msl::write_string(module, &info, &options, &back::msl::PipelineOptions::default())
+                .map_err(|cause| failure(cause.to_string()))?
+                .0
+                .into_bytes()
+        }
+    })
+}

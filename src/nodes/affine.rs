@@ -10,6 +10,7 @@ pub static TYPE: NodeType = NodeType {
     type_name: "cloudparity.Affine",
     label: "(coordinate transform)",
     module: "affine",
+    shader: include_str!("../../shaders/nodes/affine.wgsl"),
     properties: &[],
     inputs: &[
         InputSocket::vector("Vector", "Vector", &[0.0; 3], always),

@@ -9,6 +9,7 @@ pub static TYPE: NodeType = NodeType {
     type_name: "ShaderNodeClamp",
     label: "Clamp",
     module: "clamp",
+    shader: include_str!("../../shaders/nodes/clamp.wgsl"),
     properties: &[Property::choice("clamp_type", &["MINMAX", "RANGE"])],
     inputs: &[
         InputSocket::float("Value", "Value", &[1.0], always),

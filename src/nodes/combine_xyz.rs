@@ -9,6 +9,7 @@ pub static TYPE: NodeType = NodeType {
     type_name: "ShaderNodeCombineXYZ",
     label: "Combine XYZ",
     module: "combine_xyz",
+    shader: include_str!("../../shaders/nodes/combine_xyz.wgsl"),
     properties: &[],
     inputs: &[
         InputSocket::float("X", "X", &[0.0], always),

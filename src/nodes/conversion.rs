@@ -14,6 +14,7 @@ pub static TYPE: NodeType = NodeType {
     type_name: "cloudparity.Conversion",
     label: "(implicit conversion)",
     module: "conversion",
+    shader: include_str!("../../shaders/nodes/conversion.wgsl"),
     properties: &[Property::choice("from", &["VECTOR", "COLOR"])],
     inputs: &[InputSocket::vector("Vector", "Vector", &[0.0; 3], always)],
     outputs: &[OutputSocket::new("Value", SocketType::Float, always)],

@@ -12,6 +12,7 @@ pub static TYPE: NodeType = NodeType {
     type_name: "ShaderNodeMapRange",
     label: "Map Range",
     module: "map_range",
+    shader: include_str!("../../shaders/nodes/map_range.wgsl"),
     properties: &[
         Property::flag("clamp", true),
         Property::choice("interpolation_type", &["LINEAR", "STEPPED", "SMOOTHSTEP", "SMOOTHERSTEP"]),

@@ -14,6 +14,7 @@ pub static TYPE: NodeType = NodeType {
     type_name: "ShaderNodeMath",
     label: "Math",
     module: "math",
+    shader: include_str!("../../shaders/nodes/math.wgsl"),
     properties: &[Property::choice("operation", OPERATIONS), Property::flag("use_clamp", false)],
     inputs: &[
         InputSocket::float("Value", "Value", &[0.5], always),

@@ -40,6 +40,8 @@ pub struct NodeType {
     pub label: &'static str,
     /// Stem of the Rust file and of the WGSL module.
     pub module: &'static str,
+    /// Text of the WGSL module; empty for types that do not evaluate.
+    pub shader: &'static str,
     /// Modes and flags.
     pub properties: &'static [Property],
     /// Inputs in Blender's order, of all modes.

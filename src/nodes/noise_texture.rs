@@ -20,6 +20,7 @@ pub static TYPE: NodeType = NodeType {
     type_name: "ShaderNodeTexNoise",
     label: "Noise Texture",
     module: "noise_texture",
+    shader: include_str!("../../shaders/nodes/noise_texture.wgsl"),
     properties: &[
         Property::choice("noise_dimensions", &["3D", "1D", "2D", "4D"]),
         Property::choice(

@@ -11,6 +11,7 @@ pub static TYPE: NodeType = NodeType {
     type_name: "ShaderNodeAttribute",
     label: "Attribute",
     module: "point_attribute",
+    shader: "",
     properties: &[Property::choice("attribute_type", &["GEOMETRY"]), Property::other("attribute_name")],
     inputs: &[],
     outputs: &[

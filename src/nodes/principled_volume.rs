@@ -24,6 +24,7 @@ pub static TYPE: NodeType = NodeType {
     type_name: "ShaderNodeVolumePrincipled",
     label: "Principled Volume",
     module: "principled_volume",
+    shader: "",
     properties: &[],
     inputs: &[
         InputSocket::color("Color", "Color", &[0.5; 3]),

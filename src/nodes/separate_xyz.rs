@@ -9,6 +9,7 @@ pub static TYPE: NodeType = NodeType {
     type_name: "ShaderNodeSeparateXYZ",
     label: "Separate XYZ",
     module: "separate_xyz",
+    shader: include_str!("../../shaders/nodes/separate_xyz.wgsl"),
     properties: &[],
     inputs: &[InputSocket::vector("Vector", "Vector", &[0.0; 3], always)],
     outputs: &[

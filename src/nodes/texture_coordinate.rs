@@ -12,6 +12,7 @@ pub static TYPE: NodeType = NodeType {
     type_name: "ShaderNodeTexCoord",
     label: "Texture Coordinate",
     module: "texture_coordinate",
+    shader: "",
     properties: &[Property::other("object"), Property::flag("from_instancer", false)],
     inputs: &[],
     outputs: &[

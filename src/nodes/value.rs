@@ -9,6 +9,7 @@ pub static TYPE: NodeType = NodeType {
     type_name: "ShaderNodeValue",
     label: "Value",
     module: "value",
+    shader: "",
     properties: &[],
     inputs: &[],
     outputs: &[OutputSocket::new("Value", SocketType::Float, always)],

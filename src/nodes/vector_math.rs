@@ -16,6 +16,7 @@ pub static TYPE: NodeType = NodeType {
     type_name: "ShaderNodeVectorMath",
     label: "Vector Math",
     module: "vector_math",
+    shader: include_str!("../../shaders/nodes/vector_math.wgsl"),
     properties: &[Property::choice("operation", OPERATIONS)],
     inputs: &[
         InputSocket::vector("Vector", "Vector", &[0.0; 3], always),

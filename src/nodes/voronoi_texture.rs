@@ -21,6 +21,7 @@ pub static TYPE: NodeType = NodeType {
     type_name: "ShaderNodeTexVoronoi",
     label: "Voronoi Texture",
     module: "voronoi_texture",
+    shader: include_str!("../../shaders/nodes/voronoi_texture.wgsl"),
     properties: &[
         Property::choice("voronoi_dimensions", &["3D", "1D", "2D", "4D"]),
         Property::choice("distance", &["EUCLIDEAN", "MANHATTAN", "CHEBYCHEV", "MINKOWSKI"]),

@@ -3,6 +3,7 @@
 //! Every file is optional. One that is missing is listed as left out with the command that makes it;
 //! one that is there and cannot be understood is an error with file and place.
 
+use super::numbers::capitalised;
 use crate::compare::{DiffResult, Verdict};
 use crate::error::{Error, Result};
 use crate::files;
@@ -375,11 +376,6 @@ impl Inputs {
         }
         Ok(())
     }
-}
-
-fn capitalised(text: &str) -> String {
-    let mut letters = text.chars();
-    letters.next().map(|first| first.to_uppercase().chain(letters).collect()).unwrap_or_default()
 }
 
 /// A file name that stays inside the run directory.

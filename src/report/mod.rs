@@ -12,7 +12,7 @@ mod tables;
 use crate::error::{Error, Result};
 use crate::files::write_atomically;
 use inputs::{Inputs, Picture};
-use minijinja::{AutoEscape, Environment, UndefinedBehavior, Value, context};
+use minijinja::{AutoEscape, Environment, UndefinedBehavior, Value, value::Serde};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 
@@ -43,6 +43,27 @@ struct View<'a> {
     legend: Option<&'a Picture>,
 }
 
+/// What the template sees.
+#[derive(Serialize)]
+struct Page<'a> {
+    style: &'static str,
+    program: &'static str,
+    summary: &'a summary::Summary,
+    run: &'a inputs::Run,
+    diff: &'a Option<crate::compare::DiffResult>,
+    views: Vec<View<'a>>,
+    probes: &'a [inputs::Probe],
+    slices: &'a [inputs::Slice],
+    pictures: &'a indexmap::IndexMap<String, Picture>,
+    modes: &'a [inputs::Mode],
+    bounds: Option<tables::Table>,
+    bench: &'a Option<inputs::Bench>,
+    software_adapter: bool,
+    explain: &'a Option<String>,
+    scene: Option<Vec<(&'static str, String)>>,
+    left_out: &'a [inputs::LeftOut],
+}
+
 /// Key (file stem), label and caption of each picture of the viewer, in its order.
 const VIEWS: [(&str, &str, &str); 5] = [
     ("ours", "Ours", "Our picture"),
@@ -61,6 +82,24 @@ fn render(inputs: &Inputs, summary: &summary::Summary) -> Result<String> {
             Some(View { key, label, caption, picture, legend })
         })
         .collect();
+    let page = Page {
+        style: STYLE,
+        program: PROGRAM,
+        summary,
+        run: &inputs.run,
+        diff: &inputs.diff,
+        views,
+        probes: &inputs.probes,
+        slices: &inputs.slices,
+        pictures: &inputs.pictures,
+        modes: &inputs.modes,
+        bounds: inputs.bounds.as_ref().map(tables::Table::of),
+        bench: &inputs.bench,
+        software_adapter: inputs.bench.as_ref().is_some_and(inputs::Bench::software_adapter),
+        explain: &inputs.explain,
+        scene: inputs.scene.as_ref().map(tables::scene_facts),
+        left_out: &inputs.left_out,
+    };
     let mut environment = Environment::new();
     environment.set_undefined_behavior(UndefinedBehavior::Strict);
     environment.set_auto_escape_callback(|_| AutoEscape::Html);
@@ -86,24 +125,7 @@ fn render(inputs: &Inputs, summary: &summary::Summary) -> Result<String> {
     environment
         .get_template("template.html")
         .and_then(|template| {
-            template.render(context! {
-                style => STYLE,
-                program => PROGRAM,
-                summary,
-                run => inputs.run,
-                diff => inputs.diff,
-                views,
-                probes => inputs.probes,
-                slices => inputs.slices,
-                pictures => inputs.pictures,
-                modes => inputs.modes,
-                bounds => inputs.bounds.as_ref().map(tables::Table::of),
-                bench => inputs.bench,
-                software_adapter => inputs.bench.as_ref().is_some_and(inputs::Bench::software_adapter),
-                explain => inputs.explain,
-                scene => inputs.scene.as_ref().map(tables::scene_facts),
-                left_out => inputs.left_out,
-            })
+            template.render(Value::from(Serde(&page)))
         })
         .map_err(failed)
 }

@@ -1,4 +1,4 @@
-//! How a report writes numbers: few digits, thin spaces between thousands, powers of ten.
+//! How a report writes numbers and words: few digits, thin spaces between thousands, powers of ten.
 
 use serde_json::Value;
 
@@ -89,6 +89,12 @@ pub fn plain(value: &Value) -> String {
             fields.iter().map(|(key, item)| format!("{key} {}", plain(item))).collect::<Vec<_>>().join(", ")
         }
     }
+}
+
+/// The text with an upper case first letter.
+pub fn capitalised(text: &str) -> String {
+    let mut letters = text.chars();
+    letters.next().map(|first| first.to_uppercase().chain(letters).collect()).unwrap_or_default()
 }
 
 fn trimmed(text: &str) -> &str {

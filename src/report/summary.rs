@@ -120,7 +120,7 @@ fn field_parts(probe: &Probe) -> impl Iterator<Item = Part> + '_ {
         if let Some(limit) = found.limit {
             sentence.push_str(&format!(" Limit {}.", figure(Some(limit))));
         }
-        Part::new(format!("Field on the {}", evaluator_name(name)), "field", found.verdict(), sentence)
+        Part::new(format!("Field ({})", evaluator_name(name)), "field", found.verdict(), sentence)
     })
 }
 
@@ -171,7 +171,7 @@ fn key_figures(inputs: &Inputs) -> Vec<KeyFigure> {
             add(signed_percent(Some(worst)), "worst channel mean", limit("channel_mean_relative", percent));
         }
         if let Some(relmse) = &diff.relmse {
-            add(figure(relmse.block), "relMSE of block means", limit("block_relmse", figure));
+            add(figure(relmse.block), "block relMSE", limit("block_relmse", figure));
         }
         if let Some(flip) = diff.flip.as_ref().filter(|flip| flip.mean.is_some()) {
             add(figure(flip.mean), "mean HDR-FLIP", "0 none, 1 all".into());
@@ -182,10 +182,10 @@ fn key_figures(inputs: &Inputs) -> Vec<KeyFigure> {
             let total = found.points.unwrap_or(probe.points);
             let name = evaluator_name(name);
             match found.differing {
-                Some(0) => add(format!("{} / {0}", count(Some(total))), &format!("{name} points equal"), "bit for bit".into()),
+                Some(0) => add(count(Some(total)), &format!("{name} points equal"), format!("of {}", count(Some(total)))),
                 _ => add(
                     figure(found.max_error),
-                    &format!("largest {name} field error"),
+                    &format!("{name} field, max error"),
                     format!("{} points", count(Some(total))),
                 ),
             }

@@ -1,7 +1,7 @@
 //! The figures as CSV and Markdown, and tables from JSON of no fixed layout.
 
 use super::inputs::Inputs;
-use super::numbers::{ABSENT, count, figure, percent, plain, rate, ratio, seconds, signed_percent};
+use super::numbers::{ABSENT, capitalised, count, figure, percent, plain, rate, ratio, seconds, signed_percent};
 use super::summary::{Summary, evaluator_name};
 use serde::Serialize;
 use serde_json::Value;
@@ -194,7 +194,7 @@ fn quoted(cell: &str) -> String {
 
 /// `report.md`: the page without its pictures' viewer, for terminals and repositories.
 pub fn markdown(inputs: &Inputs, summary: &Summary) -> String {
-    let mut text = format!("# {}\n\n**{}.** {}\n", line(&summary.title), capital(summary.words), line(&summary.sentence));
+    let mut text = format!("# {}\n\n**{}.** {}\n", line(&summary.title), capitalised(summary.words), line(&summary.sentence));
     let parts = summary.parts.iter().map(|part| vec![part.name.clone(), part.words.into(), part.sentence.clone()]);
     text += &table(&["Part", "Verdict", "Found"], parts);
     let names = ["ours.png", "reference.png", "difference.png"];
@@ -293,9 +293,4 @@ fn line(text: &str) -> String {
         }
     }
     if safe.is_empty() { ABSENT.into() } else { safe }
-}
-
-fn capital(text: &str) -> String {
-    let mut letters = text.chars();
-    letters.next().map(|first| first.to_uppercase().chain(letters).collect()).unwrap_or_default()
 }

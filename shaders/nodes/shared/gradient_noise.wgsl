@@ -5,7 +5,7 @@
 #define_import_path cloudparity::gradient_noise
 
 #import cloudparity::hash::{jenkins1, jenkins2, jenkins3, jenkins4}
-#import cloudparity::numeric::{fmod, to_int}
+#import cloudparity::numeric::{fmod, mix_linear, to_int}
 
 const PERIOD: f32 = 100000.0;
 const INVERSE_PERIOD: f32 = 0.00001;
@@ -13,10 +13,6 @@ const COARSE: f32 = 1000000.0;
 
 fn signed_by(x: f32, flag: u32) -> f32 {
     return select(x, -x, flag != 0u);
-}
-
-fn mix_linear(a: f32, b: f32, t: f32) -> f32 {
-    return a + t * (b - a);
 }
 
 fn fade_1d(f: f32) -> f32 {

@@ -97,18 +97,13 @@ fn hash_float2(x: f32, y: f32) -> f32 {
     return unit_from_bits(jenkins2(bitcast<u32>(x), bitcast<u32>(y)));
 }
 
-// PCG in two parts: the linear step of each component can be shared by all cells of a row, the rounds cannot.
+// PCG in parts: the linear step of a component is shared by all cells of a row; the rounds are not; the last scaling can
+// be merged with a factor of the caller. 31 bits are left, so that the signed conversion, one instruction everywhere,
+// serves.
 const PCG_MULTIPLIER: i32 = 1664525;
 const PCG_INCREMENT: i32 = 1013904223;
-
-fn pcg_linear(v: i32) -> i32 {
-    return v * PCG_MULTIPLIER + PCG_INCREMENT;
-}
-
-// A masked value is a non-negative i32: the signed conversion is one instruction everywhere, and exact to one rounding.
-fn unit_from_pcg(v: i32) -> f32 {
-    return f32(v & 0x7fffffff) * 4.656612873077393e-10;
-}
+const PCG_MASK: i32 = 0x7fffffff;
+const PCG_UNIT: f32 = 4.656612873077393e-10;
 
 fn pcg2_rounds(linear: vec2i) -> vec2f {
     var x = linear.x;
@@ -119,7 +114,7 @@ fn pcg2_rounds(linear: vec2i) -> vec2f {
     y ^= y >> 16u;
     x += y * PCG_MULTIPLIER;
     y += x * PCG_MULTIPLIER;
-    return vec2f(unit_from_pcg(x), unit_from_pcg(y));
+    return vec2f(vec2i(x, y) & vec2i(PCG_MASK));
 }
 
 fn pcg3_rounds(linear: vec3i) -> vec3f {
@@ -135,7 +130,7 @@ fn pcg3_rounds(linear: vec3i) -> vec3f {
     x += y * z;
     y += z * x;
     z += x * y;
-    return vec3f(unit_from_pcg(x), unit_from_pcg(y), unit_from_pcg(z));
+    return vec3f(vec3i(x, y, z) & vec3i(PCG_MASK));
 }
 
 fn pcg4_rounds(linear: vec4i) -> vec4f {
@@ -155,17 +150,13 @@ fn pcg4_rounds(linear: vec4i) -> vec4f {
     y += z * x;
     z += x * y;
     w += y * z;
-    return vec4f(unit_from_pcg(x), unit_from_pcg(y), unit_from_pcg(z), unit_from_pcg(w));
-}
-
-fn pcg2(cell: vec2i) -> vec2f {
-    return pcg2_rounds(vec2i(pcg_linear(cell.x), pcg_linear(cell.y)));
+    return vec4f(vec4i(x, y, z, w) & vec4i(PCG_MASK));
 }
 
 fn pcg3(cell: vec3i) -> vec3f {
-    return pcg3_rounds(vec3i(pcg_linear(cell.x), pcg_linear(cell.y), pcg_linear(cell.z)));
+    return pcg3_rounds(cell * PCG_MULTIPLIER + PCG_INCREMENT) * PCG_UNIT;
 }
 
 fn pcg4(cell: vec4i) -> vec4f {
-    return pcg4_rounds(vec4i(pcg_linear(cell.x), pcg_linear(cell.y), pcg_linear(cell.z), pcg_linear(cell.w)));
+    return pcg4_rounds(cell * PCG_MULTIPLIER + PCG_INCREMENT) * PCG_UNIT;
 }

@@ -20,6 +20,10 @@ fn to_int(x: f32) -> i32 {
     return select(i32(-2147483647 - 1), i32(x), abs(x) < 2147483648.0);
 }
 
+fn mix_linear(a: f32, b: f32, t: f32) -> f32 {
+    return a + t * (b - a);
+}
+
 fn safe_divide(a: f32, b: f32) -> f32 {
     return select(0.0, a / b, b != 0.0);
 }

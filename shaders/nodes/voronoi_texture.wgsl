@@ -1,0 +1,950 @@
+// Voronoi Texture node (ShaderNodeTexVoronoi): distances to one random point per cell, summed over octaves.
+// VORONOI_DIMENSIONS_1D (w) to _4D (vector and w); FEATURE_F1, _F2, _SMOOTH_F1, _DISTANCE_TO_EDGE, _N_SPHERE_RADIUS;
+// DISTANCE_EUCLIDEAN, _MANHATTAN, _CHEBYCHEV, _MINKOWSKI (2D and up, first three features); NORMALIZE.
+// Source: Worley 1996 and Quilez' smooth and edge variants in Blender's form; the point of cell C + o lies, relative to
+// C, at o + randomness * hash(C + o), and only the 3^n cells around the own one are searched (5^n for Smooth F1).
+// Nothing is hashed that cannot change the result: see "Search". Ties go to the first cell of Blender's scan.
+// Domain: finite f32; detail is limited to [0, 15]. Limits: cells from 2^31 on are all the same; above 1 the distance
+// may miss a nearer point outside the searched cells, as it does in Blender.
+#import cloudparity::hash::{pcg2_rounds, pcg3_rounds, pcg4_rounds, pcg3, pcg4, hash_float1, hash_float2}
+#import cloudparity::hash::{PCG_MULTIPLIER, PCG_INCREMENT, PCG_UNIT}
+#import cloudparity::numeric::{safe_pow, to_int, LARGEST}
+
+struct Parameters {
+    randomness: f32,
+    smoothness: f32,
+    exponent: f32,
+}
+
+// Points and cells have four components in all dimensions. Those beyond the dimension stay 0, which costs nothing:
+// compilers fold them away.
+
+// What one octave gives, as far as it is wanted.
+struct Octave {
+    distance: f32,
+#ifdef OUTPUT_COLOR
+    color: vec3f,
+#endif
+#ifdef OUTPUT_POSITION
+    position: vec4f,
+#else ifdef OUTPUT_W
+    position: vec4f,
+#endif
+}
+
+fn mix_point(a: vec4f, b: vec4f, t: f32) -> vec4f {
+    return a + t * (b - a);
+}
+
+// ---------------------------------------------------------------------------------------------------------------------
+// Metric: the axes' terms, their sum (or maximum) in Blender's order, and the root that makes a distance of it.
+
+#ifndef VORONOI_DIMENSIONS_1D
+
+fn power_each(v: vec4f, exponent: f32) -> vec4f {
+    var t = vec4f(safe_pow(v.x, exponent), safe_pow(v.y, exponent), 0.0, 0.0);
+#ifndef VORONOI_DIMENSIONS_2D
+    t.z = safe_pow(v.z, exponent);
+#endif
+#ifdef VORONOI_DIMENSIONS_4D
+    t.w = safe_pow(v.w, exponent);
+#endif
+    return t;
+}
+
+fn terms(v: vec4f, exponent: f32) -> vec4f {
+#ifdef FEATURE_DISTANCE_TO_EDGE
+    return v * v;
+#else ifdef FEATURE_N_SPHERE_RADIUS
+    return v * v;
+#else ifdef DISTANCE_MANHATTAN
+    return abs(v);
+#else ifdef DISTANCE_CHEBYCHEV
+    return abs(v);
+#else ifdef DISTANCE_MINKOWSKI
+    return power_each(abs(v), exponent);
+#else
+    return v * v;
+#endif
+}
+
+fn join(a: f32, b: f32) -> f32 {
+#ifdef FEATURE_DISTANCE_TO_EDGE
+    return a + b;
+#else ifdef FEATURE_N_SPHERE_RADIUS
+    return a + b;
+#else ifdef DISTANCE_CHEBYCHEV
+    return max(a, b);
+#else
+    return a + b;
+#endif
+}
+
+fn combine(t: vec4f) -> f32 {
+#ifdef VORONOI_DIMENSIONS_2D
+    return join(t.x, t.y);
+#else ifdef VORONOI_DIMENSIONS_3D
+    return join(join(t.x, t.y), t.z);
+#else
+    return join(join(t.x, t.y), join(t.z, t.w));
+#endif
+}
+
+fn root(measure: f32, exponent: f32) -> f32 {
+#ifdef FEATURE_DISTANCE_TO_EDGE
+    return sqrt(measure);
+#else ifdef FEATURE_N_SPHERE_RADIUS
+    return sqrt(measure);
+#else ifdef DISTANCE_MANHATTAN
+    return measure;
+#else ifdef DISTANCE_CHEBYCHEV
+    return measure;
+#else ifdef DISTANCE_MINKOWSKI
+    return safe_pow(measure, 1.0 / exponent);
+#else
+    return sqrt(measure);
+#endif
+}
+
+fn distance_of(v: vec4f, exponent: f32) -> f32 {
+    return root(combine(terms(v, exponent)), exponent);
+}
+
+// F2 compares distances, the others compare without the root.
+fn comparable(measure: f32, exponent: f32) -> f32 {
+#ifdef FEATURE_F2
+    return root(measure, exponent);
+#else
+    return measure;
+#endif
+}
+
+fn dot_ordered(a: vec4f, b: vec4f) -> f32 {
+    let p = a * b;
+#ifdef VORONOI_DIMENSIONS_2D
+    return p.x + p.y;
+#else ifdef VORONOI_DIMENSIONS_3D
+    return (p.x + p.y) + p.z;
+#else
+    return (p.x + p.y) + (p.z + p.w);
+#endif
+}
+
+// ---------------------------------------------------------------------------------------------------------------------
+// Cells
+
+// The cell of x and the place of x in it.
+struct Site {
+    corner: vec4f,
+    local: vec4f,
+    cell: vec4i,
+}
+
+fn site_of(x: vec4f) -> Site {
+    let corner = floor(x);
+    let cell = vec4i(to_int(corner.x), to_int(corner.y), to_int(corner.z), to_int(corner.w));
+    return Site(corner, x - corner, cell);
+}
+
+// Hash of a cell whose linear step is done, times 2^31.
+fn rounds(linear: vec4i) -> vec4f {
+#ifdef VORONOI_DIMENSIONS_2D
+    return vec4f(pcg2_rounds(linear.xy), 0.0, 0.0);
+#else ifdef VORONOI_DIMENSIONS_3D
+    return vec4f(pcg3_rounds(linear.xyz), 0.0);
+#else
+    return pcg4_rounds(linear);
+#endif
+}
+
+// Randomness and the scale of the hash in one factor: a power of two commutes with rounding.
+fn jitter(p: Parameters) -> f32 {
+    return p.randomness * PCG_UNIT;
+}
+
+// The point of cell C + o, relative to C.
+fn point_of(site: Site, o: vec4i, p: Parameters) -> vec4f {
+    return vec4f(o) + rounds((site.cell + o) * PCG_MULTIPLIER + PCG_INCREMENT) * jitter(p);
+}
+
+fn color_of(cell: vec4i) -> vec3f {
+#ifdef VORONOI_DIMENSIONS_2D
+    return pcg3(vec3i(cell.xy, 0));
+#else ifdef VORONOI_DIMENSIONS_3D
+    return pcg3(cell.xyz);
+#else
+    return pcg4(cell).xyz;
+#endif
+}
+
+fn first_offset(reach: i32) -> vec4i {
+#ifdef VORONOI_DIMENSIONS_2D
+    return vec4i(-reach, -reach, 0, 0);
+#else ifdef VORONOI_DIMENSIONS_3D
+    return vec4i(-reach, -reach, -reach, 0);
+#else
+    return vec4i(-reach);
+#endif
+}
+
+// The offset after o in Blender's scan of [-reach, reach]^n: first axis fastest.
+fn next_offset(offset: vec4i, reach: i32) -> vec4i {
+    var o = offset;
+    o.x += 1;
+    let carry_y = o.x > reach;
+    o.x = select(o.x, -reach, carry_y);
+    o.y += select(0, 1, carry_y);
+#ifndef VORONOI_DIMENSIONS_2D
+    let carry_z = o.y > reach;
+    o.y = select(o.y, -reach, carry_z);
+    o.z += select(0, 1, carry_z);
+#endif
+#ifdef VORONOI_DIMENSIONS_4D
+    let carry_w = o.z > reach;
+    o.z = select(o.z, -reach, carry_w);
+    o.w += select(0, 1, carry_w);
+#endif
+    return o;
+}
+
+#ifdef VORONOI_DIMENSIONS_2D
+const NEAR_CELLS: i32 = 9;
+const WIDE_CELLS: i32 = 25;
+#else ifdef VORONOI_DIMENSIONS_3D
+const NEAR_CELLS: i32 = 27;
+const WIDE_CELLS: i32 = 125;
+#else
+const NEAR_CELLS: i32 = 81;
+const WIDE_CELLS: i32 = 625;
+#endif
+
+// ---------------------------------------------------------------------------------------------------------------------
+// Search: the nearest points in the 3^n cells.
+//
+// Each axis goes from the own cell to the nearer neighbour, then to the farther one, and stops where no point there can
+// be near enough. For offset +1 the point's distance along the axis is at least 1 - l, for -1 at least l, also after
+// rounding, and the bound is summed in the same order as the measure. Rounding is monotone, so the bound never exceeds
+// a measure that it stands for: leaving the cell out is exact, not an approximation.
+
+// Kept small by what a mode reads; unread fields vanish in the driver's compiler.
+struct Search {
+    nearest: f32,
+    nearest_rank: f32,
+    nearest_offset: vec4f,
+    second: f32,
+    second_rank: f32,
+    second_offset: vec4f,
+}
+
+struct Axes {
+    local: vec4f,
+    // Linear step of the hash of the own cell, and its change towards the near side.
+    hash: vec4i,
+    hash_step: vec4i,
+    near: vec4f,
+    near_bound: vec4f,
+    far_bound: vec4f,
+    jitter: f32,
+    exponent: f32,
+}
+
+// Place in Blender's scan, for ties.
+fn rank(o: vec4f) -> f32 {
+#ifdef VORONOI_DIMENSIONS_2D
+    return o.x + 3.0 * o.y;
+#else ifdef VORONOI_DIMENSIONS_3D
+    return o.x + 3.0 * o.y + 9.0 * o.z;
+#else
+    return o.x + 3.0 * o.y + 9.0 * o.z + 27.0 * o.w;
+#endif
+}
+
+fn visit_nearest(s: ptr<function, Search>, measure: f32) {
+    (*s).nearest = min((*s).nearest, measure);
+}
+
+fn visit_ranked(s: ptr<function, Search>, o: vec4f, measure: f32) {
+    let r = rank(o);
+    if measure < (*s).nearest || (measure == (*s).nearest && r < (*s).nearest_rank) {
+        (*s).nearest = measure;
+        (*s).nearest_rank = r;
+        (*s).nearest_offset = o;
+    }
+}
+
+fn visit_two(s: ptr<function, Search>, o: vec4f, measure: f32) {
+    let r = rank(o);
+    if measure < (*s).nearest || (measure == (*s).nearest && r < (*s).nearest_rank) {
+        (*s).second = (*s).nearest;
+        (*s).second_rank = (*s).nearest_rank;
+        (*s).second_offset = (*s).nearest_offset;
+        (*s).nearest = measure;
+        (*s).nearest_rank = r;
+        (*s).nearest_offset = o;
+    } else if measure < (*s).second || (measure == (*s).second && r < (*s).second_rank) {
+        (*s).second = measure;
+        (*s).second_rank = r;
+        (*s).second_offset = o;
+    }
+}
+
+fn visit(s: ptr<function, Search>, a: Axes, o: vec4f, hash: vec4i) {
+    let v = (o + rounds(hash) * a.jitter) - a.local;
+    let measure = comparable(combine(terms(v, a.exponent)), a.exponent);
+#ifdef FEATURE_F2
+    visit_two(s, o, measure);
+#else ifdef FEATURE_DISTANCE_TO_EDGE
+    visit_ranked(s, o, measure);
+#else ifdef FEATURE_N_SPHERE_RADIUS
+    visit_ranked(s, o, measure);
+#else ifdef OUTPUT_COLOR
+    visit_ranked(s, o, measure);
+#else ifdef OUTPUT_POSITION
+    visit_ranked(s, o, measure);
+#else ifdef OUTPUT_W
+    visit_ranked(s, o, measure);
+#else
+    visit_nearest(s, measure);
+#endif
+}
+
+// Where the cell matters, an equal measure may still win by its rank.
+fn hopeless(s: ptr<function, Search>, a: Axes, bounds: vec4f) -> bool {
+    let bound = comparable(combine(bounds), a.exponent);
+#ifdef FEATURE_F2
+    return bound > (*s).second;
+#else ifdef FEATURE_DISTANCE_TO_EDGE
+    return bound > (*s).nearest;
+#else ifdef FEATURE_N_SPHERE_RADIUS
+    return bound > (*s).nearest;
+#else ifdef OUTPUT_COLOR
+    return bound > (*s).nearest;
+#else ifdef OUTPUT_POSITION
+    return bound > (*s).nearest;
+#else ifdef OUTPUT_W
+    return bound > (*s).nearest;
+#else
+    return bound >= (*s).nearest;
+#endif
+}
+
+// The loops test at their end: the own cell of an axis is never in doubt, and a wave leaves as soon as all its lanes do.
+fn scan_x(s: ptr<function, Search>, a: Axes, o: vec4f, hash: vec4i, bounds: vec4f) {
+    visit(s, a, o, hash);
+    var side = o;
+    var side_hash = hash;
+    side.x = a.near.x;
+    side_hash.x = a.hash.x + a.hash_step.x;
+    visit(s, a, side, side_hash);
+    var side_bounds = bounds;
+    side_bounds.x = a.far_bound.x;
+    if !hopeless(s, a, side_bounds) {
+        side.x = -a.near.x;
+        side_hash.x = a.hash.x - a.hash_step.x;
+        visit(s, a, side, side_hash);
+    }
+}
+
+fn scan_y(s: ptr<function, Search>, a: Axes, o: vec4f, hash: vec4i, bounds: vec4f) {
+    var side = o;
+    var side_hash = hash;
+    var side_bounds = bounds;
+    var place = 0;
+    loop {
+        scan_x(s, a, side, side_hash, side_bounds);
+        continuing {
+            place += 1;
+            side.y = select(-a.near.y, a.near.y, place == 1);
+            side_hash.y = a.hash.y + select(-a.hash_step.y, a.hash_step.y, place == 1);
+            side_bounds.y = select(a.far_bound.y, a.near_bound.y, place == 1);
+            break if place > 2 || hopeless(s, a, side_bounds);
+        }
+    }
+}
+
+#ifndef VORONOI_DIMENSIONS_2D
+fn scan_z(s: ptr<function, Search>, a: Axes, o: vec4f, hash: vec4i, bounds: vec4f) {
+    var side = o;
+    var side_hash = hash;
+    var side_bounds = bounds;
+    var place = 0;
+    loop {
+        scan_y(s, a, side, side_hash, side_bounds);
+        continuing {
+            place += 1;
+            side.z = select(-a.near.z, a.near.z, place == 1);
+            side_hash.z = a.hash.z + select(-a.hash_step.z, a.hash_step.z, place == 1);
+            side_bounds.z = select(a.far_bound.z, a.near_bound.z, place == 1);
+            break if place > 2 || hopeless(s, a, side_bounds);
+        }
+    }
+}
+#endif
+
+#ifdef VORONOI_DIMENSIONS_4D
+fn scan_w(s: ptr<function, Search>, a: Axes, o: vec4f, hash: vec4i, bounds: vec4f) {
+    var side = o;
+    var side_hash = hash;
+    var side_bounds = bounds;
+    var place = 0;
+    loop {
+        scan_z(s, a, side, side_hash, side_bounds);
+        continuing {
+            place += 1;
+            side.w = select(-a.near.w, a.near.w, place == 1);
+            side_hash.w = a.hash.w + select(-a.hash_step.w, a.hash_step.w, place == 1);
+            side_bounds.w = select(a.far_bound.w, a.near_bound.w, place == 1);
+            break if place > 2 || hopeless(s, a, side_bounds);
+        }
+    }
+}
+#endif
+
+// Lower bounds of the terms at a distance along each axis.
+fn bound_terms(axis_distance: vec4f, exponent: f32) -> vec4f {
+#ifdef FEATURE_DISTANCE_TO_EDGE
+    return terms(axis_distance, exponent);
+#else ifdef FEATURE_N_SPHERE_RADIUS
+    return terms(axis_distance, exponent);
+#else ifdef DISTANCE_MINKOWSKI
+    // The power rounds within a few ulp, not monotonically; with exponents up to 0 it falls with the distance; and the
+    // root of F2 has both faults.
+#ifdef FEATURE_F2
+    return vec4f(0.0);
+#else
+    return select(vec4f(-1.0), terms(axis_distance, exponent) * 0.999998, vec4f(exponent) > vec4f(0.0));
+#endif
+#else
+    return terms(axis_distance, exponent);
+#endif
+}
+
+fn search(site: Site, p: Parameters) -> Search {
+    let upper = site.local >= vec4f(0.5);
+    let rest = vec4f(1.0) - site.local;
+    var a: Axes;
+    a.local = site.local;
+    a.hash = site.cell * PCG_MULTIPLIER + PCG_INCREMENT;
+    a.hash_step = select(vec4i(-PCG_MULTIPLIER), vec4i(PCG_MULTIPLIER), upper);
+    a.near = select(vec4f(-1.0), vec4f(1.0), upper);
+    a.near_bound = bound_terms(select(site.local, rest, upper), p.exponent);
+    a.far_bound = bound_terms(select(rest, site.local, upper), p.exponent);
+    a.jitter = jitter(p);
+    a.exponent = p.exponent;
+    var s = Search(LARGEST, 1000.0, vec4f(0.0), LARGEST, 1000.0, vec4f(0.0));
+#ifdef VORONOI_DIMENSIONS_2D
+    scan_y(&s, a, vec4f(0.0), a.hash, vec4f(0.0));
+#else ifdef VORONOI_DIMENSIONS_3D
+    scan_z(&s, a, vec4f(0.0), a.hash, vec4f(0.0));
+#else
+    scan_w(&s, a, vec4f(0.0), a.hash, vec4f(0.0));
+#endif
+    return s;
+}
+
+// ---------------------------------------------------------------------------------------------------------------------
+// Features
+
+// Distance, colour and position of the cell at an offset.
+fn octave_at(site: Site, o: vec4f, distance: f32, p: Parameters) -> Octave {
+    var octave: Octave;
+    octave.distance = distance;
+#ifdef OUTPUT_COLOR
+    octave.color = color_of(site.cell + vec4i(o));
+#endif
+#ifdef OUTPUT_POSITION
+    octave.position = point_of(site, vec4i(o), p) + site.corner;
+#else ifdef OUTPUT_W
+    octave.position = point_of(site, vec4i(o), p) + site.corner;
+#endif
+    return octave;
+}
+
+fn first_feature(x: vec4f, p: Parameters) -> Octave {
+    let site = site_of(x);
+    let s = search(site, p);
+#ifdef OUTPUT_DISTANCE
+    return octave_at(site, s.nearest_offset, root(s.nearest, p.exponent), p);
+#else
+    return octave_at(site, s.nearest_offset, 0.0, p);
+#endif
+}
+
+fn second_feature(x: vec4f, p: Parameters) -> Octave {
+    let site = site_of(x);
+    let s = search(site, p);
+    return octave_at(site, s.second_offset, s.second, p);
+}
+
+// A smooth minimum over 5^n cells, folded in Blender's order, on which the result depends.
+fn smooth_feature(x: vec4f, p: Parameters) -> Octave {
+    let site = site_of(x);
+    var octave: Octave;
+    var o = first_offset(2);
+    for (var i = 0; i < WIDE_CELLS; i++) {
+        let point = point_of(site, o, p);
+        let d = distance_of(point - site.local, p.exponent);
+        let t = 0.5 + (0.5 * (octave.distance - d)) / p.smoothness;
+        let inner = select(select((3.0 - 2.0 * t) * (t * t), 1.0, t >= 1.0), 0.0, t < 0.0);
+        let h = select(inner, 1.0, i == 0);
+        let correction = (p.smoothness * h) * (1.0 - h);
+        octave.distance = octave.distance + h * (d - octave.distance) - correction;
+#ifdef OUTPUT_COLOR
+        octave.color = octave.color + h * (color_of(site.cell + o) - octave.color)
+            - correction / (1.0 + 3.0 * p.smoothness);
+#endif
+#ifdef OUTPUT_POSITION
+        octave.position = mix_point(octave.position, point, h) - correction / (1.0 + 3.0 * p.smoothness);
+#else ifdef OUTPUT_W
+        octave.position = mix_point(octave.position, point, h) - correction / (1.0 + 3.0 * p.smoothness);
+#endif
+        o = next_offset(o, 2);
+    }
+#ifdef OUTPUT_POSITION
+    octave.position += site.corner;
+#else ifdef OUTPUT_W
+    octave.position += site.corner;
+#endif
+    return octave;
+}
+
+fn unit(v: vec4f) -> vec4f {
+    let l = sqrt(dot_ordered(v, v));
+#ifdef VORONOI_DIMENSIONS_3D
+    return vec4f(v.xyz / l, 0.0);
+#else
+    return v * (1.0 / l);
+#endif
+}
+
+// The smallest distance to a plane halfway between the nearest point and another one.
+fn edge_feature(x: vec4f, p: Parameters) -> f32 {
+    let site = site_of(x);
+    let nearest = point_of(site, vec4i(search(site, p).nearest_offset), p) - site.local;
+    var edge = LARGEST;
+    var o = first_offset(1);
+    for (var i = 0; i < NEAR_CELLS; i++) {
+        let v = point_of(site, o, p) - site.local;
+        let across = v - nearest;
+        // Leaves out the nearest point itself.
+        if dot_ordered(across, across) > 0.0001 {
+            edge = min(edge, dot_ordered((nearest + v) * 0.5, unit(across)));
+        }
+        o = next_offset(o, 1);
+    }
+    return edge;
+}
+
+// Half the distance from the nearest point to its own nearest neighbour.
+fn sphere_feature(x: vec4f, p: Parameters) -> f32 {
+    let site = site_of(x);
+    let home = vec4i(search(site, p).nearest_offset);
+    let centre = point_of(site, home, p);
+    var least = LARGEST;
+    var o = first_offset(1);
+    for (var i = 0; i < NEAR_CELLS; i++) {
+        let v = point_of(site, home + o, p) - centre;
+        least = select(min(least, dot_ordered(v, v)), least, all(o == vec4i(0)));
+        o = next_offset(o, 1);
+    }
+    return sqrt(least) * 0.5;
+}
+
+fn corner_distance(h: f32, p: Parameters) -> f32 {
+    return distance_of(vec4f(h), p.exponent);
+}
+
+#else
+
+// ---------------------------------------------------------------------------------------------------------------------
+// One dimension: the float C + o is hashed, three or five cells in a row.
+
+fn point_of(corner: f32, o: f32, p: Parameters) -> f32 {
+    return o + hash_float1(corner + o) * p.randomness;
+}
+
+fn color_of(cell: f32) -> vec3f {
+    return vec3f(hash_float1(cell), hash_float2(cell, 1.0), hash_float2(cell, 2.0));
+}
+
+fn octave_at(corner: f32, o: f32, distance: f32, p: Parameters) -> Octave {
+    var octave: Octave;
+    octave.distance = distance;
+#ifdef OUTPUT_COLOR
+    octave.color = color_of(corner + o);
+#endif
+#ifdef OUTPUT_W
+    octave.position.x = point_of(corner, o, p) + corner;
+#endif
+    return octave;
+}
+
+fn first_feature(x: vec4f, p: Parameters) -> Octave {
+    let corner = floor(x.x);
+    let local = x.x - corner;
+    var nearest = LARGEST;
+    var offset = 0.0;
+    for (var i = 0; i < 3; i++) {
+        let o = f32(i - 1);
+        let d = abs(point_of(corner, o, p) - local);
+        if d < nearest {
+            nearest = d;
+            offset = o;
+        }
+    }
+    return octave_at(corner, offset, nearest, p);
+}
+
+fn second_feature(x: vec4f, p: Parameters) -> Octave {
+    let corner = floor(x.x);
+    let local = x.x - corner;
+    var nearest = LARGEST;
+    var nearest_offset = 0.0;
+    var second = LARGEST;
+    var offset = 0.0;
+    for (var i = 0; i < 3; i++) {
+        let o = f32(i - 1);
+        let d = abs(point_of(corner, o, p) - local);
+        if d < nearest {
+            second = nearest;
+            offset = nearest_offset;
+            nearest = d;
+            nearest_offset = o;
+        } else if d < second {
+            second = d;
+            offset = o;
+        }
+    }
+    return octave_at(corner, offset, second, p);
+}
+
+fn smooth_feature(x: vec4f, p: Parameters) -> Octave {
+    let corner = floor(x.x);
+    let local = x.x - corner;
+    var octave: Octave;
+    for (var i = 0; i < 5; i++) {
+        let o = f32(i - 2);
+        let point = point_of(corner, o, p);
+        let d = abs(point - local);
+        let t = 0.5 + (0.5 * (octave.distance - d)) / p.smoothness;
+        let inner = select(select((3.0 - 2.0 * t) * (t * t), 1.0, t >= 1.0), 0.0, t < 0.0);
+        let h = select(inner, 1.0, i == 0);
+        let correction = (p.smoothness * h) * (1.0 - h);
+        octave.distance = octave.distance + h * (d - octave.distance) - correction;
+#ifdef OUTPUT_COLOR
+        octave.color = octave.color + h * (color_of(corner + o) - octave.color)
+            - correction / (1.0 + 3.0 * p.smoothness);
+#endif
+#ifdef OUTPUT_W
+        octave.position = mix_point(octave.position, vec4f(point, 0.0, 0.0, 0.0), h) - correction / (1.0 + 3.0 * p.smoothness);
+#endif
+    }
+#ifdef OUTPUT_W
+    octave.position.x += corner;
+#endif
+    return octave;
+}
+
+// The own cell hashes C itself, not C + 0: that keeps the sign of a zero.
+fn edge_feature(x: vec4f, p: Parameters) -> f32 {
+    let corner = floor(x.x);
+    let local = x.x - corner;
+    let left = point_of(corner, -1.0, p);
+    let own = hash_float1(corner) * p.randomness;
+    let right = point_of(corner, 1.0, p);
+    return min(abs((own + left) * 0.5 - local), abs((own + right) * 0.5 - local));
+}
+
+fn sphere_feature(x: vec4f, p: Parameters) -> f32 {
+    let corner = floor(x.x);
+    let local = x.x - corner;
+    var nearest = LARGEST;
+    var centre = 0.0;
+    var home = 0.0;
+    for (var i = 0; i < 3; i++) {
+        let o = f32(i - 1);
+        let point = point_of(corner, o, p);
+        let d = abs(point - local);
+        if d < nearest {
+            nearest = d;
+            centre = point;
+            home = o;
+        }
+    }
+    return min(abs(point_of(corner, home - 1.0, p) - centre), abs(point_of(corner, home + 1.0, p) - centre)) * 0.5;
+}
+
+fn corner_distance(h: f32, p: Parameters) -> f32 {
+    return h;
+}
+
+#endif
+
+// ---------------------------------------------------------------------------------------------------------------------
+// Fractal sums
+
+struct Fractal {
+    detail: f32,
+    roughness: f32,
+    lacunarity: f32,
+}
+
+fn feature(x: vec4f, p: Parameters) -> Octave {
+#ifdef FEATURE_F2
+    return second_feature(x, p);
+#else ifdef FEATURE_SMOOTH_F1
+#ifndef INPUT_SMOOTHNESS_IS_ZERO
+    if p.smoothness != 0.0 {
+        return smooth_feature(x, p);
+    }
+#endif
+    return first_feature(x, p);
+#else
+    return first_feature(x, p);
+#endif
+}
+
+// The largest distance that a sum of weight 1 can have.
+fn unit_distance(p: Parameters) -> f32 {
+#ifdef FEATURE_F2
+    return corner_distance(0.5 + 0.5 * p.randomness, p) * 2.0;
+#else
+    return corner_distance(0.5 + 0.5 * p.randomness, p);
+#endif
+}
+
+// Detail 0 and roughness 0 mean one octave with weight 1.
+fn single_sum(q: vec4f, p: Parameters) -> Octave {
+    var sum = feature(q, p);
+#ifdef NORMALIZE
+#ifdef OUTPUT_DISTANCE
+    sum.distance = sum.distance / unit_distance(p);
+#endif
+#endif
+    return sum;
+}
+
+fn octave_sum(q: vec4f, f: Fractal, p: Parameters) -> Octave {
+    var sum: Octave;
+    var weights = 0.0;
+    var amplitude = 1.0;
+    var scale = 1.0;
+    let rest = f.detail - floor(f.detail);
+    let last = select(i32(ceil(f.detail)), 0, f.roughness == 0.0);
+    for (var i = 0; i < 16; i++) {
+        if i > last {
+            break;
+        }
+        let octave = feature(q * scale, p);
+        // A fractional last octave blends the sums without and with it.
+        let whole = f32(i) <= f.detail;
+        let next_weights = weights + amplitude;
+        weights = select(weights + rest * (next_weights - weights), next_weights, whole);
+#ifdef OUTPUT_DISTANCE
+        let next_distance = sum.distance + octave.distance * amplitude;
+        sum.distance = select(sum.distance + rest * (next_distance - sum.distance), next_distance, whole);
+#endif
+#ifdef OUTPUT_COLOR
+        let next_color = sum.color + octave.color * amplitude;
+        sum.color = select(sum.color + rest * (next_color - sum.color), next_color, whole);
+#endif
+#ifdef OUTPUT_POSITION
+        let next_position = mix_point(sum.position, octave.position * (1.0 / scale), amplitude);
+        sum.position = select(mix_point(sum.position, next_position, rest), next_position, whole);
+#else ifdef OUTPUT_W
+        let next_position = mix_point(sum.position, octave.position * (1.0 / scale), amplitude);
+        sum.position = select(mix_point(sum.position, next_position, rest), next_position, whole);
+#endif
+        scale *= f.lacunarity;
+        amplitude *= f.roughness;
+    }
+#ifdef NORMALIZE
+#ifdef OUTPUT_DISTANCE
+    sum.distance = sum.distance / (weights * unit_distance(p));
+#endif
+#ifdef OUTPUT_COLOR
+    sum.color = sum.color * (1.0 / weights);
+#endif
+#endif
+    return sum;
+}
+
+fn fractal(q: vec4f, f: Fractal, p: Parameters) -> Octave {
+#ifdef INPUT_DETAIL_IS_ZERO
+    return single_sum(q, p);
+#else ifdef INPUT_ROUGHNESS_IS_ZERO
+    return single_sum(q, p);
+#else
+    return octave_sum(q, f, p);
+#endif
+}
+
+fn single_edge(q: vec4f, p: Parameters) -> f32 {
+#ifdef NORMALIZE
+    return edge_feature(q, p) / (0.5 + 0.5 * p.randomness);
+#else
+    return edge_feature(q, p);
+#endif
+}
+
+// Edges of octaves do not add: the sum goes towards the smallest of them.
+fn octave_edges(q: vec4f, f: Fractal, p: Parameters) -> f32 {
+    let unit_edge = 0.5 + 0.5 * p.randomness;
+    var edge = 8.0;
+    var largest = unit_edge;
+    var amplitude = 1.0;
+    var scale = 1.0;
+    let rest = f.detail - floor(f.detail);
+    let single = f.detail == 0.0 || f.roughness == 0.0;
+    let last = select(i32(ceil(f.detail)), 0, single);
+    for (var i = 0; i < 16; i++) {
+        if i > last {
+            break;
+        }
+        let octave = edge_feature(q * scale, p);
+        if single {
+            edge = octave;
+        } else {
+            let next_largest = largest + amplitude * (unit_edge / scale - largest);
+            let next_edge = edge + amplitude * (min(edge, octave / scale) - edge);
+            let whole = f32(i) <= f.detail;
+            largest = select(largest + rest * (next_largest - largest), next_largest, whole);
+            edge = select(edge + rest * (min(edge, next_edge) - edge), next_edge, whole);
+        }
+        scale *= f.lacunarity;
+        amplitude *= f.roughness;
+    }
+#ifdef NORMALIZE
+    return edge / largest;
+#else
+    return edge;
+#endif
+}
+
+fn fractal_edge(q: vec4f, f: Fractal, p: Parameters) -> f32 {
+#ifdef INPUT_DETAIL_IS_ZERO
+    return single_edge(q, p);
+#else ifdef INPUT_ROUGHNESS_IS_ZERO
+    return single_edge(q, p);
+#else
+    return octave_edges(q, f, p);
+#endif
+}
+
+// ---------------------------------------------------------------------------------------------------------------------
+// The node
+
+#ifdef FEATURE_DISTANCE_TO_EDGE
+#else ifdef FEATURE_N_SPHERE_RADIUS
+#else
+struct Outputs {
+#ifdef OUTPUT_DISTANCE
+    distance: f32,
+#endif
+#ifdef OUTPUT_COLOR
+    color: vec3f,
+#endif
+#ifdef OUTPUT_POSITION
+    position: vec3f,
+#endif
+#ifdef OUTPUT_W
+    w: f32,
+#endif
+}
+
+fn outputs_of(sum: Octave, scale: f32) -> Outputs {
+    var outputs: Outputs;
+#ifdef OUTPUT_DISTANCE
+    outputs.distance = sum.distance;
+#endif
+#ifdef OUTPUT_COLOR
+    outputs.color = sum.color;
+#endif
+    let inverse = select(0.0, 1.0 / scale, scale != 0.0);
+#ifdef OUTPUT_POSITION
+#ifdef VORONOI_DIMENSIONS_2D
+    outputs.position = vec3f(sum.position.xy * inverse, 0.0);
+#else
+    outputs.position = sum.position.xyz * inverse;
+#endif
+#endif
+#ifdef OUTPUT_W
+#ifdef VORONOI_DIMENSIONS_1D
+    outputs.w = sum.position.x * inverse;
+#else
+    outputs.w = sum.position.w * inverse;
+#endif
+#endif
+    return outputs;
+}
+#endif
+
+fn evaluate(
+#ifdef VORONOI_DIMENSIONS_1D
+    w: f32,
+#else
+    vector: vec3f,
+#endif
+#ifdef VORONOI_DIMENSIONS_4D
+    w: f32,
+#endif
+    scale: f32,
+#ifndef FEATURE_N_SPHERE_RADIUS
+    detail: f32,
+    roughness: f32,
+    lacunarity: f32,
+#endif
+#ifdef FEATURE_SMOOTH_F1
+    smoothness: f32,
+#endif
+#ifndef VORONOI_DIMENSIONS_1D
+#ifdef DISTANCE_MINKOWSKI
+#ifndef FEATURE_DISTANCE_TO_EDGE
+#ifndef FEATURE_N_SPHERE_RADIUS
+    exponent: f32,
+#endif
+#endif
+#endif
+#endif
+    randomness: f32,
+#ifdef FEATURE_DISTANCE_TO_EDGE
+) -> f32 {
+#else ifdef FEATURE_N_SPHERE_RADIUS
+) -> f32 {
+#else
+) -> Outputs {
+#endif
+#ifdef VORONOI_DIMENSIONS_1D
+    let q = vec4f(w * scale, 0.0, 0.0, 0.0);
+#else ifdef VORONOI_DIMENSIONS_2D
+    let q = vec4f(vector.xy * scale, 0.0, 0.0);
+#else ifdef VORONOI_DIMENSIONS_3D
+    let q = vec4f(vector * scale, 0.0);
+#else
+    let q = vec4f(vector, w) * scale;
+#endif
+    var p: Parameters;
+    p.randomness = clamp(randomness, 0.0, 1.0);
+#ifdef FEATURE_SMOOTH_F1
+    p.smoothness = clamp(smoothness / 2.0, 0.0, 0.5);
+#endif
+#ifndef VORONOI_DIMENSIONS_1D
+#ifdef DISTANCE_MINKOWSKI
+#ifndef FEATURE_DISTANCE_TO_EDGE
+#ifndef FEATURE_N_SPHERE_RADIUS
+    p.exponent = exponent;
+#endif
+#endif
+#endif
+#endif
+#ifdef FEATURE_N_SPHERE_RADIUS
+    return sphere_feature(q, p);
+#else
+    let f = Fractal(clamp(detail, 0.0, 15.0), clamp(roughness, 0.0, 1.0), lacunarity);
+#ifdef FEATURE_DISTANCE_TO_EDGE
+    return fractal_edge(q, f, p);
+#else
+    return outputs_of(fractal(q, f, p), scale);
+#endif
+#endif
+}

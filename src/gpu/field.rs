@@ -1,0 +1,136 @@
+//! Evaluating a program at points on the adapter.
+
+use super::Gpu;
+use crate::error::{Error, Result};
+use crate::graph::Program;
+use crate::graph::evaluate::Points;
+use crate::graph::wgsl::Linker;
+use std::fmt::Write;
+
+/// Invocations per workgroup.
+const WORKGROUP: u32 = 64;
+
+/// Points per submission: on a software adapter well below a tenth of a second for the cloud.
+const SLICE: usize = 1 << 16;
+
+/// A program compiled for the adapter.
+pub struct FieldKernel<'a> {
+    gpu: &'a Gpu,
+    pipeline: wgpu::ComputePipeline,
+    attributes: Vec<String>,
+    components: usize,
+}
+
+impl Gpu {
+    /// Compiles a program for evaluation at points.
+    pub fn field(&self, program: &Program) -> Result<FieldKernel<'_>> {
+        let module = Linker::new(program)?.link("generated/field.wgsl", &entry(program))?;
+        Ok(FieldKernel {
+            gpu: self,
+            pipeline: self.pipeline("field", &module)?,
+            attributes: program.attributes.clone(),
+            components: program.output_components(),
+        })
+    }
+}
+
+/// The entry text: positions and attributes lie one after the other, point by point.
+fn entry(program: &Program) -> String {
+    let inputs = 3 + 3 * program.attributes.len();
+    let width = program.output_components();
+    let mut text = String::from(
+        "#import cloudparity::graph\n\n\
+         @group(0) @binding(0) var<storage, read> points: array<f32>;\n\
+         @group(0) @binding(1) var<storage, read_write> results: array<f32>;\n\n",
+    );
+    let mut line = |parts: std::fmt::Arguments<'_>| {
+        writeln!(text, "{parts}").expect("writing to a string cannot fail");
+    };
+    line(format_args!("@compute @workgroup_size({WORKGROUP})"));
+    line(format_args!("fn main(@builtin(global_invocation_id) invocation: vec3u) {{"));
+    line(format_args!("    let index = invocation.x;"));
+    line(format_args!("    if index >= arrayLength(&points) / {inputs}u {{ return; }}"));
+    let vectors: Vec<String> = (0..inputs / 3)
+        .map(|vector| {
+            let at = |axis: usize| format!("points[{inputs}u * index + {}u]", 3 * vector + axis);
+            format!("vec3f({}, {}, {})", at(0), at(1), at(2))
+        })
+        .collect();
+    line(format_args!("    let value = graph::evaluate({});", vectors.join(", ")));
+    let mut component = 0;
+    for (number, output) in program.outputs.iter().enumerate() {
+        let value = if program.outputs.len() == 1 { "value".to_owned() } else { format!("value.o{number}v") };
+        for axis in 0..output.operands.len() {
+            let part = if output.operands.len() == 1 { "" } else { [".x", ".y", ".z"][axis] };
+            line(format_args!("    results[{width}u * index + {component}u] = {value}{part};"));
+            component += 1;
+        }
+    }
+    line(format_args!("}}"));
+    text
+}
+
+impl FieldKernel<'_> {
+    /// Evaluates every output at every point: the components of all outputs, point by point.
+    pub fn evaluate(&self, points: Points<'_>) -> Result<Vec<f32>> {
+        let mut columns: Vec<&[[f32; 3]]> = vec![points.positions];
+        for name in &self.attributes {
+            let found = points.attributes.iter().find(|(given, _)| given == name);
+            let values = found.map(|(_, values)| values.as_slice()).filter(|values| values.len() == points.positions.len());
+            columns.push(values.ok_or_else(|| {
+                Error::new(
+                    format!("attribute {name}"),
+                    "no values, or not one per point",
+                    "three numbers per point",
+                    "Give as many attribute values as points.",
+                )
+            })?);
+        }
+        let mut results = Vec::with_capacity(points.positions.len() * self.components);
+        for start in (0..points.positions.len()).step_by(SLICE) {
+            let count = SLICE.min(points.positions.len() - start);
+            let mut data: Vec<f32> = Vec::with_capacity(count * columns.len() * 3);
+            for index in start..start + count {
+                columns.iter().for_each(|column| data.extend(column[index]));
+            }
+            results.extend(self.slice(&data, count)?);
+        }
+        Ok(results)
+    }
+
+    fn slice(&self, data: &[f32], count: usize) -> Result<Vec<f32>> {
+        let gpu = self.gpu;
+        let points = gpu.upload("points", bytemuck::cast_slice(data), wgpu::BufferUsages::STORAGE);
+        // A signalling pattern: a cell that no invocation wrote is seen, not taken for a zero.
+        let unwritten = vec![f32::from_bits(0x7FA0_0BAD); count * self.components];
+        let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC;
+        let results = gpu.upload("results", bytemuck::cast_slice(&unwritten), usage);
+        let bindings = gpu.device().create_bind_group(&wgpu::BindGroupDescriptor {
+            label: Some("field"),
+            layout: &self.pipeline.get_bind_group_layout(0),
+            entries: &[
+                wgpu::BindGroupEntry { binding: 0, resource: bound(&points, data.len()) },
+                wgpu::BindGroupEntry { binding: 1, resource: bound(&results, unwritten.len()) },
+            ],
+        });
+        let mut encoder = gpu.device().create_command_encoder(&Default::default());
+        {
+            let mut pass = encoder.begin_compute_pass(&Default::default());
+            pass.set_pipeline(&self.pipeline);
+            pass.set_bind_group(0, &bindings, &[]);
+            pass.dispatch_workgroups((count as u32).div_ceil(WORKGROUP), 1, 1);
+        }
+        gpu.queue().submit([encoder.finish()]);
+        let bytes = gpu.read_back(&results, (unwritten.len() * 4) as u64)?;
+        Ok(bytemuck::pod_collect_to_vec(&bytes))
+    }
+}
+
+/// Exactly `floats` numbers of a buffer, so that `arrayLength` counts them and no padding.
+fn bound(buffer: &wgpu::Buffer, floats: usize) -> wgpu::BindingResource<'_> {
+    wgpu::BindingResource::Buffer(wgpu::BufferBinding {
+        buffer,
+        offset: 0,
+        size: std::num::NonZeroU64::new(4 * floats as u64),
+    })
+}

@@ -1,0 +1,200 @@
+//! The adapter: opening a device, creating kernels, reading results back.
+//!
+//! Any Vulkan, Metal or DirectX 12 adapter serves, Mesa's software Vulkan included. Kernels are
+//! native modules created without injected loop and bounds checks: every loop of `shaders/` has a
+//! bound and every index is checked by the shader itself. Work is dispatched in slices, so that no
+//! single submission holds an adapter for long.
+
+mod field;
+
+pub use field::FieldKernel;
+
+use crate::error::{Error, Result};
+use serde::Serialize;
+
+/// An open device.
+pub struct Gpu {
+    device: wgpu::Device,
+    queue: wgpu::Queue,
+    adapter: Adapter,
+}
+
+/// Which adapter and driver did the work.
+#[derive(Debug, Clone, Serialize)]
+pub struct Adapter {
+    /// Marketing name.
+    pub name: String,
+    /// Vulkan, Metal, Dx12 or Gl.
+    pub backend: String,
+    /// Driver and its version.
+    pub driver: String,
+    /// Kind: Cpu for a software adapter.
+    pub kind: String,
+}
+
+impl Gpu {
+    /// Opens the fastest adapter; `WGPU_ADAPTER_NAME` chooses another by a part of its name.
+    pub fn open() -> Result<Self> {
+        pollster::block_on(Self::open_async())
+    }
+
+    async fn open_async() -> Result<Self> {
+        let missing = |cause: String| {
+            Error::new(
+                "graphics adapter",
+                cause,
+                "a Vulkan, Metal or DirectX 12 adapter",
+                "Install a driver (Debian: apt-get install mesa-vulkan-drivers), or use the CPU evaluator.",
+            )
+        };
+        let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle());
+        let adapters = instance.enumerate_adapters(wgpu::Backends::all()).await;
+        let wanted = std::env::var("WGPU_ADAPTER_NAME").unwrap_or_default().to_lowercase();
+        let rank = |adapter: &wgpu::Adapter| match adapter.get_info().device_type {
+            wgpu::DeviceType::DiscreteGpu => 0,
+            wgpu::DeviceType::IntegratedGpu => 1,
+            wgpu::DeviceType::VirtualGpu => 2,
+            wgpu::DeviceType::Cpu => 3,
+            wgpu::DeviceType::Other => 4,
+        };
+        let adapter = adapters
+            .into_iter()
+            .filter(|adapter| adapter.get_info().name.to_lowercase().contains(&wanted))
+            .min_by_key(rank)
+            .ok_or_else(|| missing("no adapter".into()))?;
+        let info = adapter.get_info();
+        let limits = adapter.limits();
+        let descriptor = wgpu::DeviceDescriptor {
+            label: Some("cloudparity"),
+            required_limits: limits,
+            ..Default::default()
+        };
+        let (device, queue) =
+            adapter.request_device(&descriptor).await.map_err(|cause| missing(cause.to_string()))?;
+        Ok(Self {
+            device,
+            queue,
+            adapter: Adapter {
+                name: info.name,
+                backend: format!("{:?}", info.backend),
+                driver: format!("{} {}", info.driver, info.driver_info).trim().to_owned(),
+                kind: format!("{:?}", info.device_type),
+            },
+        })
+    }
+
+    /// The adapter and its driver.
+    pub fn adapter(&self) -> &Adapter {
+        &self.adapter
+    }
+
+    /// The device, for kernels of other modules.
+    pub fn device(&self) -> &wgpu::Device {
+        &self.device
+    }
+
+    /// The queue, for kernels of other modules.
+    pub fn queue(&self) -> &wgpu::Queue {
+        &self.queue
+    }
+
+    /// A compute pipeline from a linked module with the entry point `main`.
+    pub fn pipeline(&self, label: &str, module: &naga::Module) -> Result<wgpu::ComputePipeline> {
+        crate::graph::wgsl::validate(module)?;
+        let descriptor = wgpu::ShaderModuleDescriptor {
+            label: Some(label),
+            source: wgpu::ShaderSource::Naga(std::borrow::Cow::Owned(module.clone())),
+        };
+        let scope = self.device.push_error_scope(wgpu::ErrorFilter::Validation);
+        let shader = trusted_module(&self.device, descriptor);
+        let pipeline = self.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+            label: Some(label),
+            layout: None,
+            module: &shader,
+            entry_point: Some("main"),
+            compilation_options: Default::default(),
+            cache: None,
+        });
+        match pollster::block_on(scope.pop()) {
+            None => Ok(pipeline),
+            Some(cause) => Err(Error::new(
+                format!("shader {label}"),
+                cause.to_string(),
+                "a pipeline that the driver accepts",
+                "Report it with the adapter's name, or use the CPU evaluator.",
+            )),
+        }
+    }
+
+    /// A buffer with these contents.
+    pub fn upload(&self, label: &str, contents: &[u8], usage: wgpu::BufferUsages) -> wgpu::Buffer {
+        let size = (contents.len() as u64).next_multiple_of(4).max(16);
+        let buffer = self.device.create_buffer(&wgpu::BufferDescriptor {
+            label: Some(label),
+            size,
+            usage: usage | wgpu::BufferUsages::COPY_DST,
+            mapped_at_creation: false,
+        });
+        self.queue.write_buffer(&buffer, 0, contents);
+        buffer
+    }
+
+    /// The first `size` bytes of a buffer with usage `COPY_SRC`, after all submitted work.
+    pub fn read_back(&self, buffer: &wgpu::Buffer, size: u64) -> Result<Vec<u8>> {
+        let staging = self.device.create_buffer(&wgpu::BufferDescriptor {
+            label: Some("read back"),
+            size,
+            usage: wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST,
+            mapped_at_creation: false,
+        });
+        let mut encoder = self.device.create_command_encoder(&Default::default());
+        encoder.copy_buffer_to_buffer(buffer, 0, &staging, 0, size);
+        self.queue.submit([encoder.finish()]);
+        let lost = |cause: String| {
+            Error::new(
+                format!("adapter {}", self.adapter.name),
+                cause,
+                "finished work",
+                "Try again, or use the CPU evaluator.",
+            )
+        };
+        let slice = staging.slice(..);
+        let (sender, receiver) = std::sync::mpsc::channel();
+        slice.map_async(wgpu::MapMode::Read, move |result| {
+            // The receiver only goes away together with the buffer.
+            let _ = sender.send(result);
+        });
+        self.device.poll(wgpu::PollType::wait_indefinitely()).map_err(|cause| lost(cause.to_string()))?;
+        receiver
+            .recv()
+            .map_err(|cause| lost(cause.to_string()))?
+            .map_err(|cause| lost(cause.to_string()))?;
+        let view = slice.get_mapped_range().map_err(|cause| lost(cause.to_string()))?;
+        Ok(view.to_vec())
+    }
+
+    /// Waits until all submitted work is done.
+    pub fn wait(&self) -> Result<()> {
+        self.device.poll(wgpu::PollType::wait_indefinitely()).map(|_| ()).map_err(|cause| {
+            Error::new(
+                format!("adapter {}", self.adapter.name),
+                cause.to_string(),
+                "finished work",
+                "Try again, or use the CPU evaluator.",
+            )
+        })
+    }
+}
+
+/// Creates a module without the checks that wgpu would inject.
+#[allow(unsafe_code, reason = "wgpu offers modules without injected checks as an unsafe function only")]
+fn trusted_module(device: &wgpu::Device, descriptor: wgpu::ShaderModuleDescriptor<'_>) -> wgpu::ShaderModule {
+    let checks = wgpu::ShaderRuntimeChecks {
+        bounds_checks: false,
+        force_loop_bounding: false,
+        ..wgpu::ShaderRuntimeChecks::checked()
+    };
+    // SAFETY: the modules come from `shaders/` and from the graph compiler. Their loops run over
+    // constant or clamped ranges, and each index into a buffer is compared with its length first.
+    unsafe { device.create_shader_module_trusted(descriptor, checks) }
+}
