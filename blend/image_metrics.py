@@ -107,7 +107,7 @@ def read_image(path, part=None):
 
 def first_line(text):
     """The first line of a library's message, without the folders of a path in it."""
-    return re.sub(r"(?:/[^/\s\"']+)*/(?=[^/\s\"']+)", "", text.strip().splitlines()[0])
+    return re.sub(r"(?:/[^/\s\"']+)*/(?=[^/\s\"']+)", "", text.strip().splitlines()[0]).rstrip(".?! ")
 
 
 def _find_part(probe, name, part):

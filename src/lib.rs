@@ -5,11 +5,13 @@
 
 pub mod blender;
 pub mod cli;
+pub mod compare;
 pub mod error;
 pub mod files;
 pub mod gpu;
 pub mod graph;
 pub mod nodes;
+pub mod report;
 pub mod scene;
 
 pub use error::{Error, Result};

@@ -265,7 +265,10 @@ fn rename(module: &mut naga::Module) {
 fn undecorate(name: &str) -> String {
     const MARK: &str = "X_naga_oil_mod_X";
     let Some((item, rest)) = name.split_once(MARK) else { return name.to_owned() };
-    let Some((encoded, tail)) = rest.split_once('X') else { return name.to_owned() };
+    // The code may hold the letter that ends it: the last one of the run counts.
+    let run = rest.find(|c: char| !c.is_ascii_uppercase() && !c.is_ascii_digit()).unwrap_or(rest.len());
+    let Some(end) = rest[..run].rfind('X') else { return name.to_owned() };
+    let (encoded, tail) = (&rest[..end], &rest[end + 1..]);
     let mut bits = 0_u32;
     let mut count = 0;
     let mut module = String::new();
@@ -315,9 +318,7 @@ pub fn write(module: &naga::Module, language: Language) -> Result<Vec<u8>> {
     let failure = |cause: String| {
         Error::new("shader", cause, "a module that the language can express", "Choose another target language.")
     };
-    let options = naga::back::pipeline_constants::process_overrides;
     let entry = module.entry_points.first().map(|entry| entry.name.clone()).unwrap_or_default();
-    let _ = options;
     Ok(match language {
         Language::Wgsl => back::wgsl::write_string(module, &info, back::wgsl::WriterFlags::empty())
             .map_err(|cause| failure(cause.to_string()))?

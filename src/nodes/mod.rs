@@ -402,6 +402,11 @@ pub fn map<R: Real, const I: usize>(
     }
 }
 
+/// The columns of one point.
+pub fn columns_at<'a, R>(inputs: &[Column<'a, R>], index: usize) -> Vec<Column<'a, R>> {
+    inputs.iter().map(|column| Column { values: &column.values[index..=index], uniform: true }).collect()
+}
+
 /// Reads three components of point `index` starting at column `first`.
 #[inline(always)]
 pub fn vector_at<R: Real>(inputs: &[Column<'_, R>], first: usize, index: usize) -> [R; 3] {

@@ -503,21 +503,27 @@ impl VoronoiTexture {
         })
     }
 
+    /// Parameters of point `index`, clamped as the kernel does.
+    fn parameters<R: Real>(&self, inputs: &[Column<'_, R>], index: usize) -> Parameters<R> {
+        let at = |column: Option<usize>| column.map_or(R::of(0.0), |column| inputs[column].values[index]);
+        let [scale, detail, roughness, lacunarity, smoothness, exponent, randomness] =
+            self.parameter_columns().map(at);
+        Parameters {
+            scale,
+            detail: detail.clamped(R::of(0.0), R::of(15.0)),
+            roughness: roughness.saturate(),
+            lacunarity,
+            smoothness: (smoothness / R::of(2.0)).clamped(R::of(0.0), R::of(0.5)),
+            exponent,
+            randomness: randomness.saturate(),
+        }
+    }
+
     fn evaluate_points<R: Real, const N: usize>(&self, inputs: &[Column<'_, R>], outputs: &mut [&mut [R]]) {
-        let columns = self.parameter_columns();
         for index in 0..outputs[0].len() {
-            let at = |column: Option<usize>| column.map_or(R::of(0.0), |column| inputs[column].values[index]);
-            let [scale, detail, roughness, lacunarity, smoothness, exponent, randomness] = columns.map(at);
-            let parameters = Parameters {
-                scale,
-                detail: detail.clamped(R::of(0.0), R::of(15.0)),
-                roughness: roughness.saturate(),
-                lacunarity,
-                smoothness: (smoothness / R::of(2.0)).clamped(R::of(0.0), R::of(0.5)),
-                exponent,
-                randomness: randomness.saturate(),
-            };
-            let q: [R; N] = std::array::from_fn(|axis| (inputs[axis].values[index] * scale).round_coordinate());
+            let parameters = self.parameters(inputs, index);
+            let q: [R; N] =
+                std::array::from_fn(|axis| (inputs[axis].values[index] * parameters.scale).round_coordinate());
             match self.feature {
                 Feature::DistanceToEdge => outputs[0][index] = self.fractal_edge(q, &parameters),
                 Feature::NSphereRadius => outputs[0][index] = self.n_sphere_radius(q, &parameters),

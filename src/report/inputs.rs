@@ -16,18 +16,26 @@ use std::path::{Component, Path};
 
 /// Files of a run directory: name, what it shows, how to make it.
 const MAKERS: [(&str, &str, &str); 12] = [
-    ("run.json", "title, command, versions and timings", "Every command with `--out` writes it."),
+    ("run.json", "title, command, versions and timings", "Every command with --out writes it."),
     ("diff.json", "the figures of the picture", "cloudparity diff --ours OURS.exr --reference REFERENCE.exr --out RUN"),
     ("ours.png", "our picture", "cloudparity diff --ours OURS.exr --reference REFERENCE.exr --out RUN"),
-    ("reference.png", "the reference's picture", "cloudparity diff --ours OURS.exr --reference REFERENCE.exr --out RUN"),
-    ("difference.png", "the map of the difference", "cloudparity diff --ours OURS.exr --reference REFERENCE.exr --out RUN"),
+    (
+        "reference.png",
+        "the reference's picture",
+        "cloudparity diff --ours OURS.exr --reference REFERENCE.exr --out RUN",
+    ),
+    (
+        "difference.png",
+        "the map of the difference",
+        "cloudparity diff --ours OURS.exr --reference REFERENCE.exr --out RUN",
+    ),
     ("probe.json", "field values against Cycles, point by point", "cloudparity probe SCENE --out RUN"),
     ("slices.json", "slices of the field and their error", "cloudparity probe SCENE --slices --out RUN"),
     ("modes.json", "every node in every mode", "cloudparity modes --out RUN"),
     ("bounds.json", "bounds of the density", "cloudparity bounds SCENE --out RUN"),
     ("bench.json", "speed against Cycles", "cloudparity bench SCENE --out RUN"),
     ("explain.txt", "the specialised graph in words", "cloudparity explain SCENE --out RUN"),
-    ("scene.json", "the scene", "Every command with `--out` copies it."),
+    ("scene.json", "the scene", "Every command with --out copies it."),
 ];
 
 /// Something that a report does not show, why, and what to do about it.

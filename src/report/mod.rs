@@ -124,9 +124,7 @@ fn render(inputs: &Inputs, summary: &summary::Summary) -> Result<String> {
     environment.add_template("template.html", TEMPLATE).map_err(failed)?;
     environment
         .get_template("template.html")
-        .and_then(|template| {
-            template.render(Value::from(Serde(&page)))
-        })
+        .and_then(|template| template.render(Value::from(Serde(&page))))
         .map_err(failed)
 }
 

@@ -62,10 +62,8 @@ pub fn seconds(value: Option<f64>) -> String {
 /// Points per second with a metric prefix.
 pub fn rate(value: Option<f64>) -> String {
     let Some(value) = value else { return ABSENT.into() };
-    let (scale, prefix) = [(1e9, "G"), (1e6, "M"), (1e3, "k")]
-        .into_iter()
-        .find(|(scale, _)| value >= *scale)
-        .unwrap_or((1.0, ""));
+    let (scale, prefix) =
+        [(1e9, "G"), (1e6, "M"), (1e3, "k")].into_iter().find(|(scale, _)| value >= *scale).unwrap_or((1.0, ""));
     format!("{}\u{202f}{prefix}/s", figure(Some(value / scale)))
 }
 

@@ -11,7 +11,8 @@ for (const viewer of document.querySelectorAll(".viewer")) {
   const [columns, rows] = [images[0].getAttribute("width"), images[0].getAttribute("height")].map(Number);
   const place = viewer.dataset.place ? viewer.dataset.place.split(" ").map(Number) : null;
   const steps = [1, 2, 3, 4, 6, 8, 12, 16, 24, 32];
-  const state = { mode: "side", shown: 0, scale: 0, x: columns / 2, y: rows / 2, marked: false };
+  // A narrow window has no room for two pictures, so it starts with one that a tap flips.
+  const state = { mode: stage.clientWidth < 600 ? "flip" : "side", shown: 0, scale: 0, x: columns / 2, y: rows / 2, marked: false };
   const keys = figures.map((figure) => figure.dataset.key);
   const ours = keys.indexOf("ours");
   const reference = keys.indexOf("reference");

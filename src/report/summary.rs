@@ -60,7 +60,7 @@ impl Summary {
     pub fn of(inputs: &Inputs) -> Self {
         let mut parts = Vec::new();
         if let Some(diff) = &inputs.diff {
-            parts.push(Part::new("Picture", "picture", Some(diff.verdict), diff.reasons.join(" ")));
+            parts.push(Part::new("Picture", "figures", Some(diff.verdict), diff.reasons.join(" ")));
         }
         parts.extend(inputs.probes.iter().flat_map(field_parts));
         if !inputs.modes.is_empty() {
@@ -73,7 +73,7 @@ impl Summary {
         let sentence = match verdict {
             _ if judged.is_empty() => "Nothing in this run was judged against a limit.".to_owned(),
             Verdict::Agrees => format!("Within every limit that was set: {}.", joined(&deciding)),
-            Verdict::Differs => format!("Over a limit: {}.", joined(&deciding)),
+            Verdict::Differs => format!("Found to differ: {}.", joined(&deciding)),
             Verdict::CouldNotTell => format!("No sound answer for: {}.", joined(&deciding)),
         };
         let run = &inputs.run;
@@ -182,7 +182,9 @@ fn key_figures(inputs: &Inputs) -> Vec<KeyFigure> {
             let total = found.points.unwrap_or(probe.points);
             let name = evaluator_name(name);
             match found.differing {
-                Some(0) => add(count(Some(total)), &format!("{name} points equal"), format!("of {}", count(Some(total)))),
+                Some(0) => {
+                    add(count(Some(total)), &format!("{name} points equal"), format!("of {}", count(Some(total))))
+                }
                 _ => add(
                     figure(found.max_error),
                     &format!("{name} field, max error"),

@@ -47,8 +47,7 @@ impl Table {
             }
         }
         self.columns = keys.iter().map(|key| words(key)).collect();
-        self.rows =
-            items.iter().map(|item| keys.iter().map(|key| plain(&item[key.as_str()])).collect()).collect();
+        self.rows = items.iter().map(|item| keys.iter().map(|key| plain(&item[key.as_str()])).collect()).collect();
     }
 }
 
@@ -63,32 +62,44 @@ pub fn scene_facts(scene: &Value) -> Vec<(&'static str, String)> {
     let mut facts = Vec::new();
     let mut add = |name, value: Option<String>| facts.extend(value.map(|value| (name, value)));
     let joined = |pointers: &[(&str, &str)]| {
-        let known: Vec<String> = pointers
-            .iter()
-            .filter_map(|(label, pointer)| Some(format!("{label}{}", text(pointer)?)))
-            .collect();
+        let known: Vec<String> =
+            pointers.iter().filter_map(|(label, pointer)| Some(format!("{label}{}", text(pointer)?))).collect();
         (!known.is_empty()).then(|| known.join(", "))
     };
     add("Name", text("/name"));
-    add("Camera", joined(&[("", "/camera/projection"), ("focal length ", "/camera/focal_length"), ("clip ", "/camera/clip_end")]));
-    let size = at("/film/resolution").and_then(Value::as_array).map(|size| {
-        size.iter().map(Value::to_string).collect::<Vec<_>>().join(" × ")
-    });
-    add("Resolution", size.zip(text("/film/resolution_percentage")).map(|(size, percent)| format!("{size} at {percent} %")));
+    add(
+        "Camera",
+        joined(&[("", "/camera/projection"), ("focal length ", "/camera/focal_length"), ("clip ", "/camera/clip_end")]),
+    );
+    let size = at("/film/resolution")
+        .and_then(Value::as_array)
+        .map(|size| size.iter().map(Value::to_string).collect::<Vec<_>>().join(" × "));
+    add(
+        "Resolution",
+        size.zip(text("/film/resolution_percentage")).map(|(size, percent)| format!("{size} at {percent} %")),
+    );
     add("Pixel filter", joined(&[("", "/film/pixel_filter"), ("width ", "/film/filter_width")]));
     add("Transparent film", text("/film/transparent"));
     add("Volume bounces", text("/integrator/volume_bounces"));
-    add("View", joined(&[("", "/display/view_transform"), ("look ", "/display/look"), ("exposure ", "/display/exposure")]));
+    add(
+        "View",
+        joined(&[("", "/display/view_transform"), ("look ", "/display/look"), ("exposure ", "/display/exposure")]),
+    );
     let lights = at("/lights").and_then(Value::as_array).map(|lights| {
         let each: Vec<String> = lights
             .iter()
-            .map(|light| format!("{} ({}, strength {})", plain(&light["name"]), plain(&light["type"]), plain(&light["strength"])))
+            .map(|light| {
+                format!("{} ({}, strength {})", plain(&light["name"]), plain(&light["type"]), plain(&light["strength"]))
+            })
             .collect();
         if each.is_empty() { "none".into() } else { each.join("; ") }
     });
     add("Lights", lights);
     add("World", joined(&[("colour ", "/world/color"), ("strength ", "/world/strength")]));
-    add("Volume", joined(&[("", "/volume/object"), ("shape ", "/volume/shape/type"), ("material ", "/volume/material")]));
+    add(
+        "Volume",
+        joined(&[("", "/volume/object"), ("shape ", "/volume/shape/type"), ("material ", "/volume/material")]),
+    );
     let nodes = at("/graph/nodes").and_then(Value::as_array).map(|nodes| {
         let groups = at("/graph/groups").and_then(Value::as_array).map_or(&[][..], Vec::as_slice);
         let inside: usize = groups.iter().filter_map(|group| group["nodes"].as_array()).map(Vec::len).sum();
@@ -123,7 +134,14 @@ pub fn csv(inputs: &Inputs) -> String {
             add("picture", "channel mean", &row.channel, "ours", Some(row.ours), "radiance");
             add("picture", "channel mean", &row.channel, "reference", Some(row.reference), "radiance");
             add("picture", "channel mean", &row.channel, "relative_difference", row.relative_difference, "share");
-            add("picture", "channel mean", &row.channel, "standard_error_relative", row.standard_error_relative, "share");
+            add(
+                "picture",
+                "channel mean",
+                &row.channel,
+                "standard_error_relative",
+                row.standard_error_relative,
+                "share",
+            );
         }
         if let Some(relmse) = &diff.relmse {
             add("picture", "relMSE", "", "epsilon", Some(relmse.epsilon), "radiance");
@@ -152,7 +170,10 @@ pub fn csv(inputs: &Inputs) -> String {
     let number = |value: Option<f64>| value.map(|value| value.to_string()).unwrap_or_default();
     for check in inputs.diff.iter().flat_map(|diff| &diff.checks) {
         let outcome = check.outcome.words();
-        rows.push(["check", "", "", &check.name, &number(check.value), "", &number(Some(check.limit)), outcome].map(str::to_owned));
+        rows.push(
+            ["check", "", "", &check.name, &number(check.value), "", &number(Some(check.limit)), outcome]
+                .map(str::to_owned),
+        );
     }
     for probe in &inputs.probes {
         let scene = probe.scene.as_deref().unwrap_or_default();
@@ -172,7 +193,9 @@ pub fn csv(inputs: &Inputs) -> String {
                 rows.push(["field", scene, name, quantity, &number(value), "", "", ""].map(str::to_owned));
             }
             let limit = number(found.limit);
-            rows.push(["field", scene, name, "max_error", &number(found.max_error), "", &limit, outcome].map(str::to_owned));
+            rows.push(
+                ["field", scene, name, "max_error", &number(found.max_error), "", &limit, outcome].map(str::to_owned),
+            );
         }
     }
     for mode in &inputs.modes {
@@ -194,12 +217,16 @@ fn quoted(cell: &str) -> String {
 
 /// `report.md`: the page without its pictures' viewer, for terminals and repositories.
 pub fn markdown(inputs: &Inputs, summary: &Summary) -> String {
-    let mut text = format!("# {}\n\n**{}.** {}\n", line(&summary.title), capitalised(summary.words), line(&summary.sentence));
+    let mut text =
+        format!("# {}\n\n**{}.** {}\n", line(&summary.title), capitalised(summary.words), line(&summary.sentence));
     let parts = summary.parts.iter().map(|part| vec![part.name.clone(), part.words.into(), part.sentence.clone()]);
     text += &table(&["Part", "Verdict", "Found"], parts);
     let names = ["ours.png", "reference.png", "difference.png"];
-    let shown: Vec<String> =
-        names.iter().filter(|name| inputs.pictures.contains_key(**name)).map(|name| format!("![{name}]({name})")).collect();
+    let shown: Vec<String> = names
+        .iter()
+        .filter(|name| inputs.pictures.contains_key(**name))
+        .map(|name| format!("![{name}]({name})"))
+        .collect();
     if !shown.is_empty() {
         text += &format!("\n{}\n", shown.join(" "));
     }

@@ -122,8 +122,15 @@ fn perlin_4d(p: vec4f) -> f32 {
         perlin_4d_cube(x, y, z, w + 1u, vec4f(f.xyz, f.w - 1.0), u, v, t), fade(f.w));
 }
 
+// The half cell is added under a select: a bare sum invites compilers to add it to the large p first, where it is lost.
 fn wrap_exactly(p: f32) -> f32 {
-    return fmod(p, PERIOD) + select(0.0, 0.5, abs(p) >= COARSE);
+    let wrapped = fmod(p, PERIOD);
+    return select(wrapped, wrapped + 0.5, abs(p) >= COARSE);
+}
+
+fn wrap_rounded(p: vec4f) -> vec4f {
+    let wrapped = p - trunc(p * INVERSE_PERIOD) * PERIOD;
+    return select(wrapped, wrapped + vec4f(0.5), abs(p) >= vec4f(COARSE));
 }
 
 fn snoise_1d(p: f32) -> f32 {
@@ -135,11 +142,9 @@ fn snoise_2d(p: vec2f) -> f32 {
 }
 
 fn snoise_3d(p: vec3f) -> f32 {
-    let wrapped = p - trunc(p * INVERSE_PERIOD) * PERIOD;
-    return 0.982 * perlin_3d(wrapped + select(vec3f(0.0), vec3f(0.5), abs(p) >= vec3f(COARSE)));
+    return 0.982 * perlin_3d(wrap_rounded(vec4f(p, 0.0)).xyz);
 }
 
 fn snoise_4d(p: vec4f) -> f32 {
-    let wrapped = p - trunc(p * INVERSE_PERIOD) * PERIOD;
-    return 0.8344 * perlin_4d(wrapped + select(vec4f(0.0), vec4f(0.5), abs(p) >= vec4f(COARSE)));
+    return 0.8344 * perlin_4d(wrap_rounded(p));
 }
