@@ -80,13 +80,17 @@ fn join(a: f32, b: f32) -> f32 {
 #endif
 }
 
+// In 4D the maxima change nothing, as no term is negative. They keep Mesa's compiler, which reorders a sum of two sums
+// of products where those have no other use, from changing the last bit.
 fn combine(t: vec4f) -> f32 {
 #ifdef VORONOI_DIMENSIONS_2D
     return join(t.x, t.y);
 #else ifdef VORONOI_DIMENSIONS_3D
     return join(join(t.x, t.y), t.z);
 #else
-    return join(join(t.x, t.y), join(t.z, t.w));
+    let first = join(t.x, t.y);
+    let second = join(t.z, t.w);
+    return max(join(first, second), max(first, second));
 #endif
 }
 
@@ -119,14 +123,18 @@ fn comparable(measure: f32, exponent: f32) -> f32 {
 #endif
 }
 
-fn dot_ordered(a: vec4f, b: vec4f) -> f32 {
-    let p = a * b;
+fn squared_length(v: vec4f) -> f32 {
+    return combine(v * v);
+}
+
+// The sum of an inner product's terms, which may be negative.
+fn total(t: vec4f) -> f32 {
 #ifdef VORONOI_DIMENSIONS_2D
-    return p.x + p.y;
+    return t.x + t.y;
 #else ifdef VORONOI_DIMENSIONS_3D
-    return (p.x + p.y) + p.z;
+    return (t.x + t.y) + t.z;
 #else
-    return (p.x + p.y) + (p.z + p.w);
+    return (t.x + t.y) + (t.z + t.w);
 #endif
 }
 
@@ -509,7 +517,7 @@ fn smooth_feature(x: vec4f, p: Parameters) -> Octave {
 }
 
 fn unit(v: vec4f) -> vec4f {
-    let l = sqrt(dot_ordered(v, v));
+    let l = sqrt(squared_length(v));
 #ifdef VORONOI_DIMENSIONS_3D
     return vec4f(v.xyz / l, 0.0);
 #else
@@ -526,10 +534,10 @@ fn edge_feature(x: vec4f, p: Parameters) -> f32 {
     for (var i = 0; i < NEAR_CELLS; i++) {
         let v = point_of(site, o, p) - site.local;
         let across = v - nearest;
-        // Leaves out the nearest point itself.
-        if dot_ordered(across, across) > 0.0001 {
-            edge = min(edge, dot_ordered((nearest + v) * 0.5, unit(across)));
-        }
+        // Leaves out the nearest point itself. Masking the terms, not the sum, also keeps the order of the sum.
+        let apart = squared_length(across) > 0.0001;
+        let along = total(select(vec4f(0.0), ((nearest + v) * 0.5) * unit(across), apart));
+        edge = select(edge, min(edge, along), apart);
         o = next_offset(o, 1);
     }
     return edge;
@@ -544,14 +552,16 @@ fn sphere_feature(x: vec4f, p: Parameters) -> f32 {
     var o = first_offset(1);
     for (var i = 0; i < NEAR_CELLS; i++) {
         let v = point_of(site, home + o, p) - centre;
-        least = select(min(least, dot_ordered(v, v)), least, all(o == vec4i(0)));
+        least = select(min(least, squared_length(v)), least, all(o == vec4i(0)));
         o = next_offset(o, 1);
     }
     return sqrt(least) * 0.5;
 }
 
+// From a corner to the farthest point of a cell, h in [1/2, 1] along each axis. The maximum changes nothing; it keeps
+// compilers from making 3 h^2 of the sum of squares, which rounds otherwise.
 fn corner_distance(h: f32, p: Parameters) -> f32 {
-    return distance_of(vec4f(h), p.exponent);
+    return distance_of(vec4f(h, max(h, 0.5), h, h), p.exponent);
 }
 
 #else
@@ -727,36 +737,50 @@ fn single_sum(q: vec4f, p: Parameters) -> Octave {
 fn octave_sum(q: vec4f, f: Fractal, p: Parameters) -> Octave {
     var sum: Octave;
     var weights = 0.0;
+    // The sum with a fractional last octave.
+    var longer: Octave;
+    var longer_weights = 0.0;
     var amplitude = 1.0;
     var scale = 1.0;
-    let rest = f.detail - floor(f.detail);
     let last = select(i32(ceil(f.detail)), 0, f.roughness == 0.0);
     for (var i = 0; i < 16; i++) {
         if i > last {
             break;
         }
         let octave = feature(q * scale, p);
-        // A fractional last octave blends the sums without and with it.
-        let whole = f32(i) <= f.detail;
-        let next_weights = weights + amplitude;
-        weights = select(weights + rest * (next_weights - weights), next_weights, whole);
+        longer_weights = weights + amplitude;
 #ifdef OUTPUT_DISTANCE
-        let next_distance = sum.distance + octave.distance * amplitude;
-        sum.distance = select(sum.distance + rest * (next_distance - sum.distance), next_distance, whole);
+        longer.distance = sum.distance + octave.distance * amplitude;
 #endif
 #ifdef OUTPUT_COLOR
-        let next_color = sum.color + octave.color * amplitude;
-        sum.color = select(sum.color + rest * (next_color - sum.color), next_color, whole);
+        longer.color = sum.color + octave.color * amplitude;
 #endif
 #ifdef OUTPUT_POSITION
-        let next_position = mix_point(sum.position, octave.position * (1.0 / scale), amplitude);
-        sum.position = select(mix_point(sum.position, next_position, rest), next_position, whole);
+        longer.position = mix_point(sum.position, octave.position * (1.0 / scale), amplitude);
 #else ifdef OUTPUT_W
-        let next_position = mix_point(sum.position, octave.position * (1.0 / scale), amplitude);
-        sum.position = select(mix_point(sum.position, next_position, rest), next_position, whole);
+        longer.position = mix_point(sum.position, octave.position * (1.0 / scale), amplitude);
 #endif
+        if f32(i) <= f.detail {
+            weights = longer_weights;
+            sum = longer;
+        }
         scale *= f.lacunarity;
         amplitude *= f.roughness;
+    }
+    if f32(last) > f.detail {
+        let rest = f.detail - floor(f.detail);
+        weights = weights + rest * (longer_weights - weights);
+#ifdef OUTPUT_DISTANCE
+        sum.distance = sum.distance + rest * (longer.distance - sum.distance);
+#endif
+#ifdef OUTPUT_COLOR
+        sum.color = sum.color + rest * (longer.color - sum.color);
+#endif
+#ifdef OUTPUT_POSITION
+        sum.position = mix_point(sum.position, longer.position, rest);
+#else ifdef OUTPUT_W
+        sum.position = mix_point(sum.position, longer.position, rest);
+#endif
     }
 #ifdef NORMALIZE
 #ifdef OUTPUT_DISTANCE
@@ -792,9 +816,11 @@ fn octave_edges(q: vec4f, f: Fractal, p: Parameters) -> f32 {
     let unit_edge = 0.5 + 0.5 * p.randomness;
     var edge = 8.0;
     var largest = unit_edge;
+    // With a fractional last octave.
+    var longer_edge = 8.0;
+    var longer_largest = unit_edge;
     var amplitude = 1.0;
     var scale = 1.0;
-    let rest = f.detail - floor(f.detail);
     let single = f.detail == 0.0 || f.roughness == 0.0;
     let last = select(i32(ceil(f.detail)), 0, single);
     for (var i = 0; i < 16; i++) {
@@ -802,17 +828,21 @@ fn octave_edges(q: vec4f, f: Fractal, p: Parameters) -> f32 {
             break;
         }
         let octave = edge_feature(q * scale, p);
+        longer_largest = largest + amplitude * (unit_edge / scale - largest);
+        longer_edge = edge + amplitude * (min(edge, octave / scale) - edge);
         if single {
             edge = octave;
-        } else {
-            let next_largest = largest + amplitude * (unit_edge / scale - largest);
-            let next_edge = edge + amplitude * (min(edge, octave / scale) - edge);
-            let whole = f32(i) <= f.detail;
-            largest = select(largest + rest * (next_largest - largest), next_largest, whole);
-            edge = select(edge + rest * (min(edge, next_edge) - edge), next_edge, whole);
+        } else if f32(i) <= f.detail {
+            largest = longer_largest;
+            edge = longer_edge;
         }
         scale *= f.lacunarity;
         amplitude *= f.roughness;
+    }
+    if f32(last) > f.detail {
+        let rest = f.detail - floor(f.detail);
+        largest = largest + rest * (longer_largest - largest);
+        edge = edge + rest * (min(edge, longer_edge) - edge);
     }
 #ifdef NORMALIZE
     return edge / largest;

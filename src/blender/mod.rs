@@ -90,8 +90,7 @@ pub fn interpreter() -> PathBuf {
 fn script_folder() -> Result<PathBuf> {
     let all: String = SCRIPTS.iter().flat_map(|(name, text)| [*name, *text]).collect();
     let user = std::env::var("USER").unwrap_or_default();
-    let folder =
-        std::env::temp_dir().join(format!("cloudparity-{user}-{}", &files::sha256(all.as_bytes())[..16]));
+    let folder = std::env::temp_dir().join(format!("cloudparity-{user}-{}", &files::sha256(all.as_bytes())[..16]));
     for (name, text) in SCRIPTS {
         let path = folder.join(name);
         // A file that was changed or cut short by a full disk is written again.
@@ -103,12 +102,7 @@ fn script_folder() -> Result<PathBuf> {
 }
 
 /// Runs a script of `blend/` and returns the result of its `done` message.
-pub fn run_script(
-    name: &str,
-    request: &Json,
-    kernel: Kernel,
-    mut receive: impl FnMut(Message),
-) -> Result<Json> {
+pub fn run_script(name: &str, request: &Json, kernel: Kernel, mut receive: impl FnMut(Message)) -> Result<Json> {
     let python = interpreter();
     let script = script_folder()?.join(name);
     let mut command = Command::new(&python);

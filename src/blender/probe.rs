@@ -69,9 +69,7 @@ pub fn ask(jobs: &[Job<'_>], kernel: Kernel, receive: impl FnMut(Message)) -> Re
     }
     let request = json!({"jobs": requests, "kernel": kernel.name(), "threads": 0});
     let result = run_script("probe.py", &request, kernel, receive)?;
-    let broken = || {
-        Error::new("script probe.py", result.to_string(), "an answer per job", "Run cloudparity doctor.")
-    };
+    let broken = || Error::new("script probe.py", result.to_string(), "an answer per job", "Run cloudparity doctor.");
     let mut answers = Vec::new();
     for (number, job) in jobs.iter().enumerate() {
         let answer = &result["jobs"][number];
@@ -87,11 +85,7 @@ pub fn ask(jobs: &[Job<'_>], kernel: Kernel, receive: impl FnMut(Message)) -> Re
             components.push(count);
         }
         let seconds = answer["render_seconds"].as_array().ok_or_else(broken)?;
-        answers.push(Answer {
-            values,
-            components,
-            render_seconds: seconds.iter().filter_map(Json::as_f64).collect(),
-        });
+        answers.push(Answer { values, components, render_seconds: seconds.iter().filter_map(Json::as_f64).collect() });
     }
     Ok(Answers { jobs: answers, blender: result["blender"].as_str().unwrap_or_default().to_owned() })
 }

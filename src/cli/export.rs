@@ -32,10 +32,9 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
     let scene = Scene::from_value(result["scene"].clone(), &place)?;
     // What the evaluators do not support is said now, by node, and not when a picture is wanted.
     Program::density(&scene)?;
-    let text = result["text"].as_str().map_or_else(
-        || serde_json::to_string_pretty(&result["scene"]).expect("JSON serialises") + "\n",
-        str::to_owned,
-    );
+    let text = result["text"]
+        .as_str()
+        .map_or_else(|| serde_json::to_string_pretty(&result["scene"]).expect("JSON serialises") + "\n", str::to_owned);
     files::write_atomically(&arguments.output, text.as_bytes())?;
     Ok(ExitCode::SUCCESS)
 }

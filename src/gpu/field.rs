@@ -76,7 +76,8 @@ impl FieldKernel<'_> {
         let mut columns: Vec<&[[f32; 3]]> = vec![points.positions];
         for name in &self.attributes {
             let found = points.attributes.iter().find(|(given, _)| given == name);
-            let values = found.map(|(_, values)| values.as_slice()).filter(|values| values.len() == points.positions.len());
+            let values =
+                found.map(|(_, values)| values.as_slice()).filter(|values| values.len() == points.positions.len());
             columns.push(values.ok_or_else(|| {
                 Error::new(
                     format!("attribute {name}"),

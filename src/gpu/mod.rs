@@ -64,13 +64,9 @@ impl Gpu {
             .ok_or_else(|| missing("no adapter".into()))?;
         let info = adapter.get_info();
         let limits = adapter.limits();
-        let descriptor = wgpu::DeviceDescriptor {
-            label: Some("cloudparity"),
-            required_limits: limits,
-            ..Default::default()
-        };
-        let (device, queue) =
-            adapter.request_device(&descriptor).await.map_err(|cause| missing(cause.to_string()))?;
+        let descriptor =
+            wgpu::DeviceDescriptor { label: Some("cloudparity"), required_limits: limits, ..Default::default() };
+        let (device, queue) = adapter.request_device(&descriptor).await.map_err(|cause| missing(cause.to_string()))?;
         Ok(Self {
             device,
             queue,
@@ -165,10 +161,7 @@ impl Gpu {
             let _ = sender.send(result);
         });
         self.device.poll(wgpu::PollType::wait_indefinitely()).map_err(|cause| lost(cause.to_string()))?;
-        receiver
-            .recv()
-            .map_err(|cause| lost(cause.to_string()))?
-            .map_err(|cause| lost(cause.to_string()))?;
+        receiver.recv().map_err(|cause| lost(cause.to_string()))?.map_err(|cause| lost(cause.to_string()))?;
         let view = slice.get_mapped_range().map_err(|cause| lost(cause.to_string()))?;
         Ok(view.to_vec())
     }

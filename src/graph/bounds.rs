@@ -24,16 +24,10 @@ impl Program {
             Operand::Register(register) => registers[*register],
         };
         for instruction in &self.instructions {
-            let inputs: Vec<Interval> =
-                instruction.inputs.iter().map(|operand| read(&registers, operand)).collect();
+            let inputs: Vec<Interval> = instruction.inputs.iter().map(|operand| read(&registers, operand)).collect();
             let range = instruction.first_register..instruction.first_register + instruction.components();
             instruction.kernel.bounds(&inputs, &mut registers[range]);
         }
-        Ok(self
-            .outputs
-            .iter()
-            .flat_map(|output| &output.operands)
-            .map(|operand| read(&registers, operand))
-            .collect())
+        Ok(self.outputs.iter().flat_map(|output| &output.operands).map(|operand| read(&registers, operand)).collect())
     }
 }

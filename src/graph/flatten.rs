@@ -82,12 +82,8 @@ impl<'a> Flattener<'a> {
     }
 
     fn note(&mut self, tree: usize, node: &Node, action: &'static str, reason: impl Into<String>) {
-        let note = Note {
-            node: self.label(tree, &node.name),
-            node_type: node.kind.clone(),
-            action,
-            reason: reason.into(),
-        };
+        let note =
+            Note { node: self.label(tree, &node.name), node_type: node.kind.clone(), action, reason: reason.into() };
         if !self.flat.notes.contains(&note) {
             self.flat.notes.push(note);
         }
@@ -161,8 +157,11 @@ impl<'a> Flattener<'a> {
 
     fn node_type(&self, tree: usize, node: &Node) -> Result<&'static NodeType> {
         nodes::find(&node.kind).ok_or_else(|| {
-            let known: Vec<_> =
-                nodes::registry().iter().map(|node_type| node_type.label).filter(|label| !label.starts_with('(')).collect();
+            let known: Vec<_> = nodes::registry()
+                .iter()
+                .map(|node_type| node_type.label)
+                .filter(|label| !label.starts_with('('))
+                .collect();
             Error::new(
                 self.place(tree, &node.name),
                 format!("the node type {}", node.kind),
@@ -238,7 +237,10 @@ impl<'a> Flattener<'a> {
     fn bypassed(&mut self, tree: usize, node: &'a Node, socket: &str) -> Result<Resolved> {
         let kinds = self.socket_kinds(tree, node)?;
         let kind_of = |identifier: &str, output: bool| {
-            kinds.iter().find(|(name, is_output, _)| name == identifier && *is_output == output).map(|(_, _, kind)| *kind)
+            kinds
+                .iter()
+                .find(|(name, is_output, _)| name == identifier && *is_output == output)
+                .map(|(_, _, kind)| *kind)
         };
         let kind = kind_of(socket, true).unwrap_or(SocketType::Float);
         let through = node.bypass.as_ref().and_then(|bypass| bypass.get(socket));
@@ -300,8 +302,7 @@ impl<'a> Flattener<'a> {
                 "Link a value output; closures only feed the Material Output.",
             )),
             Role::Source(resolve) => {
-                let context =
-                    SourceContext { matrix_world: &self.scene.volume.matrix_world, place: &place, node };
+                let context = SourceContext { matrix_world: &self.scene.volume.matrix_world, place: &place, node };
                 let value = resolve(&context, &mode, socket)?;
                 Ok((kind, self.source(tree, node, value)))
             }
@@ -317,13 +318,7 @@ impl<'a> Flattener<'a> {
         }
     }
 
-    fn evaluated(
-        &mut self,
-        tree: usize,
-        node: &'a Node,
-        node_type: &'static NodeType,
-        mode: Mode,
-    ) -> Result<usize> {
+    fn evaluated(&mut self, tree: usize, node: &'a Node, node_type: &'static NodeType, mode: Mode) -> Result<usize> {
         let mut inputs = Vec::new();
         for socket in node_type.inputs_of(&mode) {
             inputs.extend(self.input(tree, node, socket)?);
@@ -502,7 +497,8 @@ impl<'a> Flattener<'a> {
     fn note_unreached(&mut self) {
         for tree in 0..self.trees.len() {
             for node in self.trees[tree].nodes {
-                let evaluated = nodes::find(&node.kind).is_some_and(|node_type| matches!(node_type.role, Role::Evaluated(_)));
+                let evaluated =
+                    nodes::find(&node.kind).is_some_and(|node_type| matches!(node_type.role, Role::Evaluated(_)));
                 if evaluated && !node.muted && !self.done.contains_key(&(tree, node.name.clone())) {
                     self.note(tree, node, "dropped", "does not reach what was asked for");
                 }

@@ -163,10 +163,14 @@ impl Linker {
             let single = instruction.node_type.outputs_of(&instruction.mode).count() == 1;
             let mut register = instruction.first_register;
             for (identifier, kind) in &instruction.outputs {
-                let value =
-                    if single { variable.clone() } else { format!("{variable}.{}", shader_name(identifier).to_lowercase()) };
+                let value = if single {
+                    variable.clone()
+                } else {
+                    format!("{variable}.{}", shader_name(identifier).to_lowercase())
+                };
                 for axis in 0..kind.components() {
-                    names[register] = if kind.components() == 1 { value.clone() } else { format!("{value}.{}", AXES[axis]) };
+                    names[register] =
+                        if kind.components() == 1 { value.clone() } else { format!("{value}.{}", AXES[axis]) };
                     register += 1;
                 }
             }
@@ -336,9 +340,16 @@ pub fn write(module: &naga::Module, language: Language) -> Result<Vec<u8>> {
                 multiview: None,
             };
             let mut text = String::new();
-            back::glsl::Writer::new(&mut text, module, &info, &options, &pipeline, naga::proc::BoundsCheckPolicies::default())
-                .and_then(|mut writer| writer.write())
-                .map_err(|cause| failure(cause.to_string()))?;
+            back::glsl::Writer::new(
+                &mut text,
+                module,
+                &info,
+                &options,
+                &pipeline,
+                naga::proc::BoundsCheckPolicies::default(),
+            )
+            .and_then(|mut writer| writer.write())
+            .map_err(|cause| failure(cause.to_string()))?;
             text.into_bytes()
         }
         Language::Hlsl => {
@@ -351,7 +362,8 @@ pub fn write(module: &naga::Module, language: Language) -> Result<Vec<u8>> {
             text.into_bytes()
         }
         Language::Msl => {
-            let options = back::msl::Options { fake_missing_bindings: true, lang_version: (2, 4), ..Default::default() };
+            let options =
+                back::msl::Options { fake_missing_bindings: true, lang_version: (2, 4), ..Default::default() };
             back::msl::write_string(module, &info, &options, &back::msl::PipelineOptions::default())
                 .map_err(|cause| failure(cause.to_string()))?
                 .0

@@ -9,7 +9,7 @@ use super::real::Real;
 pub const SCALE: [f32; 4] = [0.25, 0.6616, 0.982, 0.8344];
 
 /// Coordinates repeat after this many cells.
-const PERIOD: f32 = 100_000.0;
+pub const PERIOD: f32 = 100_000.0;
 
 /// Signed noise at `p`; finite for finite coordinates, NaN otherwise.
 #[inline]
@@ -21,11 +21,7 @@ pub fn signed_noise<R: Real, const N: usize>(p: [R; N]) -> R {
 #[inline(always)]
 fn wrap<R: Real, const N: usize>(p: R) -> R {
     let shift = if p.abs() >= R::of(1_000_000.0) { R::of(0.5) } else { R::of(0.0) };
-    let wrapped = if N <= 2 {
-        p.fmod(R::of(PERIOD))
-    } else {
-        p - (p * R::of(1.0 / PERIOD)).trunc() * R::of(PERIOD)
-    };
+    let wrapped = if N <= 2 { p.fmod(R::of(PERIOD)) } else { p - (p * R::of(1.0 / PERIOD)).trunc() * R::of(PERIOD) };
     (wrapped + shift).round_coordinate()
 }
 
@@ -74,13 +70,8 @@ fn perlin<R: Real, const N: usize>(p: [R; N]) -> R {
     let floors = p.map(Real::floor);
     let cell = floors.map(|x| x.to_int() as u32);
     let fraction: [R; N] = std::array::from_fn(|axis| p[axis] - floors[axis]);
-    let weight = fraction.map(|f| {
-        if N == 1 {
-            f.quintic()
-        } else {
-            (f * f) * (f * (f * (f * R::of(6.0) - R::of(15.0)) + R::of(10.0)))
-        }
-    });
+    let weight = fraction
+        .map(|f| if N == 1 { f.quintic() } else { (f * f) * (f * (f * (f * R::of(6.0) - R::of(15.0)) + R::of(10.0))) });
     let mut corners = [R::of(0.0); 16];
     for (index, corner) in corners.iter_mut().enumerate().take(1 << N) {
         let bit = |axis: usize| (index >> axis) & 1;
@@ -101,8 +92,7 @@ fn perlin<R: Real, const N: usize>(p: [R; N]) -> R {
 /// Offset vector in [100, 200] number `seed`, which decorrelates outputs and distortion.
 pub fn random_offset<R: Real, const N: usize>(seed: f32) -> [R; N] {
     std::array::from_fn(|axis| {
-        let hash: R =
-            if N == 1 { hash_floats([R::of(seed)]) } else { hash_floats([R::of(seed), R::of(axis as f32)]) };
+        let hash: R = if N == 1 { hash_floats([R::of(seed)]) } else { hash_floats([R::of(seed), R::of(axis as f32)]) };
         (R::of(100.0) + hash * R::of(100.0)).round_coordinate()
     })
 }

@@ -4,9 +4,7 @@
 //! logarithms outside their domain give 0; see the formula beside each operation.
 
 use super::real::{Library, Real};
-use super::{
-    Column, Evaluate, InputSocket, Interval, NodeType, OutputSocket, Property, Role, Simplified, always, map,
-};
+use super::{Column, Evaluate, InputSocket, Interval, NodeType, OutputSocket, Property, Role, Simplified, always, map};
 use crate::scene::SocketType;
 
 /// The node type.
@@ -22,9 +20,7 @@ pub static TYPE: NodeType = NodeType {
         InputSocket::float("Value_002", "Value", &[0.5], |mode| inputs_of(mode.choice("operation")) >= 3),
     ],
     outputs: &[OutputSocket::new("Value", SocketType::Float, always)],
-    role: Role::Evaluated(|mode| {
-        Box::new(Math { operation: mode.choice("operation"), clamp: mode.flag("use_clamp") })
-    }),
+    role: Role::Evaluated(|mode| Box::new(Math { operation: mode.choice("operation"), clamp: mode.flag("use_clamp") })),
 };
 
 /// Blender's names of the operations.
@@ -159,11 +155,7 @@ impl Math {
             "MULTIPLY_ADD" => ternary!(|a, b, c| a * b + c),
             "POWER" => binary!(R::safe_power),
             "LOGARITHM" => binary!(|a: R, b: R| {
-                if a <= zero || b <= zero {
-                    zero
-                } else {
-                    a.library(Library::Ln).safe_divide(b.library(Library::Ln))
-                }
+                if a <= zero || b <= zero { zero } else { a.library(Library::Ln).safe_divide(b.library(Library::Ln)) }
             }),
             "SQRT" => unary!(|a: R| a.greater(zero).sqrt()),
             "INVERSE_SQRT" => unary!(|a: R| if a > zero { one / a.sqrt() } else { zero }),

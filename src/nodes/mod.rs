@@ -14,6 +14,8 @@ pub mod combine_xyz;
 pub mod conversion;
 pub mod gradient_noise;
 pub mod hash;
+#[cfg(test)]
+mod lane_tests;
 pub mod map_range;
 pub mod math;
 pub mod noise_texture;
@@ -400,6 +402,12 @@ pub fn map<R: Real, const I: usize>(
     for (index, result) in output.iter_mut().enumerate() {
         *result = function(columns.map(|column| column[index]));
     }
+}
+
+/// The vector instructions of this machine, looked up once.
+pub fn lane_level() -> fearless_simd::Level {
+    static LEVEL: std::sync::OnceLock<fearless_simd::Level> = std::sync::OnceLock::new();
+    *LEVEL.get_or_init(fearless_simd::Level::new)
 }
 
 /// The columns of one point.

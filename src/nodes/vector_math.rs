@@ -197,9 +197,9 @@ impl Evaluate for VectorMath {
             "CEIL" => unary!(|a: [R; 3]| a.map(R::ceil)),
             "FRACTION" => unary!(|a: [R; 3]| a.map(R::fraction)),
             // Not the exact remainder: the rounded quotient is truncated.
-            "MODULO" => binary!(|a, b| each(a, b, |x: R, y: R| {
-                if y != zero { x - (x / y).trunc() * y } else { zero }
-            })),
+            "MODULO" => {
+                binary!(|a, b| each(a, b, |x: R, y: R| { if y != zero { x - (x / y).trunc() * y } else { zero } }))
+            }
             "WRAP" => vectors!(|index| {
                 let [a, b, c] = [0, 3, 6].map(|first| vector_at(inputs, first, index));
                 std::array::from_fn(|axis| wrap(a[axis], b[axis], c[axis]))
@@ -217,9 +217,8 @@ impl Evaluate for VectorMath {
     }
 
     fn fold_constants(&self, inputs: &[f32]) -> Option<Vec<f32>> {
-        let special = |function: fn(f32, f32) -> f32| {
-            Some((0..3).map(|axis| function(inputs[axis], inputs[3 + axis])).collect())
-        };
+        let special =
+            |function: fn(f32, f32) -> f32| Some((0..3).map(|axis| function(inputs[axis], inputs[3 + axis])).collect());
         match self.operation {
             "POWER" => special(|a, b| if a == 0.0 && b < 0.0 { f32::INFINITY } else { a.safe_power(b) }),
             // Blender folds with the exact remainder, NaN for a zero divisor.

@@ -302,8 +302,7 @@ impl VoronoiTexture {
     fn smooth_f1<R: Real, const N: usize>(&self, x: [R; N], parameters: &Parameters<R>) -> Found<R, N> {
         let cell = Cell::of(x);
         let (half, one, smoothness) = (R::of(0.5), R::of(1.0), parameters.smoothness);
-        let mut found =
-            Found { distance: R::of(0.0), color: [R::of(0.0); 3], position: [R::of(0.0); N] };
+        let mut found = Found { distance: R::of(0.0), color: [R::of(0.0); 3], position: [R::of(0.0); N] };
         for (count, offset) in neighbours::<N>(2).enumerate() {
             let point = cell.point(offset, parameters.randomness);
             let v: [R; N] = std::array::from_fn(|axis| point[axis] - cell.local[axis]);
@@ -493,8 +492,7 @@ impl VoronoiTexture {
     fn parameter_columns(&self) -> [Option<usize>; 7] {
         let mut next = if self.dimensions == 1 { 1 } else { 3 + usize::from(self.dimensions == 4) };
         let fractal = self.feature != Feature::NSphereRadius;
-        let exists =
-            [true, fractal, fractal, fractal, self.feature == Feature::SmoothF1, self.has_exponent, true];
+        let exists = [true, fractal, fractal, fractal, self.feature == Feature::SmoothF1, self.has_exponent, true];
         exists.map(|exists| {
             exists.then(|| {
                 next += 1;
@@ -506,8 +504,7 @@ impl VoronoiTexture {
     /// Parameters of point `index`, clamped as the kernel does.
     fn parameters<R: Real>(&self, inputs: &[Column<'_, R>], index: usize) -> Parameters<R> {
         let at = |column: Option<usize>| column.map_or(R::of(0.0), |column| inputs[column].values[index]);
-        let [scale, detail, roughness, lacunarity, smoothness, exponent, randomness] =
-            self.parameter_columns().map(at);
+        let [scale, detail, roughness, lacunarity, smoothness, exponent, randomness] = self.parameter_columns().map(at);
         Parameters {
             scale,
             detail: detail.clamped(R::of(0.0), R::of(15.0)),

@@ -8,11 +8,11 @@
 //! magnitude and is summed in the same order, so the bound never exceeds the true value.
 //! Second, the cells are visited near side first: per axis and lane "near" is the neighbour on the
 //! side of the coordinate within its cell, so that lanes at unrelated points agree on an order in
-//! which most of the 81 cells of 4D are skipped. See Keeter 2020 for the idea of cheap bounds first.
+//! which most of the 81 cells of 4D are skipped.
 
 use super::{Feature, Metric, VoronoiTexture};
-use crate::nodes::{Column, Evaluate, columns_at};
-use fearless_simd::{Level, dispatch, prelude::*};
+use crate::nodes::{Column, Evaluate, columns_at, lane_level};
+use fearless_simd::{dispatch, prelude::*};
 
 /// Factor and increment of the integer hash; see [`crate::nodes::hash::pcg`].
 const MULTIPLIER: i32 = 1_664_525;
@@ -29,7 +29,7 @@ pub(super) fn evaluate(node: &VoronoiTexture, inputs: &[Column<'_, f32>], output
         return false;
     }
     let Some(plan) = Plan::new(node, inputs) else { return false };
-    let level = level();
+    let level = lane_level();
     let output = &mut *outputs[0];
     match (node.dimensions, node.metric) {
         (2, Metric::Euclidean) => dispatch!(level, simd => run::<_, 2, EUCLIDEAN>(simd, &plan, inputs, output)),
@@ -50,12 +50,6 @@ pub(super) fn evaluate(node: &VoronoiTexture, inputs: &[Column<'_, f32>], output
         }
     }
     true
-}
-
-/// The vector instructions of this machine, looked up once.
-fn level() -> Level {
-    static LEVEL: std::sync::OnceLock<Level> = std::sync::OnceLock::new();
-    *LEVEL.get_or_init(Level::new)
 }
 
 const EUCLIDEAN: u8 = 0;
@@ -192,9 +186,11 @@ fn visiting_order<const N: usize>() -> &'static [[u8; 4]] {
     let orders = ORDERS.get_or_init(|| {
         [2, 3, 4].map(|dimensions: u32| {
             let mut cells: Vec<[u8; 4]> = (0..3_u32.pow(dimensions))
-                .map(|index| std::array::from_fn(|axis| {
-                    if (axis as u32) < dimensions { (index / 3_u32.pow(axis as u32) % 3) as u8 } else { 0 }
-                }))
+                .map(|index| {
+                    std::array::from_fn(|axis| {
+                        if (axis as u32) < dimensions { (index / 3_u32.pow(axis as u32) % 3) as u8 } else { 0 }
+                    })
+                })
                 .collect();
             // Mean squared distance to the box of a kind, in twelfths: own 0, near 1, far 7.
             cells.sort_by_key(|cell| cell.iter().map(|&kind| [0, 1, 7][usize::from(kind)]).sum::<u32>());
@@ -303,6 +299,37 @@ fn round<S: Simd, const N: usize>(v: &mut [S::i32s; N]) {
             v[1] += v[2] * v[0];
             v[2] += v[0] * v[1];
             v[3] += v[1] * v[2];
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::nodes::lane_tests::{adversarial_coordinates, assert_lanes_equal_scalar};
+    use serde_json::json;
+
+    #[test]
+    fn every_mode_equals_the_full_scan() {
+        let coordinates = adversarial_coordinates(4096);
+        for dimensions in ["2D", "3D", "4D"] {
+            for distance in ["EUCLIDEAN", "MANHATTAN", "CHEBYCHEV"] {
+                let properties = json!({"voronoi_dimensions": dimensions, "distance": distance, "normalize": true});
+                // Scale, detail, roughness, lacunarity, randomness.
+                for parameters in [
+                    [5.0, 0.0, 0.5, 2.0, 1.0],
+                    [-2.0, 5.0, 0.75, 2.5, 1.0],
+                    [0.3, 3.4, 1.0, 3.0, 0.6],
+                    [7.0, 0.25, 0.5, -1.5, 0.0],
+                ] {
+                    assert_lanes_equal_scalar(
+                        &crate::nodes::voronoi_texture::TYPE,
+                        &properties,
+                        vec!["Distance"],
+                        &coordinates,
+                        &parameters,
+                    );
+                }
+            }
         }
     }
 }
