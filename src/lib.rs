@@ -3,6 +3,7 @@
 //! The way of the data: [`scene`] (files) to [`graph`] (flat, specialised programs of [`nodes`]) to
 //! values on the CPU, WGSL on the GPU and bounds. `ARCHITECTURE.md` is the map.
 
+pub mod bench;
 pub mod blender;
 pub mod cli;
 pub mod compare;

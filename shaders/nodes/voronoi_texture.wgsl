@@ -14,6 +14,8 @@ struct Parameters {
     randomness: f32,
     smoothness: f32,
     exponent: f32,
+    // See combine().
+    one: f32,
 }
 
 // Points and cells have four components in all dimensions. Those beyond the dimension stay 0, which costs nothing:
@@ -80,17 +82,15 @@ fn join(a: f32, b: f32) -> f32 {
 #endif
 }
 
-// In 4D the maxima change nothing, as no term is negative. They keep Mesa's compiler, which reorders a sum of two sums
-// of products where those have no other use, from changing the last bit.
-fn combine(t: vec4f) -> f32 {
+// Compilers may reorder sums, and Mesa's does so with a sum of two sums of products. The factor, 1 at run time, keeps it
+// from that in 4D without cost.
+fn combine(t: vec4f, one: f32) -> f32 {
 #ifdef VORONOI_DIMENSIONS_2D
     return join(t.x, t.y);
 #else ifdef VORONOI_DIMENSIONS_3D
     return join(join(t.x, t.y), t.z);
 #else
-    let first = join(t.x, t.y);
-    let second = join(t.z, t.w);
-    return max(join(first, second), max(first, second));
+    return join(join(t.x, t.y), join(t.z, t.w) * one);
 #endif
 }
 
@@ -110,8 +110,8 @@ fn root(measure: f32, exponent: f32) -> f32 {
 #endif
 }
 
-fn distance_of(v: vec4f, exponent: f32) -> f32 {
-    return root(combine(terms(v, exponent)), exponent);
+fn distance_of(v: vec4f, p: Parameters) -> f32 {
+    return root(combine(terms(v, p.exponent), p.one), p.exponent);
 }
 
 // F2 compares distances, the others compare without the root.
@@ -123,8 +123,8 @@ fn comparable(measure: f32, exponent: f32) -> f32 {
 #endif
 }
 
-fn squared_length(v: vec4f) -> f32 {
-    return combine(v * v);
+fn squared_length(v: vec4f, p: Parameters) -> f32 {
+    return combine(v * v, p.one);
 }
 
 // The sum of an inner product's terms, which may be negative.
@@ -254,6 +254,7 @@ struct Axes {
     far_bound: vec4f,
     jitter: f32,
     exponent: f32,
+    one: f32,
 }
 
 // Place in Blender's scan, for ties.
@@ -298,7 +299,7 @@ fn visit_two(s: ptr<function, Search>, o: vec4f, measure: f32) {
 
 fn visit(s: ptr<function, Search>, a: Axes, o: vec4f, hash: vec4i) {
     let v = (o + rounds(hash) * a.jitter) - a.local;
-    let measure = comparable(combine(terms(v, a.exponent)), a.exponent);
+    let measure = comparable(combine(terms(v, a.exponent), a.one), a.exponent);
 #ifdef FEATURE_F2
     visit_two(s, o, measure);
 #else ifdef FEATURE_DISTANCE_TO_EDGE
@@ -318,7 +319,7 @@ fn visit(s: ptr<function, Search>, a: Axes, o: vec4f, hash: vec4i) {
 
 // Where the cell matters, an equal measure may still win by its rank.
 fn hopeless(s: ptr<function, Search>, a: Axes, bounds: vec4f) -> bool {
-    let bound = comparable(combine(bounds), a.exponent);
+    let bound = comparable(combine(bounds, a.one), a.exponent);
 #ifdef FEATURE_F2
     return bound > (*s).second;
 #else ifdef FEATURE_DISTANCE_TO_EDGE
@@ -439,6 +440,7 @@ fn search(site: Site, p: Parameters) -> Search {
     a.far_bound = bound_terms(select(rest, site.local, upper), p.exponent);
     a.jitter = jitter(p);
     a.exponent = p.exponent;
+    a.one = p.one;
     var s = Search(LARGEST, 1000.0, vec4f(0.0), LARGEST, 1000.0, vec4f(0.0));
 #ifdef VORONOI_DIMENSIONS_2D
     scan_y(&s, a, vec4f(0.0), a.hash, vec4f(0.0));
@@ -491,7 +493,7 @@ fn smooth_feature(x: vec4f, p: Parameters) -> Octave {
     var o = first_offset(2);
     for (var i = 0; i < WIDE_CELLS; i++) {
         let point = point_of(site, o, p);
-        let d = distance_of(point - site.local, p.exponent);
+        let d = distance_of(point - site.local, p);
         let t = 0.5 + (0.5 * (octave.distance - d)) / p.smoothness;
         let inner = select(select((3.0 - 2.0 * t) * (t * t), 1.0, t >= 1.0), 0.0, t < 0.0);
         let h = select(inner, 1.0, i == 0);
@@ -516,8 +518,8 @@ fn smooth_feature(x: vec4f, p: Parameters) -> Octave {
     return octave;
 }
 
-fn unit(v: vec4f) -> vec4f {
-    let l = sqrt(squared_length(v));
+fn unit(v: vec4f, p: Parameters) -> vec4f {
+    let l = sqrt(squared_length(v, p));
 #ifdef VORONOI_DIMENSIONS_3D
     return vec4f(v.xyz / l, 0.0);
 #else
@@ -535,8 +537,8 @@ fn edge_feature(x: vec4f, p: Parameters) -> f32 {
         let v = point_of(site, o, p) - site.local;
         let across = v - nearest;
         // Leaves out the nearest point itself. Masking the terms, not the sum, also keeps the order of the sum.
-        let apart = squared_length(across) > 0.0001;
-        let along = total(select(vec4f(0.0), ((nearest + v) * 0.5) * unit(across), apart));
+        let apart = squared_length(across, p) > 0.0001;
+        let along = total(select(vec4f(0.0), ((nearest + v) * 0.5) * unit(across, p), apart));
         edge = select(edge, min(edge, along), apart);
         o = next_offset(o, 1);
     }
@@ -552,7 +554,7 @@ fn sphere_feature(x: vec4f, p: Parameters) -> f32 {
     var o = first_offset(1);
     for (var i = 0; i < NEAR_CELLS; i++) {
         let v = point_of(site, home + o, p) - centre;
-        least = select(min(least, squared_length(v)), least, all(o == vec4i(0)));
+        least = select(min(least, squared_length(v, p)), least, all(o == vec4i(0)));
         o = next_offset(o, 1);
     }
     return sqrt(least) * 0.5;
@@ -561,7 +563,7 @@ fn sphere_feature(x: vec4f, p: Parameters) -> f32 {
 // From a corner to the farthest point of a cell, h in [1/2, 1] along each axis. The maximum changes nothing; it keeps
 // compilers from making 3 h^2 of the sum of squares, which rounds otherwise.
 fn corner_distance(h: f32, p: Parameters) -> f32 {
-    return distance_of(vec4f(h, max(h, 0.5), h, h), p.exponent);
+    return distance_of(vec4f(h, max(h, 0.5), h, h), p);
 }
 
 #else
@@ -955,6 +957,8 @@ fn evaluate(
 #endif
     var p: Parameters;
     p.randomness = clamp(randomness, 0.0, 1.0);
+    let sign = select(-1.0, 1.0, scale > 0.0);
+    p.one = sign * sign;
 #ifdef FEATURE_SMOOTH_F1
     p.smoothness = clamp(smoothness / 2.0, 0.0, 0.5);
 #endif

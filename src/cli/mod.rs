@@ -3,6 +3,7 @@
 //! Data goes to stdout, progress and warnings to stderr. Exit status 0: done, or both sides agree;
 //! 1: they differ; 2: the command could not do its work.
 
+mod bench;
 mod build;
 mod eval;
 mod explain;
@@ -25,6 +26,7 @@ struct CommandLine {
 
 #[derive(Subcommand)]
 enum Command {
+    Bench(bench::Arguments),
     Build(build::Arguments),
     Eval(eval::Arguments),
     Explain(explain::Arguments),
@@ -51,6 +53,7 @@ const COULD_NOT: u8 = 2;
 pub fn run() -> ExitCode {
     let command_line = CommandLine::parse();
     let result = match command_line.command {
+        Command::Bench(arguments) => bench::run(&arguments),
         Command::Build(arguments) => build::run(&arguments),
         Command::Eval(arguments) => eval::run(&arguments),
         Command::Explain(arguments) => explain::run(&arguments),

@@ -1,0 +1,81 @@
+//! `cloudparity bench`: speed beside Cycles, in one run.
+
+use crate::bench::{self, Settings};
+use crate::error::Result;
+use crate::files;
+use crate::gpu::Gpu;
+use crate::report::inputs::Bench;
+use crate::scene::Scene;
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+/// Measure the evaluators' rates beside Cycles' on the same points.
+#[derive(clap::Args)]
+pub(super) struct Arguments {
+    /// The scene file.
+    scene: PathBuf,
+    /// Points of the larger sample.
+    #[arg(long, default_value_t = 500_000, value_parser = clap::value_parser!(u32).range(1000..=20_000_000))]
+    points: u32,
+    /// Repetitions; the median counts.
+    #[arg(long, default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..=100))]
+    repeats: u32,
+    /// Leave Cycles out.
+    #[arg(long)]
+    without_cycles: bool,
+    /// Print JSON.
+    #[arg(long)]
+    json: bool,
+    /// Also write the JSON here.
+    #[arg(short, long)]
+    output: Option<PathBuf>,
+}
+
+pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
+    let scene = Scene::load(&arguments.scene)?;
+    let with_cycles = !arguments.without_cycles && bench::can_ask_cycles();
+    if !with_cycles && !arguments.without_cycles {
+        eprintln!("warning: bpy is missing: Cycles is not measured, so there are no ratios (make setup installs it)");
+    }
+    let settings =
+        Settings { points: arguments.points as usize, repeats: arguments.repeats as usize, with_cycles };
+    let bar = super::progress_bar(3);
+    let rows = bench::run(&scene, &settings, |what| {
+        bar.set_message(what.to_owned());
+        bar.inc(1);
+    })?;
+    bar.finish_and_clear();
+    let adapter = Gpu::open().map_or(serde_json::Value::Null, |gpu| {
+        serde_json::to_value(gpu.adapter()).expect("an adapter serialises")
+    });
+    let result = Bench { adapter, rows };
+    let json = serde_json::to_string_pretty(&result).expect("figures serialise") + "\n";
+    if let Some(path) = &arguments.output {
+        files::write_atomically(path, json.as_bytes())?;
+    }
+    super::print(&if arguments.json { json } else { table(&result) })?;
+    Ok(ExitCode::SUCCESS)
+}
+
+fn table(bench: &Bench) -> String {
+    let rate = |value: Option<f64>| value.map_or("-".to_owned(), |rate| format!("{:.3}", rate / 1e6));
+    let ratio = |value: Option<f64>| value.map_or("-".to_owned(), |ratio| format!("{ratio:.1}"));
+    let mut text = format!(
+        "{:<24}{:>10}{:>14}{:>12}{:>12}{:>12}{:>13}\n",
+        "million points/s", "points", "Cycles", "CPU", "WGSL", "CPU ratio", "WGSL ratio"
+    );
+    for row in &bench.rows {
+        text += &format!(
+            "{:<24}{:>10}{:>14}{:>12}{:>12}{:>12}{:>13}\n",
+            row.what,
+            row.points.unwrap_or(0),
+            rate(row.cycles_rate),
+            rate(row.cpu_rate),
+            rate(row.gpu_rate),
+            ratio(row.cpu_ratio),
+            ratio(row.gpu_ratio)
+        );
+    }
+    let adapter = bench.adapter["name"].as_str().unwrap_or("none");
+    text + &format!("Adapter: {adapter}. Rates are slopes between two point counts; Cycles' is without what its render costs for an empty graph.\n")
+}
