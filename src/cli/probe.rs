@@ -209,13 +209,7 @@ fn random_settings(
 type Drawn = (Scene, IndexMap<String, f32>, Vec<[f32; 3]>);
 
 /// Draws until enough of the field is not 0.
-fn draw(
-    arguments: &Arguments,
-    scene: &Scene,
-    target: &Target,
-    random: &mut ChaCha8Rng,
-    seed: u64,
-) -> Result<Drawn> {
+fn draw(arguments: &Arguments, scene: &Scene, target: &Target, random: &mut ChaCha8Rng, seed: u64) -> Result<Drawn> {
     for _ in 0..DRAWS {
         let mut changed = scene.clone();
         let values = settings::draw(&mut changed, random)?;
@@ -238,12 +232,7 @@ fn draw(
     ))
 }
 
-fn describe(
-    reference: &Reference,
-    target: &str,
-    domain: &str,
-    evaluators: &IndexMap<&'static str, Figures>,
-) -> String {
+fn describe(reference: &Reference, target: &str, domain: &str, evaluators: &IndexMap<&'static str, Figures>) -> String {
     let mut text = format!(
         "{target} against Cycles {} ({} kernel, {:.1} s), domain {domain}\n",
         reference.blender, reference.kernel, reference.seconds

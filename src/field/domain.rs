@@ -24,11 +24,10 @@ const MARGIN: f32 = 0.1;
 /// Bisection steps that place an edge: one per bit of an f32 significand and exponent.
 const BISECTIONS: usize = 40;
 
-/// Coordinates that evaluators treat specially.
-const SPECIAL: [f32; 24] = [
-    0.0, -0.0, 1e3, -1e3, 1e5, -1e5, 1e-45, -1e-45, 1e-40, -1e-40, 1.175_494_4e-38, -1.175_494_4e-38, 1e-20, -1e-20,
-    -1e-9, 5.960_464_5e-8, 1.0, -1.0, 0.5, -0.5, 0.999_999_94, -0.999_999_94, 1_000.5, 99_999.99,
-];
+/// Magnitudes of coordinates that evaluators treat specially: zero, the smallest and a larger denormal, the
+/// smallest normal number, a tiny one, 2^-24, the number below 1, cell borders, far from the origin.
+const SPECIAL: [f32; 11] =
+    [0.0, 1e-45, 1e-40, f32::MIN_POSITIVE, 1e-9, 5.960_464_5e-8, 0.999_999_94, 0.5, 1.0, 1e3, 1e5];
 
 /// Where points lie.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
@@ -93,7 +92,11 @@ pub fn region(program: &Program, bounds: Bounds) -> Result<Bounds> {
             for _ in 0..BISECTIONS {
                 let middle = 0.5 * (outside + within);
                 let (mut low, mut high) = (cut.min, cut.max);
-                if upper { low[axis] = middle } else { high[axis] = middle }
+                if upper {
+                    low[axis] = middle
+                } else {
+                    high[axis] = middle
+                }
                 if constant(low, high)? { outside = middle } else { within = middle }
             }
             if upper { cut.max[axis] = outside } else { cut.min[axis] = outside }
@@ -121,8 +124,11 @@ fn adversarial(
 ) -> Result<Vec<[f32; 3]>> {
     let mut kinds: Vec<Vec<[f32; 3]>> = vec![special_points(region, count / 4, random)];
     let textures: Vec<&Instruction> = program.instructions.iter().filter(|node| is_texture(node)).collect();
-    let edges: Vec<&Instruction> =
-        program.instructions.iter().filter(|node| node.node_type.type_name == nodes::map_range::TYPE.type_name).collect();
+    let edges: Vec<&Instruction> = program
+        .instructions
+        .iter()
+        .filter(|node| node.node_type.type_name == nodes::map_range::TYPE.type_name)
+        .collect();
     let share = |total: usize, parts: usize| total.div_ceil(parts.max(1));
     for texture in &textures {
         kinds.push(lattice_points(scene, texture, region, share(count / 4, textures.len()), random)?);
@@ -145,7 +151,11 @@ fn special_points(region: &Bounds, count: usize, random: &mut ChaCha8Rng) -> Vec
     (0..count)
         .map(|_| {
             let base = inside(region, random);
-            base.map(|value| if random.random() { SPECIAL[random.random_range(0..SPECIAL.len())] } else { value })
+            base.map(|value| {
+                let sign = if random.random() { 1.0 } else { -1.0 };
+                let special = sign * SPECIAL[random.random_range(0..SPECIAL.len())];
+                if random.random() { special } else { value }
+            })
         })
         .collect()
 }
