@@ -73,9 +73,9 @@ pub fn evaluate(
     evaluator: Evaluator,
     gpu: Option<&Gpu>,
 ) -> Result<(Vec<f32>, f64)> {
-    let kernel = match (evaluator, gpu) {
+    let opened = if evaluator == Evaluator::Gpu && gpu.is_none() { Some(Gpu::open()?) } else { None };
+    let kernel = match (evaluator, gpu.or(opened.as_ref())) {
         (Evaluator::Gpu, Some(gpu)) => Some(gpu.field(program)?),
-        (Evaluator::Gpu, None) => Some(Gpu::open()?.field(program)?),
         _ => None,
     };
     let begin = Instant::now();
