@@ -8,6 +8,7 @@ pub mod blender;
 pub mod cli;
 pub mod compare;
 pub mod error;
+pub mod field;
 pub mod files;
 pub mod gpu;
 pub mod graph;

@@ -8,6 +8,7 @@ mod build;
 mod eval;
 mod explain;
 mod export;
+mod probe;
 mod schema;
 mod shader;
 
@@ -31,6 +32,7 @@ enum Command {
     Eval(eval::Arguments),
     Explain(explain::Arguments),
     Export(export::Arguments),
+    Probe(probe::Arguments),
     Schema(schema::Arguments),
     Shader(shader::Arguments),
 }
@@ -58,6 +60,7 @@ pub fn run() -> ExitCode {
         Command::Eval(arguments) => eval::run(&arguments),
         Command::Explain(arguments) => explain::run(&arguments),
         Command::Export(arguments) => export::run(&arguments),
+        Command::Probe(arguments) => probe::run(&arguments),
         Command::Schema(arguments) => schema::run(&arguments),
         Command::Shader(arguments) => shader::run(&arguments),
     };

@@ -1,0 +1,274 @@
+//! `cloudparity probe`: field values of live Cycles and of our evaluators at the same points.
+
+use crate::blender;
+use crate::error::{Error, Result};
+use crate::field::{self, Comparison, Domain, Evaluator, Figures, Reference, Request, domain, settings};
+use crate::files;
+use crate::graph::evaluate::Points;
+use crate::graph::{Program, Target, target};
+use crate::scene::Scene;
+use indexmap::IndexMap;
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+use serde::Serialize;
+use std::fmt::Write;
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+/// Compare field values with live Cycles (SSE4.2 kernel) at the same points.
+///
+/// Exit status 0: cpu equals Cycles at every point and gpu is within 3e-6; 1: not so; 2: could not
+/// tell.
+#[derive(clap::Args)]
+pub(super) struct Arguments {
+    /// The scene file.
+    scene: PathBuf,
+    /// Number of points (per setting with --random-settings).
+    #[arg(long, default_value_t = 100_000)]
+    points: usize,
+    /// Seed of the points and settings.
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// Where the points lie.
+    #[arg(long, value_enum, default_value_t = Domain::Box)]
+    domain: Domain,
+    /// Which of our evaluators.
+    #[arg(long, value_enum, default_value_t = Choice::Cpu)]
+    evaluator: Choice,
+    /// Change a stored value: "Large Noise/Scale=2". May be given several times.
+    #[arg(long = "set", value_name = "NAME=VALUE")]
+    set: Vec<String>,
+    /// NODE.SOCKET to compare instead of the density.
+    #[arg(long, value_name = "NODE.SOCKET")]
+    output: Option<String>,
+    /// Compare with this many random settings of the material's group nodes.
+    #[arg(long, value_name = "N")]
+    random_settings: Option<usize>,
+    /// JSON instead of text.
+    #[arg(long)]
+    json: bool,
+    /// Also write the JSON to this file.
+    #[arg(short, long, value_name = "FILE")]
+    output_file: Option<PathBuf>,
+}
+
+/// One evaluator or all.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+enum Choice {
+    Cpu,
+    Gpu,
+    Oracle,
+    All,
+}
+
+/// Share of points that must not be 0 for a random setting to say anything.
+const NONZERO_SHARE: f64 = 0.05;
+
+/// Points that decide whether a random setting is redrawn.
+const TRIAL_POINTS: usize = 4096;
+
+/// Draws per random setting before giving up.
+const DRAWS: usize = 1000;
+
+/// One random setting and what was found with it.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+struct Setting {
+    values: IndexMap<String, f32>,
+    evaluators: IndexMap<&'static str, Figures>,
+}
+
+/// The figures of all random settings together, and each.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+struct Settings {
+    scene: String,
+    target: String,
+    points: usize,
+    domain: &'static str,
+    seed: u64,
+    reference: Reference,
+    evaluators: IndexMap<&'static str, Figures>,
+    settings: Vec<Setting>,
+}
+
+pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
+    let mut scene = Scene::load(&arguments.scene)?;
+    for assignment in &arguments.set {
+        scene.set(assignment)?;
+    }
+    let target = match &arguments.output {
+        Some(name) => Target::parse(name, scene.graph())?,
+        None => target::density(&scene)?,
+    };
+    if !blender::has_bpy() {
+        return Err(Error::new(
+            format!("interpreter {}", blender::interpreter().display()),
+            "no module bpy",
+            "Blender as a Python module: live Cycles is what the field is compared with",
+            "Run make setup; without bpy, cloudparity eval still evaluates the field.",
+        ));
+    }
+    let (evaluators, left_out) = arguments.evaluator.available()?;
+    let bar = super::progress_bar(1000);
+    let (text, json, found) = match arguments.random_settings {
+        None => {
+            let points = (arguments.points, arguments.seed);
+            let report = blender::report_to(&bar);
+            let probe = field::probe(&scene, target, arguments.domain, points, &evaluators, report)?;
+            let text = describe(&probe.reference, &probe.target, probe.domain, &probe.evaluators);
+            (text, to_json(&probe), probe.evaluators)
+        }
+        Some(count) => {
+            let settings = random_settings(arguments, &scene, &target, count, &evaluators, &bar)?;
+            let mut text = describe(&settings.reference, &settings.target, settings.domain, &settings.evaluators);
+            for setting in settings.settings.iter().filter(|setting| verdict(&setting.evaluators) == Some(false)) {
+                writeln!(text, "differs with {:?}", setting.values).expect("writing to a string cannot fail");
+            }
+            (text, to_json(&settings), settings.evaluators)
+        }
+    };
+    bar.finish_and_clear();
+    if let Some(path) = &arguments.output_file {
+        files::write_atomically(path, json.as_bytes())?;
+    }
+    super::print(if arguments.json { &json } else { &text })?;
+    if let Some(reason) = &left_out {
+        eprintln!("left out: gpu: {reason}");
+    }
+    Ok(match (verdict(&found), left_out) {
+        (Some(false), _) => ExitCode::FAILURE,
+        (Some(true), None) => ExitCode::SUCCESS,
+        // The oracle alone judges nothing, and a missing evaluator cannot agree.
+        _ => ExitCode::from(super::COULD_NOT),
+    })
+}
+
+impl Choice {
+    /// The evaluators, and why the GPU is left out of `all` on a machine without one.
+    fn available(self) -> Result<(Vec<Evaluator>, Option<Error>)> {
+        Ok(match self {
+            Self::Cpu => (vec![Evaluator::Cpu], None),
+            Self::Gpu => (vec![Evaluator::Gpu], None),
+            Self::Oracle => (vec![Evaluator::Oracle], None),
+            Self::All => match crate::gpu::Gpu::open() {
+                Ok(_) => (Evaluator::ALL.to_vec(), None),
+                Err(error) => (vec![Evaluator::Cpu, Evaluator::Oracle], Some(error)),
+            },
+        })
+    }
+}
+
+/// Whether all that can be judged agrees; none where nothing can be judged.
+fn verdict(found: &IndexMap<&'static str, Figures>) -> Option<bool> {
+    let judged: Vec<bool> = found.values().filter_map(Figures::agrees).collect();
+    if judged.is_empty() { None } else { Some(judged.into_iter().all(|agrees| agrees)) }
+}
+
+fn to_json(document: &impl Serialize) -> String {
+    serde_json::to_string_pretty(document).expect("figures serialise") + "\n"
+}
+
+fn random_settings(
+    arguments: &Arguments,
+    scene: &Scene,
+    target: &Target,
+    count: usize,
+    evaluators: &[Evaluator],
+    bar: &indicatif::ProgressBar,
+) -> Result<Settings> {
+    let mut random = ChaCha8Rng::seed_from_u64(arguments.seed);
+    let mut drawn = Vec::new();
+    for number in 0..count {
+        drawn.push(draw(arguments, scene, target, &mut random, arguments.seed.wrapping_add(number as u64))?);
+    }
+    let requests: Vec<Request<'_>> = drawn
+        .iter()
+        .map(|(scene, _, positions)| Request { scene, target: target.clone(), positions, evaluators })
+        .collect();
+    let (found, reference) = field::compare(&requests, blender::report_to(bar))?;
+    let mut totals: IndexMap<Evaluator, Comparison> = IndexMap::new();
+    let mut settings = Vec::new();
+    for ((_, values, _), comparisons) in drawn.iter().zip(found) {
+        for (evaluator, comparison) in &comparisons {
+            totals.entry(*evaluator).or_default().join(comparison.clone());
+        }
+        settings.push(Setting { values: values.clone(), evaluators: field::figures(comparisons) });
+    }
+    Ok(Settings {
+        scene: scene.name.clone(),
+        target: target.name(),
+        points: drawn.iter().map(|(_, _, positions)| positions.len()).sum(),
+        domain: arguments.domain.name(),
+        seed: arguments.seed,
+        reference,
+        evaluators: field::figures(totals.into_iter().collect()),
+        settings,
+    })
+}
+
+/// A scene with random settings, the settings and the points.
+type Drawn = (Scene, IndexMap<String, f32>, Vec<[f32; 3]>);
+
+/// Draws until enough of the field is not 0.
+fn draw(arguments: &Arguments, scene: &Scene, target: &Target, random: &mut ChaCha8Rng, seed: u64) -> Result<Drawn> {
+    for _ in 0..DRAWS {
+        let mut changed = scene.clone();
+        let values = settings::draw(&mut changed, random)?;
+        let density = Program::density(&changed)?;
+        let trial = domain::points(arguments.domain, &changed, &density, TRIAL_POINTS, seed)?;
+        let program = Program::compile(&changed, std::slice::from_ref(target))?;
+        let (found, _) = field::evaluate(&program, Points::new(&trial), Evaluator::Cpu, None)?;
+        let width = program.output_components().max(1);
+        let nonzero = found.chunks(width).filter(|values| values.iter().any(|value| *value != 0.0)).count();
+        if nonzero as f64 >= NONZERO_SHARE * trial.len() as f64 {
+            let positions = domain::points(arguments.domain, &changed, &density, arguments.points, seed)?;
+            return Ok((changed, values, positions));
+        }
+    }
+    Err(Error::new(
+        format!("--random-settings of {}", arguments.scene.display()),
+        format!("{DRAWS} draws with less than 5 % of the points non-zero"),
+        "settings that leave something to compare",
+        "Probe another domain, or the scene without --random-settings.",
+    ))
+}
+
+fn describe(reference: &Reference, target: &str, domain: &str, evaluators: &IndexMap<&'static str, Figures>) -> String {
+    let mut text = format!(
+        "{target} against Cycles {} ({} kernel, {:.1} s), domain {domain}\n",
+        reference.blender, reference.kernel, reference.seconds
+    );
+    for (name, found) in evaluators {
+        let verdict = match found.agrees() {
+            Some(true) => "agrees",
+            Some(false) => "DIFFERS",
+            None => "not judged",
+        };
+        let worst: String = found
+            .worst
+            .iter()
+            .map(|worst| {
+                format!("\n    at {:?}: ours {}, Cycles {}", worst.point, json(&worst.ours), json(&worst.reference))
+            })
+            .collect();
+        writeln!(
+            text,
+            "  {name}: {verdict}; {} of {} points differ; error max {:.3e}, p99.9 {:.3e}, RMS {:.3e}, mean {:.3e}; \
+             {:.2} % non-zero; non-finite on one side {}; {:.2} s{worst}",
+            found.differing,
+            found.points,
+            found.max_error,
+            found.p999_error,
+            found.rms_error,
+            found.mean_error,
+            100.0 * found.nonzero_share,
+            found.one_sided_nonfinite,
+            found.seconds,
+        )
+        .expect("writing to a string cannot fail");
+    }
+    text
+}
+
+fn json(value: &impl Serialize) -> String {
+    serde_json::to_string(value).expect("figures serialise")
+}
