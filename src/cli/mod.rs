@@ -8,6 +8,7 @@ mod build;
 mod eval;
 mod explain;
 mod export;
+mod modes;
 mod probe;
 mod schema;
 mod shader;
@@ -32,6 +33,7 @@ enum Command {
     Eval(eval::Arguments),
     Explain(explain::Arguments),
     Export(export::Arguments),
+    Modes(modes::Arguments),
     Probe(probe::Arguments),
     Schema(schema::Arguments),
     Shader(shader::Arguments),
@@ -60,6 +62,7 @@ pub fn run() -> ExitCode {
         Command::Eval(arguments) => eval::run(&arguments),
         Command::Explain(arguments) => explain::run(&arguments),
         Command::Export(arguments) => export::run(&arguments),
+        Command::Modes(arguments) => modes::run(&arguments),
         Command::Probe(arguments) => probe::run(&arguments),
         Command::Schema(arguments) => schema::run(&arguments),
         Command::Shader(arguments) => shader::run(&arguments),
@@ -78,6 +81,19 @@ pub(crate) fn progress_bar(length: u64) -> indicatif::ProgressBar {
     let style = indicatif::ProgressStyle::with_template("{wide_bar} {percent:>3}% {eta:>6} {msg}")
         .expect("the template is well formed");
     indicatif::ProgressBar::new(length).with_style(style)
+}
+
+/// An error where live Cycles cannot be asked; `what` "are" or "is" compared with it.
+pub(crate) fn need_bpy(what: &str) -> Result<()> {
+    if crate::blender::has_bpy() {
+        return Ok(());
+    }
+    Err(crate::error::Error::new(
+        format!("interpreter {}", crate::blender::interpreter().display()),
+        "no module bpy",
+        format!("Blender as a Python module: live Cycles is what {what} compared with"),
+        "Run make setup.",
+    ))
 }
 
 /// Prints to stdout; a reader that closed the pipe early is no error.

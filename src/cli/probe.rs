@@ -99,14 +99,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
         Some(name) => Target::parse(name, scene.graph())?,
         None => target::density(&scene)?,
     };
-    if !blender::has_bpy() {
-        return Err(Error::new(
-            format!("interpreter {}", blender::interpreter().display()),
-            "no module bpy",
-            "Blender as a Python module: live Cycles is what the field is compared with",
-            "Run make setup; without bpy, cloudparity eval still evaluates the field.",
-        ));
-    }
+    super::need_bpy("the field is")?;
     let (evaluators, left_out) = arguments.evaluator.available()?;
     let bar = super::progress_bar(1000);
     let (text, json, found) = match arguments.random_settings {

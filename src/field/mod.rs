@@ -2,13 +2,14 @@
 //!
 //! [`probe`] evaluates the same f32 points in Cycles and here and reduces the differences to
 //! [`Figures`]; [`domain`] chooses the points, [`settings`] draws random values for a material's
-//! inputs, [`slices`] samples planes for pictures, [`suite`] does the same for every mode of every node
-//! and [`random_graphs`] for graphs of many nodes.
+//! inputs, [`slices`] samples planes for pictures, [`suite`] does the same for every mode of every node.
 
 pub mod domain;
+pub mod limits;
 pub mod settings;
 pub mod slices;
 pub mod statistics;
+pub mod suite;
 
 pub use domain::Domain;
 pub use statistics::{Comparison, Figures};

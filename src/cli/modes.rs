@@ -1,0 +1,92 @@
+//! `cloudparity modes`: every node in every mode against live Cycles.
+
+use crate::error::Result;
+use crate::field::suite::{self, Row};
+use crate::files;
+use crate::gpu::Gpu;
+use std::fmt::Write;
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+/// Compare every mode of every node with live Cycles, on the CPU and in WGSL.
+///
+/// Exit status 0: all within their limits; 1: not so; 2: could not tell.
+#[derive(clap::Args)]
+pub(super) struct Arguments {
+    /// Points per mode (Voronoi Texture: two ninths of it).
+    #[arg(long, default_value_t = suite::POINTS)]
+    points: usize,
+    /// Seed of the values.
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// Only this node, by Blender's label: "Math", "Voronoi Texture".
+    #[arg(long, value_name = "NAME")]
+    node: Option<String>,
+    /// Leave the WGSL out.
+    #[arg(long)]
+    cpu_only: bool,
+    /// JSON instead of text.
+    #[arg(long)]
+    json: bool,
+    /// Also write the JSON to this file.
+    #[arg(short, long, value_name = "FILE")]
+    output: Option<PathBuf>,
+}
+
+pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
+    super::need_bpy("the nodes are")?;
+    let cases = suite::cases(arguments.points, arguments.seed, arguments.node.as_deref())?;
+    let gpu = if arguments.cpu_only { None } else { Some(Gpu::open()) };
+    let bar = super::progress_bar(1000);
+    let outcome =
+        suite::run(&cases, gpu.as_ref().and_then(|found| found.as_ref().ok()), crate::blender::report_to(&bar))?;
+    bar.finish_and_clear();
+    let json = serde_json::to_string_pretty(&outcome.rows).expect("rows serialise") + "\n";
+    if let Some(path) = &arguments.output {
+        files::write_atomically(path, json.as_bytes())?;
+    }
+    super::print(&if arguments.json { json } else { describe(&outcome.rows, &outcome.blender) })?;
+    if let Some(Err(error)) = &gpu {
+        eprintln!("left out: WGSL: {error}");
+    }
+    Ok(match (outcome.rows.iter().all(|row| row.pass), gpu) {
+        (false, _) => ExitCode::FAILURE,
+        (true, Some(Err(_))) => ExitCode::from(super::COULD_NOT),
+        _ => ExitCode::SUCCESS,
+    })
+}
+
+/// The rows that fail or are not equal, and the counts of the rest.
+fn describe(rows: &[Row], blender: &str) -> String {
+    let equal = rows.iter().filter(|row| row.cpu_differing == 0).count();
+    let failed = rows.iter().filter(|row| !row.pass).count();
+    let mut text = format!(
+        "{} outputs of all modes against Cycles {blender} (sse42 kernel): {equal} equal on the CPU at every point, \
+         {failed} beyond their limits\n",
+        rows.len()
+    );
+    for row in rows.iter().filter(|row| !row.pass || row.cpu_differing > 0) {
+        write!(
+            text,
+            "  {} {} [{}] {}: cpu {} of {} differ, error {:.2e}, limit {:.1e}",
+            if row.pass { "ok  " } else { "FAIL" },
+            row.node,
+            row.mode,
+            row.output,
+            row.cpu_differing,
+            row.points,
+            row.cpu_max_error,
+            row.limit,
+        )
+        .expect("writing to a string cannot fail");
+        if let (Some(error), Some(ulp), Some(beyond)) = (row.wgsl_max_error, row.wgsl_max_ulp, row.wgsl_beyond) {
+            write!(text, "; WGSL error {error:.2e}, {ulp} ulp, {beyond} beyond {}", row.wgsl_limit)
+                .expect("writing to a string cannot fail");
+        }
+        text.push('\n');
+        for worst in [&row.cpu_worst, &row.wgsl_worst].into_iter().flatten() {
+            writeln!(text, "       {worst}").expect("writing to a string cannot fail");
+        }
+    }
+    text
+}
