@@ -8,7 +8,10 @@ mod build;
 mod eval;
 mod explain;
 mod export;
+mod picture;
 mod probe;
+mod reference;
+mod render;
 mod schema;
 mod shader;
 
@@ -33,6 +36,8 @@ enum Command {
     Explain(explain::Arguments),
     Export(export::Arguments),
     Probe(probe::Arguments),
+    Reference(reference::Arguments),
+    Render(render::Arguments),
     Schema(schema::Arguments),
     Shader(shader::Arguments),
 }
@@ -61,6 +66,8 @@ pub fn run() -> ExitCode {
         Command::Explain(arguments) => explain::run(&arguments),
         Command::Export(arguments) => export::run(&arguments),
         Command::Probe(arguments) => probe::run(&arguments),
+        Command::Reference(arguments) => reference::run(&arguments),
+        Command::Render(arguments) => render::run(&arguments),
         Command::Schema(arguments) => schema::run(&arguments),
         Command::Shader(arguments) => shader::run(&arguments),
     };
