@@ -9,7 +9,10 @@ mod eval;
 mod explain;
 mod export;
 mod modes;
+mod picture;
 mod probe;
+mod reference;
+mod render;
 mod schema;
 mod shader;
 
@@ -35,6 +38,8 @@ enum Command {
     Export(export::Arguments),
     Modes(modes::Arguments),
     Probe(probe::Arguments),
+    Reference(reference::Arguments),
+    Render(render::Arguments),
     Schema(schema::Arguments),
     Shader(shader::Arguments),
 }
@@ -64,6 +69,8 @@ pub fn run() -> ExitCode {
         Command::Export(arguments) => export::run(&arguments),
         Command::Modes(arguments) => modes::run(&arguments),
         Command::Probe(arguments) => probe::run(&arguments),
+        Command::Reference(arguments) => reference::run(&arguments),
+        Command::Render(arguments) => render::run(&arguments),
         Command::Schema(arguments) => schema::run(&arguments),
         Command::Shader(arguments) => shader::run(&arguments),
     };
