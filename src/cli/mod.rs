@@ -4,9 +4,12 @@
 //! 1: they differ; 2: the command could not do its work.
 
 mod build;
+mod diff;
+mod doctor;
 mod eval;
 mod explain;
 mod export;
+mod report;
 mod schema;
 mod shader;
 
@@ -26,9 +29,12 @@ struct CommandLine {
 #[derive(Subcommand)]
 enum Command {
     Build(build::Arguments),
+    Diff(Box<diff::Arguments>),
+    Doctor(doctor::Arguments),
     Eval(eval::Arguments),
     Explain(explain::Arguments),
     Export(export::Arguments),
+    Report(report::Arguments),
     Schema(schema::Arguments),
     Shader(shader::Arguments),
 }
@@ -52,9 +58,12 @@ pub fn run() -> ExitCode {
     let command_line = CommandLine::parse();
     let result = match command_line.command {
         Command::Build(arguments) => build::run(&arguments),
+        Command::Diff(arguments) => diff::run(&arguments),
+        Command::Doctor(arguments) => doctor::run(&arguments),
         Command::Eval(arguments) => eval::run(&arguments),
         Command::Explain(arguments) => explain::run(&arguments),
         Command::Export(arguments) => export::run(&arguments),
+        Command::Report(arguments) => report::run(&arguments),
         Command::Schema(arguments) => schema::run(&arguments),
         Command::Shader(arguments) => shader::run(&arguments),
     };
