@@ -5,6 +5,8 @@
 
 mod bench;
 mod build;
+mod diff;
+mod doctor;
 mod eval;
 mod explain;
 mod export;
@@ -13,6 +15,7 @@ mod picture;
 mod probe;
 mod reference;
 mod render;
+mod report;
 mod schema;
 mod shader;
 
@@ -33,6 +36,8 @@ struct CommandLine {
 enum Command {
     Bench(bench::Arguments),
     Build(build::Arguments),
+    Diff(Box<diff::Arguments>),
+    Doctor(doctor::Arguments),
     Eval(eval::Arguments),
     Explain(explain::Arguments),
     Export(export::Arguments),
@@ -40,6 +45,7 @@ enum Command {
     Probe(probe::Arguments),
     Reference(reference::Arguments),
     Render(render::Arguments),
+    Report(report::Arguments),
     Schema(schema::Arguments),
     Shader(shader::Arguments),
 }
@@ -64,6 +70,8 @@ pub fn run() -> ExitCode {
     let result = match command_line.command {
         Command::Bench(arguments) => bench::run(&arguments),
         Command::Build(arguments) => build::run(&arguments),
+        Command::Diff(arguments) => diff::run(&arguments),
+        Command::Doctor(arguments) => doctor::run(&arguments),
         Command::Eval(arguments) => eval::run(&arguments),
         Command::Explain(arguments) => explain::run(&arguments),
         Command::Export(arguments) => export::run(&arguments),
@@ -71,6 +79,7 @@ pub fn run() -> ExitCode {
         Command::Probe(arguments) => probe::run(&arguments),
         Command::Reference(arguments) => reference::run(&arguments),
         Command::Render(arguments) => render::run(&arguments),
+        Command::Report(arguments) => report::run(&arguments),
         Command::Schema(arguments) => schema::run(&arguments),
         Command::Shader(arguments) => shader::run(&arguments),
     };
