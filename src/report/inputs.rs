@@ -24,11 +24,7 @@ const MAKERS: [(&str, &str, &str); 12] = [
     ("ours.png", "our picture", DIFF),
     ("reference.png", "the reference's picture", DIFF),
     ("difference.png", "the map of the difference", DIFF),
-    (
-        "probe.json",
-        "field values against Cycles, point by point",
-        "cloudparity probe SCENE --json > RUN/probe.json",
-    ),
+    ("probe.json", "field values against Cycles, point by point", "cloudparity probe SCENE --json > RUN/probe.json"),
     ("slices.json", "slices of the field and their error", "cloudparity demo -o RUN"),
     ("modes.json", "every node in every mode", "cloudparity modes --json > RUN/modes.json"),
     ("bounds.json", "bounds of the density", "cloudparity bounds SCENE --json > RUN/bounds.json"),
