@@ -22,8 +22,6 @@ import json
 import math
 import os
 import platform
-import sys
-import traceback
 
 import numpy as np
 import OpenImageIO as oiio
@@ -567,42 +565,5 @@ def _log_picture(logarithm, decades, table, equal):
     return picture
 
 
-# --- protocol ---------------------------------------------------------------
-
-
-def serve():
-    """As protocol.serve, but without importing bpy, which these operations do not need."""
-    real_stdout = os.dup(1)
-    os.dup2(2, 1)
-    descriptor = int(sys.argv[1]) if len(sys.argv) > 1 else real_stdout
-    messages = protocol.Messages(os.fdopen(descriptor, "w", encoding="utf-8"))
-    messages.send("hello", blender=None, python=platform.python_version())
-    try:
-        messages.send("done", result=handle(read_request(), messages))
-    except protocol.InputError as error:
-        messages.error(error)
-        return 1
-    except Exception:
-        tail = " | ".join(traceback.format_exc().strip().splitlines()[-protocol.TRACEBACK_LINES :])
-        remedy = "this is a defect of the script: report it with the input"
-        messages.error(protocol.InputError(SCRIPT, tail, "no exception", remedy))
-        return 1
-    return 0
-
-
-def read_request():
-    """The JSON object on stdin, with its objects turned into ones that know their place."""
-    try:
-        request = json.loads(sys.stdin.read())
-    except json.JSONDecodeError as error:
-        place = f"stdin, line {error.lineno}, column {error.colno}"
-        raise protocol.InputError(place, error.msg, "one JSON document", "mend the request") from None
-    if not isinstance(request, dict):
-        raise protocol.InputError(
-            "stdin", f"a JSON {type(request).__name__}", "a JSON object", "mend the request"
-        )
-    return protocol.located(request, "request")
-
-
 if __name__ == "__main__":
-    sys.exit(serve())
+    protocol.serve(SCRIPT, handle, needs_bpy=False)

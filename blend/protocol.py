@@ -77,18 +77,20 @@ def located(value, place):
     return value
 
 
-def serve(script, handle, before_bpy=None):
+def serve(script, handle, before_bpy=None, needs_bpy=True):
     """Run one script: read the request, call `handle(request, messages)`, send its return value as result.
 
     `before_bpy(request)` runs before bpy is imported, for checks of the environment that Blender reads when
-    it starts. Does not return: exits with status 0 or 1.
+    it starts. A script with `needs_bpy=False` runs where bpy is missing, and its `hello` names no Blender.
+    Does not return: exits with status 0 or 1.
     """
     messages = Messages(_message_stream())
     try:
         request = _read_request()
         if before_bpy is not None:
             before_bpy(request)
-        messages.send("hello", blender=_blender_version(), python=platform.python_version())
+        blender = _blender_version() if needs_bpy else None
+        messages.send("hello", blender=blender, python=platform.python_version())
         messages.send("done", result=handle(request, messages))
     except InputError as error:
         messages.error(error)
@@ -135,6 +137,6 @@ def _blender_version():
             f"python interpreter {platform.python_version()}",
             f"bpy cannot be imported ({error})",
             "the Python module bpy 5.0.1, which needs CPython 3.11",
-            "run `make` to create .venv, or `python3.11 -m pip install bpy==5.0.1`",
+            "run `make setup`, or `python3.11 -m pip install bpy==5.0.1`",
         ) from None
     return bpy.app.version_string

@@ -12,6 +12,8 @@ pub mod field;
 pub mod files;
 pub mod gpu;
 pub mod graph;
+pub mod image;
+pub mod integrate;
 pub mod nodes;
 pub mod report;
 pub mod scene;

@@ -34,6 +34,12 @@ struct Octave {
 #endif
 }
 
+// How much of a cell goes into a smooth minimum that is farther by gap.
+fn smooth_weight(gap: f32, p: Parameters) -> f32 {
+    let t = 0.5 + (0.5 * gap) / p.smoothness;
+    return select(select((3.0 - 2.0 * t) * (t * t), 1.0, t >= 1.0), 0.0, t < 0.0);
+}
+
 fn mix_point(a: vec4f, b: vec4f, t: f32) -> vec4f {
     return a + t * (b - a);
 }
@@ -185,46 +191,15 @@ fn color_of(cell: vec4i) -> vec3f {
 #endif
 }
 
-fn first_offset(reach: i32) -> vec4i {
+// Blender's scans run over [-1, 1] (Smooth F1: [-2, 2]) in every axis, x fastest; axes beyond the dimension stand still.
 #ifdef VORONOI_DIMENSIONS_2D
-    return vec4i(-reach, -reach, 0, 0);
+const NEAR: vec4i = vec4i(1, 1, 0, 0);
 #else ifdef VORONOI_DIMENSIONS_3D
-    return vec4i(-reach, -reach, -reach, 0);
+const NEAR: vec4i = vec4i(1, 1, 1, 0);
 #else
-    return vec4i(-reach);
+const NEAR: vec4i = vec4i(1, 1, 1, 1);
 #endif
-}
-
-// The offset after o in Blender's scan of [-reach, reach]^n: first axis fastest.
-fn next_offset(offset: vec4i, reach: i32) -> vec4i {
-    var o = offset;
-    o.x += 1;
-    let carry_y = o.x > reach;
-    o.x = select(o.x, -reach, carry_y);
-    o.y += select(0, 1, carry_y);
-#ifndef VORONOI_DIMENSIONS_2D
-    let carry_z = o.y > reach;
-    o.y = select(o.y, -reach, carry_z);
-    o.z += select(0, 1, carry_z);
-#endif
-#ifdef VORONOI_DIMENSIONS_4D
-    let carry_w = o.z > reach;
-    o.z = select(o.z, -reach, carry_w);
-    o.w += select(0, 1, carry_w);
-#endif
-    return o;
-}
-
-#ifdef VORONOI_DIMENSIONS_2D
-const NEAR_CELLS: i32 = 9;
-const WIDE_CELLS: i32 = 25;
-#else ifdef VORONOI_DIMENSIONS_3D
-const NEAR_CELLS: i32 = 27;
-const WIDE_CELLS: i32 = 125;
-#else
-const NEAR_CELLS: i32 = 81;
-const WIDE_CELLS: i32 = 625;
-#endif
+const WIDE: vec4i = vec4i(2, 2, 2, 2) * NEAR;
 
 // ---------------------------------------------------------------------------------------------------------------------
 // Search: the nearest points in the 3^n cells.
@@ -234,14 +209,12 @@ const WIDE_CELLS: i32 = 625;
 // rounding, and the bound is summed in the same order as the measure. Rounding is monotone, so the bound never exceeds
 // a measure that it stands for: leaving the cell out is exact, not an approximation.
 
-// Kept small by what a mode reads; unread fields vanish in the driver's compiler.
+// A cell's rank is its place in Blender's scan: it decides ties, and it names the cell.
 struct Search {
     nearest: f32,
     nearest_rank: f32,
-    nearest_offset: vec4f,
     second: f32,
     second_rank: f32,
-    second_offset: vec4f,
 }
 
 struct Axes {
@@ -257,61 +230,49 @@ struct Axes {
     one: f32,
 }
 
-// Place in Blender's scan, for ties.
 fn rank(o: vec4f) -> f32 {
-#ifdef VORONOI_DIMENSIONS_2D
-    return o.x + 3.0 * o.y;
-#else ifdef VORONOI_DIMENSIONS_3D
-    return o.x + 3.0 * o.y + 9.0 * o.z;
-#else
-    return o.x + 3.0 * o.y + 9.0 * o.z + 27.0 * o.w;
-#endif
+    return (o.x + 3.0 * o.y) + (9.0 * o.z + 27.0 * o.w);
+}
+
+fn offset_of(rank: f32) -> vec4i {
+    let r = u32(rank + 40.0);
+    return vec4i(vec4u(r % 3u, (r / 3u) % 3u, (r / 9u) % 3u, r / 27u)) - vec4i(1);
 }
 
 fn visit_nearest(s: ptr<function, Search>, measure: f32) {
     (*s).nearest = min((*s).nearest, measure);
 }
 
-fn visit_ranked(s: ptr<function, Search>, o: vec4f, measure: f32) {
-    let r = rank(o);
-    if measure < (*s).nearest || (measure == (*s).nearest && r < (*s).nearest_rank) {
-        (*s).nearest = measure;
-        (*s).nearest_rank = r;
-        (*s).nearest_offset = o;
-    }
+fn visit_ranked(s: ptr<function, Search>, r: f32, measure: f32) {
+    let nearer = (measure < (*s).nearest) | ((measure == (*s).nearest) & (r < (*s).nearest_rank));
+    (*s).nearest_rank = select((*s).nearest_rank, r, nearer);
+    (*s).nearest = min((*s).nearest, measure);
 }
 
-fn visit_two(s: ptr<function, Search>, o: vec4f, measure: f32) {
-    let r = rank(o);
-    if measure < (*s).nearest || (measure == (*s).nearest && r < (*s).nearest_rank) {
-        (*s).second = (*s).nearest;
-        (*s).second_rank = (*s).nearest_rank;
-        (*s).second_offset = (*s).nearest_offset;
-        (*s).nearest = measure;
-        (*s).nearest_rank = r;
-        (*s).nearest_offset = o;
-    } else if measure < (*s).second || (measure == (*s).second && r < (*s).second_rank) {
-        (*s).second = measure;
-        (*s).second_rank = r;
-        (*s).second_offset = o;
-    }
+fn visit_two(s: ptr<function, Search>, r: f32, measure: f32) {
+    let first = (measure < (*s).nearest) | ((measure == (*s).nearest) & (r < (*s).nearest_rank));
+    let second = (measure < (*s).second) | ((measure == (*s).second) & (r < (*s).second_rank));
+    (*s).second_rank = select(select((*s).second_rank, r, second), (*s).nearest_rank, first);
+    (*s).second = select(select((*s).second, measure, second), (*s).nearest, first);
+    (*s).nearest_rank = select((*s).nearest_rank, r, first);
+    (*s).nearest = min((*s).nearest, measure);
 }
 
 fn visit(s: ptr<function, Search>, a: Axes, o: vec4f, hash: vec4i) {
     let v = (o + rounds(hash) * a.jitter) - a.local;
     let measure = comparable(combine(terms(v, a.exponent), a.one), a.exponent);
 #ifdef FEATURE_F2
-    visit_two(s, o, measure);
+    visit_two(s, rank(o), measure);
 #else ifdef FEATURE_DISTANCE_TO_EDGE
-    visit_ranked(s, o, measure);
+    visit_ranked(s, rank(o), measure);
 #else ifdef FEATURE_N_SPHERE_RADIUS
-    visit_ranked(s, o, measure);
+    visit_ranked(s, rank(o), measure);
 #else ifdef OUTPUT_COLOR
-    visit_ranked(s, o, measure);
+    visit_ranked(s, rank(o), measure);
 #else ifdef OUTPUT_POSITION
-    visit_ranked(s, o, measure);
+    visit_ranked(s, rank(o), measure);
 #else ifdef OUTPUT_W
-    visit_ranked(s, o, measure);
+    visit_ranked(s, rank(o), measure);
 #else
     visit_nearest(s, measure);
 #endif
@@ -338,72 +299,62 @@ fn hopeless(s: ptr<function, Search>, a: Axes, bounds: vec4f) -> bool {
 }
 
 // The loops test at their end: the own cell of an axis is never in doubt, and a wave leaves as soon as all its lanes do.
-fn scan_x(s: ptr<function, Search>, a: Axes, o: vec4f, hash: vec4i, bounds: vec4f) {
-    visit(s, a, o, hash);
-    var side = o;
-    var side_hash = hash;
-    side.x = a.near.x;
-    side_hash.x = a.hash.x + a.hash_step.x;
-    visit(s, a, side, side_hash);
-    var side_bounds = bounds;
-    side_bounds.x = a.far_bound.x;
-    if !hopeless(s, a, side_bounds) {
-        side.x = -a.near.x;
-        side_hash.x = a.hash.x - a.hash_step.x;
-        visit(s, a, side, side_hash);
-    }
-}
-
+// x, the innermost axis, is written out, and only its farther neighbour is tested. An axis' state is three scalars:
+// vectors would be carried around the loops with all their components.
 fn scan_y(s: ptr<function, Search>, a: Axes, o: vec4f, hash: vec4i, bounds: vec4f) {
-    var side = o;
-    var side_hash = hash;
-    var side_bounds = bounds;
+    var o_y = 0.0;
+    var hash_y = a.hash.y;
+    var bound_y = 0.0;
     var place = 0;
     loop {
-        scan_x(s, a, side, side_hash, side_bounds);
+        visit(s, a, vec4f(0.0, o_y, o.zw), vec4i(a.hash.x, hash_y, hash.zw));
+        visit(s, a, vec4f(a.near.x, o_y, o.zw), vec4i(a.hash.x + a.hash_step.x, hash_y, hash.zw));
+        if !hopeless(s, a, vec4f(a.far_bound.x, bound_y, bounds.zw)) {
+            visit(s, a, vec4f(-a.near.x, o_y, o.zw), vec4i(a.hash.x - a.hash_step.x, hash_y, hash.zw));
+        }
         continuing {
             place += 1;
-            side.y = select(-a.near.y, a.near.y, place == 1);
-            side_hash.y = a.hash.y + select(-a.hash_step.y, a.hash_step.y, place == 1);
-            side_bounds.y = select(a.far_bound.y, a.near_bound.y, place == 1);
-            break if place > 2 || hopeless(s, a, side_bounds);
+            o_y = select(-a.near.y, a.near.y, place == 1);
+            hash_y = a.hash.y + select(-a.hash_step.y, a.hash_step.y, place == 1);
+            bound_y = select(a.far_bound.y, a.near_bound.y, place == 1);
+            break if (place > 2) | hopeless(s, a, vec4f(0.0, bound_y, bounds.zw));
         }
     }
 }
 
 #ifndef VORONOI_DIMENSIONS_2D
 fn scan_z(s: ptr<function, Search>, a: Axes, o: vec4f, hash: vec4i, bounds: vec4f) {
-    var side = o;
-    var side_hash = hash;
-    var side_bounds = bounds;
+    var o_z = 0.0;
+    var hash_z = a.hash.z;
+    var bound_z = 0.0;
     var place = 0;
     loop {
-        scan_y(s, a, side, side_hash, side_bounds);
+        scan_y(s, a, vec4f(0.0, 0.0, o_z, o.w), vec4i(a.hash.xy, hash_z, hash.w), vec4f(0.0, 0.0, bound_z, bounds.w));
         continuing {
             place += 1;
-            side.z = select(-a.near.z, a.near.z, place == 1);
-            side_hash.z = a.hash.z + select(-a.hash_step.z, a.hash_step.z, place == 1);
-            side_bounds.z = select(a.far_bound.z, a.near_bound.z, place == 1);
-            break if place > 2 || hopeless(s, a, side_bounds);
+            o_z = select(-a.near.z, a.near.z, place == 1);
+            hash_z = a.hash.z + select(-a.hash_step.z, a.hash_step.z, place == 1);
+            bound_z = select(a.far_bound.z, a.near_bound.z, place == 1);
+            break if (place > 2) | hopeless(s, a, vec4f(0.0, 0.0, bound_z, bounds.w));
         }
     }
 }
 #endif
 
 #ifdef VORONOI_DIMENSIONS_4D
-fn scan_w(s: ptr<function, Search>, a: Axes, o: vec4f, hash: vec4i, bounds: vec4f) {
-    var side = o;
-    var side_hash = hash;
-    var side_bounds = bounds;
+fn scan_w(s: ptr<function, Search>, a: Axes) {
+    var o_w = 0.0;
+    var hash_w = a.hash.w;
+    var bound_w = 0.0;
     var place = 0;
     loop {
-        scan_z(s, a, side, side_hash, side_bounds);
+        scan_z(s, a, vec4f(0.0, 0.0, 0.0, o_w), vec4i(a.hash.xyz, hash_w), vec4f(0.0, 0.0, 0.0, bound_w));
         continuing {
             place += 1;
-            side.w = select(-a.near.w, a.near.w, place == 1);
-            side_hash.w = a.hash.w + select(-a.hash_step.w, a.hash_step.w, place == 1);
-            side_bounds.w = select(a.far_bound.w, a.near_bound.w, place == 1);
-            break if place > 2 || hopeless(s, a, side_bounds);
+            o_w = select(-a.near.w, a.near.w, place == 1);
+            hash_w = a.hash.w + select(-a.hash_step.w, a.hash_step.w, place == 1);
+            bound_w = select(a.far_bound.w, a.near_bound.w, place == 1);
+            break if (place > 2) | hopeless(s, a, vec4f(0.0, 0.0, 0.0, bound_w));
         }
     }
 }
@@ -441,13 +392,13 @@ fn search(site: Site, p: Parameters) -> Search {
     a.jitter = jitter(p);
     a.exponent = p.exponent;
     a.one = p.one;
-    var s = Search(LARGEST, 1000.0, vec4f(0.0), LARGEST, 1000.0, vec4f(0.0));
+    var s = Search(LARGEST, 0.0, LARGEST, 0.0);
 #ifdef VORONOI_DIMENSIONS_2D
     scan_y(&s, a, vec4f(0.0), a.hash, vec4f(0.0));
 #else ifdef VORONOI_DIMENSIONS_3D
     scan_z(&s, a, vec4f(0.0), a.hash, vec4f(0.0));
 #else
-    scan_w(&s, a, vec4f(0.0), a.hash, vec4f(0.0));
+    scan_w(&s, a);
 #endif
     return s;
 }
@@ -456,16 +407,16 @@ fn search(site: Site, p: Parameters) -> Search {
 // Features
 
 // Distance, colour and position of the cell at an offset.
-fn octave_at(site: Site, o: vec4f, distance: f32, p: Parameters) -> Octave {
+fn octave_at(site: Site, o: vec4i, distance: f32, p: Parameters) -> Octave {
     var octave: Octave;
     octave.distance = distance;
 #ifdef OUTPUT_COLOR
-    octave.color = color_of(site.cell + vec4i(o));
+    octave.color = color_of(site.cell + o);
 #endif
 #ifdef OUTPUT_POSITION
-    octave.position = point_of(site, vec4i(o), p) + site.corner;
+    octave.position = point_of(site, o, p) + site.corner;
 #else ifdef OUTPUT_W
-    octave.position = point_of(site, vec4i(o), p) + site.corner;
+    octave.position = point_of(site, o, p) + site.corner;
 #endif
     return octave;
 }
@@ -474,41 +425,48 @@ fn first_feature(x: vec4f, p: Parameters) -> Octave {
     let site = site_of(x);
     let s = search(site, p);
 #ifdef OUTPUT_DISTANCE
-    return octave_at(site, s.nearest_offset, root(s.nearest, p.exponent), p);
+    return octave_at(site, offset_of(s.nearest_rank), root(s.nearest, p.exponent), p);
 #else
-    return octave_at(site, s.nearest_offset, 0.0, p);
+    return octave_at(site, offset_of(s.nearest_rank), 0.0, p);
 #endif
 }
 
 fn second_feature(x: vec4f, p: Parameters) -> Octave {
     let site = site_of(x);
     let s = search(site, p);
-    return octave_at(site, s.second_offset, s.second, p);
+    return octave_at(site, offset_of(s.second_rank), s.second, p);
 }
 
-// A smooth minimum over 5^n cells, folded in Blender's order, on which the result depends.
+// Folds one more cell into a smooth minimum.
+fn fold(octave: ptr<function, Octave>, site: Site, o: vec4i, p: Parameters) {
+    let point = point_of(site, o, p);
+    let d = distance_of(point - site.local, p);
+    let h = select(smooth_weight((*octave).distance - d, p), 1.0, all(o == -WIDE));
+    let correction = (p.smoothness * h) * (1.0 - h);
+    (*octave).distance = (*octave).distance + h * (d - (*octave).distance) - correction;
+#ifdef OUTPUT_COLOR
+    (*octave).color = (*octave).color + h * (color_of(site.cell + o) - (*octave).color)
+        - correction / (1.0 + 3.0 * p.smoothness);
+#endif
+#ifdef OUTPUT_POSITION
+    (*octave).position = mix_point((*octave).position, point, h) - correction / (1.0 + 3.0 * p.smoothness);
+#else ifdef OUTPUT_W
+    (*octave).position = mix_point((*octave).position, point, h) - correction / (1.0 + 3.0 * p.smoothness);
+#endif
+}
+
+// The smooth minimum over 5^n cells depends on their order.
 fn smooth_feature(x: vec4f, p: Parameters) -> Octave {
     let site = site_of(x);
     var octave: Octave;
-    var o = first_offset(2);
-    for (var i = 0; i < WIDE_CELLS; i++) {
-        let point = point_of(site, o, p);
-        let d = distance_of(point - site.local, p);
-        let t = 0.5 + (0.5 * (octave.distance - d)) / p.smoothness;
-        let inner = select(select((3.0 - 2.0 * t) * (t * t), 1.0, t >= 1.0), 0.0, t < 0.0);
-        let h = select(inner, 1.0, i == 0);
-        let correction = (p.smoothness * h) * (1.0 - h);
-        octave.distance = octave.distance + h * (d - octave.distance) - correction;
-#ifdef OUTPUT_COLOR
-        octave.color = octave.color + h * (color_of(site.cell + o) - octave.color)
-            - correction / (1.0 + 3.0 * p.smoothness);
-#endif
-#ifdef OUTPUT_POSITION
-        octave.position = mix_point(octave.position, point, h) - correction / (1.0 + 3.0 * p.smoothness);
-#else ifdef OUTPUT_W
-        octave.position = mix_point(octave.position, point, h) - correction / (1.0 + 3.0 * p.smoothness);
-#endif
-        o = next_offset(o, 2);
+    for (var w = -WIDE.w; w <= WIDE.w; w++) {
+        for (var z = -WIDE.z; z <= WIDE.z; z++) {
+            for (var y = -WIDE.y; y <= WIDE.y; y++) {
+                for (var x = -WIDE.x; x <= WIDE.x; x++) {
+                    fold(&octave, site, vec4i(x, y, z, w), p);
+                }
+            }
+        }
     }
 #ifdef OUTPUT_POSITION
     octave.position += site.corner;
@@ -530,17 +488,21 @@ fn unit(v: vec4f, p: Parameters) -> vec4f {
 // The smallest distance to a plane halfway between the nearest point and another one.
 fn edge_feature(x: vec4f, p: Parameters) -> f32 {
     let site = site_of(x);
-    let nearest = point_of(site, vec4i(search(site, p).nearest_offset), p) - site.local;
+    let nearest = point_of(site, offset_of(search(site, p).nearest_rank), p) - site.local;
     var edge = LARGEST;
-    var o = first_offset(1);
-    for (var i = 0; i < NEAR_CELLS; i++) {
-        let v = point_of(site, o, p) - site.local;
-        let across = v - nearest;
-        // Leaves out the nearest point itself. Masking the terms, not the sum, also keeps the order of the sum.
-        let apart = squared_length(across, p) > 0.0001;
-        let along = total(select(vec4f(0.0), ((nearest + v) * 0.5) * unit(across, p), apart));
-        edge = select(edge, min(edge, along), apart);
-        o = next_offset(o, 1);
+    for (var w = -NEAR.w; w <= NEAR.w; w++) {
+        for (var z = -NEAR.z; z <= NEAR.z; z++) {
+            for (var y = -NEAR.y; y <= NEAR.y; y++) {
+                for (var x = -NEAR.x; x <= NEAR.x; x++) {
+                    let v = point_of(site, vec4i(x, y, z, w), p) - site.local;
+                    let across = v - nearest;
+                    // Leaves out the nearest point itself. Masking the terms, not the sum, also keeps the sum's order.
+                    let apart = squared_length(across, p) > 0.0001;
+                    let along = total(select(vec4f(0.0), ((nearest + v) * 0.5) * unit(across, p), apart));
+                    edge = select(edge, min(edge, along), apart);
+                }
+            }
+        }
     }
     return edge;
 }
@@ -548,14 +510,19 @@ fn edge_feature(x: vec4f, p: Parameters) -> f32 {
 // Half the distance from the nearest point to its own nearest neighbour.
 fn sphere_feature(x: vec4f, p: Parameters) -> f32 {
     let site = site_of(x);
-    let home = vec4i(search(site, p).nearest_offset);
+    let home = offset_of(search(site, p).nearest_rank);
     let centre = point_of(site, home, p);
     var least = LARGEST;
-    var o = first_offset(1);
-    for (var i = 0; i < NEAR_CELLS; i++) {
-        let v = point_of(site, home + o, p) - centre;
-        least = select(min(least, squared_length(v, p)), least, all(o == vec4i(0)));
-        o = next_offset(o, 1);
+    for (var w = -NEAR.w; w <= NEAR.w; w++) {
+        for (var z = -NEAR.z; z <= NEAR.z; z++) {
+            for (var y = -NEAR.y; y <= NEAR.y; y++) {
+                for (var x = -NEAR.x; x <= NEAR.x; x++) {
+                    let o = vec4i(x, y, z, w);
+                    let squared = squared_length(point_of(site, home + o, p) - centre, p);
+                    least = select(min(least, squared), least, all(o == vec4i(0)));
+                }
+            }
+        }
     }
     return sqrt(least) * 0.5;
 }
@@ -638,9 +605,7 @@ fn smooth_feature(x: vec4f, p: Parameters) -> Octave {
         let o = f32(i - 2);
         let point = point_of(corner, o, p);
         let d = abs(point - local);
-        let t = 0.5 + (0.5 * (octave.distance - d)) / p.smoothness;
-        let inner = select(select((3.0 - 2.0 * t) * (t * t), 1.0, t >= 1.0), 0.0, t < 0.0);
-        let h = select(inner, 1.0, i == 0);
+        let h = select(smooth_weight(octave.distance - d, p), 1.0, i == 0);
         let correction = (p.smoothness * h) * (1.0 - h);
         octave.distance = octave.distance + h * (d - octave.distance) - correction;
 #ifdef OUTPUT_COLOR

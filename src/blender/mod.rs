@@ -86,8 +86,8 @@ pub fn interpreter() -> PathBuf {
     folders.map(|folder| folder.join(".venv/bin/python")).find(|path| path.exists()).unwrap_or_else(|| "python3".into())
 }
 
-/// Folder with the unpacked scripts of this version.
-fn script_folder() -> Result<PathBuf> {
+/// Folder with the scripts of this version, which are unpacked where they are missing.
+pub fn script_folder() -> Result<PathBuf> {
     let all: String = SCRIPTS.iter().flat_map(|(name, text)| [*name, *text]).collect();
     let user = std::env::var("USER").unwrap_or_default();
     let folder = std::env::temp_dir().join(format!("cloudparity-{user}-{}", &files::sha256(all.as_bytes())[..16]));

@@ -5,11 +5,17 @@
 
 mod bench;
 mod build;
+mod diff;
+mod doctor;
 mod eval;
 mod explain;
 mod export;
 mod modes;
+mod picture;
 mod probe;
+mod reference;
+mod render;
+mod report;
 mod schema;
 mod shader;
 
@@ -30,11 +36,16 @@ struct CommandLine {
 enum Command {
     Bench(bench::Arguments),
     Build(build::Arguments),
+    Diff(Box<diff::Arguments>),
+    Doctor(doctor::Arguments),
     Eval(eval::Arguments),
     Explain(explain::Arguments),
     Export(export::Arguments),
     Modes(modes::Arguments),
     Probe(probe::Arguments),
+    Reference(reference::Arguments),
+    Render(render::Arguments),
+    Report(report::Arguments),
     Schema(schema::Arguments),
     Shader(shader::Arguments),
 }
@@ -59,11 +70,16 @@ pub fn run() -> ExitCode {
     let result = match command_line.command {
         Command::Bench(arguments) => bench::run(&arguments),
         Command::Build(arguments) => build::run(&arguments),
+        Command::Diff(arguments) => diff::run(&arguments),
+        Command::Doctor(arguments) => doctor::run(&arguments),
         Command::Eval(arguments) => eval::run(&arguments),
         Command::Explain(arguments) => explain::run(&arguments),
         Command::Export(arguments) => export::run(&arguments),
         Command::Modes(arguments) => modes::run(&arguments),
         Command::Probe(arguments) => probe::run(&arguments),
+        Command::Reference(arguments) => reference::run(&arguments),
+        Command::Render(arguments) => render::run(&arguments),
+        Command::Report(arguments) => report::run(&arguments),
         Command::Schema(arguments) => schema::run(&arguments),
         Command::Shader(arguments) => shader::run(&arguments),
     };

@@ -35,7 +35,10 @@ impl Evaluate for Affine {
         }
     }
 
-    fn enclose(&self, _inputs: &[Interval], outputs: &mut [Interval]) {
-        outputs.fill(Interval::EVERYTHING);
+    fn enclose(&self, inputs: &[Interval], outputs: &mut [Interval]) {
+        for (axis, output) in outputs.iter_mut().enumerate() {
+            let term = |column: usize| inputs[column] * inputs[3 * (column + 1) + axis];
+            *output = ((term(0) + term(1)) + term(2)) + inputs[12 + axis];
+        }
     }
 }

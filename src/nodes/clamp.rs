@@ -31,7 +31,15 @@ impl Evaluate for Clamp {
         });
     }
 
-    fn enclose(&self, _inputs: &[Interval], outputs: &mut [Interval]) {
-        outputs[0] = Interval::EVERYTHING;
+    fn enclose(&self, inputs: &[Interval], outputs: &mut [Interval]) {
+        let [value, low, high] = [inputs[0], inputs[1], inputs[2]];
+        let straight = value.clamped(low, high);
+        outputs[0] = if !self.swaps || low.high <= high.low {
+            straight
+        } else if low.low > high.high && !low.may_be_nan && !high.may_be_nan {
+            value.clamped(high, low)
+        } else {
+            straight.hull(value.clamped(high, low))
+        };
     }
 }

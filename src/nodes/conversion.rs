@@ -38,7 +38,13 @@ impl Evaluate for Conversion {
         }
     }
 
-    fn enclose(&self, _inputs: &[Interval], outputs: &mut [Interval]) {
-        outputs[0] = Interval::EVERYTHING;
+    fn enclose(&self, inputs: &[Interval], outputs: &mut [Interval]) {
+        let [x, y, z] = [inputs[0], inputs[1], inputs[2]];
+        outputs[0] = if self.luminance {
+            let [red, green, blue] = LUMINANCE.map(Interval::point);
+            (x * red + y * green) + z * blue
+        } else {
+            ((x + y) + z) * Interval::point(1.0 / 3.0)
+        };
     }
 }

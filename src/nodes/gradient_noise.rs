@@ -32,7 +32,7 @@ fn negate_if<R: Real>(value: R, condition: bool) -> R {
 
 /// Gradient dot offset at a corner with hash `h`.
 #[inline(always)]
-fn gradient<R: Real, const N: usize>(h: u32, d: [R; N]) -> R {
+pub(super) fn gradient<R: Real, const N: usize>(h: u32, d: [R; N]) -> R {
     match N {
         1 => {
             let h = h & 15;

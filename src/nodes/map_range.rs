@@ -118,6 +118,66 @@ impl MapRange {
     }
 }
 
+/// Encloses [`clamp_to`].
+fn enclose_clamp_to(value: Interval, a: Interval, b: Interval) -> Interval {
+    if a.low > b.high && !a.may_be_nan && !b.may_be_nan {
+        value.clamped(b, a)
+    } else if a.high <= b.low {
+        value.clamped(a, b)
+    } else {
+        value.clamped(a, b).hull(value.clamped(b, a))
+    }
+}
+
+/// Encloses [`stepped`].
+fn enclose_stepped(t: Interval, steps: Interval) -> Interval {
+    if steps.high <= 0.0 {
+        return Interval::ZERO;
+    }
+    let positive = Interval { low: steps.low.max(0.0), ..steps };
+    let factor = (t * (steps + Interval::ONE)).floor().divide(positive);
+    if steps.low <= 0.0 || steps.may_be_nan { factor.hull(Interval::ZERO) } else { factor }
+}
+
+impl MapRange {
+    /// Linear in the value, so tight where the ranges are points: the value occurs once.
+    fn enclose_component(&self, value: Interval, from: [Interval; 2], to: [Interval; 2], steps: Interval) -> Interval {
+        let width = from[1] - from[0];
+        let empty = from[0].as_point().is_some() && from[0].as_point() == from[1].as_point();
+        let may_be_empty = empty || (from[0].low <= from[1].high && from[1].low <= from[0].high);
+        let linear = match (self.vector, empty) {
+            (_, true) => Interval::ZERO.or_nan(value.may_be_nan),
+            (true, false) => (value - from[0]).safe_divide(width),
+            (false, false) => (value - from[0]).divide(width),
+        };
+        // Both polynomials rise from 0 to 1. Their terms reach 15, which bounds the rounding.
+        let smooth = |t: f64| t * t * (3.0 - 2.0 * t);
+        let smoother = |t: f64| t * t * t * (t * (t * 6.0 - 15.0) + 10.0);
+        let unit = Interval::new(-2e-5, 1.0 + 2e-5);
+        let rising = |function: &dyn Fn(f64) -> f64| {
+            if !linear.is_finite() {
+                // A NaN takes either end, by the direction of the range, or passes through.
+                return unit.or_nan(linear.may_be_nan);
+            }
+            linear.saturate().increasing(function, 1e-5).meet(unit)
+        };
+        let factor = match self.interpolation {
+            "LINEAR" => linear,
+            "STEPPED" => enclose_stepped(linear, steps),
+            "SMOOTHSTEP" => rising(&smooth),
+            _ => rising(&smoother),
+        };
+        let mut result = to[0] + factor * (to[1] - to[0]);
+        if !self.vector && empty {
+            result = Interval::ZERO;
+        } else if !self.vector && may_be_empty {
+            result = result.hull(Interval::ZERO);
+        }
+        let clamps = self.clamp && (!self.vector || matches!(self.interpolation, "LINEAR" | "STEPPED"));
+        if clamps { enclose_clamp_to(result, to[0], to[1]) } else { result }
+    }
+}
+
 impl Evaluate for MapRange {
     fn evaluate<R: Real>(&self, inputs: &[Column<'_, R>], outputs: &mut [&mut [R]]) {
         let width = if self.vector { 3 } else { 1 };
@@ -139,8 +199,14 @@ impl Evaluate for MapRange {
         }
     }
 
-    fn enclose(&self, _inputs: &[Interval], outputs: &mut [Interval]) {
-        outputs.fill(Interval::EVERYTHING);
+    fn enclose(&self, inputs: &[Interval], outputs: &mut [Interval]) {
+        let width = if self.vector { 3 } else { 1 };
+        for (axis, output) in outputs.iter_mut().enumerate() {
+            let at = |socket: usize| inputs[socket * width + axis];
+            let steps = inputs.get(5 * width + axis).copied().unwrap_or(Interval::ONE);
+            let (from, to) = ([at(1), at(2)], [at(3), at(4)]);
+            *output = self.enclose_component(at(0), from, to, steps);
+        }
     }
 
     fn fold_constants(&self, inputs: &[f32]) -> Option<Vec<f32>> {

@@ -3,6 +3,8 @@
 //! Inputs a = `Value`, b = `Value_001`, c = `Value_002`. Division by zero, remainders by zero and
 //! logarithms outside their domain give 0; see the formula beside each operation.
 
+pub(super) mod bounds;
+
 use super::real::{Library, Real};
 use super::{Column, Evaluate, InputSocket, Interval, NodeType, OutputSocket, Property, Role, Simplified, always, map};
 use crate::scene::SocketType;
@@ -207,8 +209,9 @@ impl Evaluate for Math {
         }
     }
 
-    fn enclose(&self, _inputs: &[Interval], outputs: &mut [Interval]) {
-        outputs[0] = Interval::EVERYTHING;
+    fn enclose(&self, inputs: &[Interval], outputs: &mut [Interval]) {
+        let value = bounds::operation(self.operation, inputs);
+        outputs[0] = if self.clamp { value.saturate() } else { value };
     }
 
     fn fold_constants(&self, inputs: &[f32]) -> Option<Vec<f32>> {

@@ -8,6 +8,7 @@
 //! Octaves multiply the *rounded* f32 coordinate, so the field is only reproducible in f32
 //! coordinates; see [`Real::round_coordinate`].
 
+mod bounds;
 mod lanes;
 
 use super::gradient_noise::{random_offset, signed_noise};
@@ -271,7 +272,7 @@ impl Evaluate for NoiseTexture {
         lanes::evaluate(self, inputs, outputs)
     }
 
-    fn enclose(&self, _inputs: &[Interval], outputs: &mut [Interval]) {
-        outputs.fill(Interval::EVERYTHING);
+    fn enclose(&self, inputs: &[Interval], outputs: &mut [Interval]) {
+        bounds::enclose(self, inputs, outputs);
     }
 }

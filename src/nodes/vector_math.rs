@@ -3,6 +3,8 @@
 //! Inputs a = `Vector`, b = `Vector_001`, c = `Vector_002`, s = `Scale`; result `Vector`, or
 //! `Value` for dot product, distance and length. Component-wise where nothing else is said.
 
+mod bounds;
+
 use super::math::{Kept, sign, simplify};
 use super::real::{Library, Real, dot, length, safe_unit};
 use super::{
@@ -212,8 +214,15 @@ impl Evaluate for VectorMath {
         }
     }
 
-    fn enclose(&self, _inputs: &[Interval], outputs: &mut [Interval]) {
-        outputs.fill(Interval::EVERYTHING);
+    fn enclose(&self, inputs: &[Interval], outputs: &mut [Interval]) {
+        // Operations with fewer operands do not read the others.
+        let vector = |number: usize| {
+            let first = if number < self.vectors { 3 * number } else { 0 };
+            std::array::from_fn(|axis| inputs[first + axis])
+        };
+        let scale = inputs.get(3 * self.vectors).copied().unwrap_or(Interval::ONE);
+        let result = bounds::operation(self.operation, [vector(0), vector(1), vector(2)], scale);
+        outputs.copy_from_slice(&result[..outputs.len()]);
     }
 
     fn fold_constants(&self, inputs: &[f32]) -> Option<Vec<f32>> {

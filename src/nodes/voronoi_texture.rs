@@ -8,6 +8,7 @@
 //!
 //! Coordinates are `Vector * Scale`, `W * Scale`; octaves multiply the rounded coordinate.
 
+mod bounds;
 mod lanes;
 
 use super::hash::{hash_floats, pcg_values};
@@ -566,8 +567,8 @@ impl Evaluate for VoronoiTexture {
         lanes::evaluate(self, inputs, outputs)
     }
 
-    fn enclose(&self, _inputs: &[Interval], outputs: &mut [Interval]) {
-        outputs.fill(Interval::EVERYTHING);
+    fn enclose(&self, inputs: &[Interval], outputs: &mut [Interval]) {
+        bounds::enclose(self, inputs, outputs);
     }
 
     fn fold_constants(&self, inputs: &[f32]) -> Option<Vec<f32>> {

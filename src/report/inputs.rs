@@ -14,28 +14,23 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use std::path::{Component, Path};
 
+/// What makes the pictures and figures of a comparison.
+const DIFF: &str = "cloudparity diff --ours OURS.exr --reference REFERENCE.exr --view AgX --out RUN";
+
 /// Files of a run directory: name, what it shows, how to make it.
 const MAKERS: [(&str, &str, &str); 12] = [
-    ("run.json", "title, command, versions and timings", "Every command with --out writes it."),
-    ("diff.json", "the figures of the picture", "cloudparity diff --ours OURS.exr --reference REFERENCE.exr --out RUN"),
-    ("ours.png", "our picture", "cloudparity diff --ours OURS.exr --reference REFERENCE.exr --out RUN"),
-    (
-        "reference.png",
-        "the reference's picture",
-        "cloudparity diff --ours OURS.exr --reference REFERENCE.exr --out RUN",
-    ),
-    (
-        "difference.png",
-        "the map of the difference",
-        "cloudparity diff --ours OURS.exr --reference REFERENCE.exr --out RUN",
-    ),
-    ("probe.json", "field values against Cycles, point by point", "cloudparity probe SCENE --out RUN"),
-    ("slices.json", "slices of the field and their error", "cloudparity probe SCENE --slices --out RUN"),
-    ("modes.json", "every node in every mode", "cloudparity modes --out RUN"),
-    ("bounds.json", "bounds of the density", "cloudparity bounds SCENE --out RUN"),
-    ("bench.json", "speed against Cycles", "cloudparity bench SCENE --out RUN"),
-    ("explain.txt", "the specialised graph in words", "cloudparity explain SCENE --out RUN"),
-    ("scene.json", "the scene", "Every command with --out copies it."),
+    ("run.json", "title, command, versions and timings", "cloudparity demo -o RUN"),
+    ("diff.json", "the figures of the picture", DIFF),
+    ("ours.png", "our picture", DIFF),
+    ("reference.png", "the reference's picture", DIFF),
+    ("difference.png", "the map of the difference", DIFF),
+    ("probe.json", "field values against Cycles, point by point", "cloudparity probe SCENE --json > RUN/probe.json"),
+    ("slices.json", "slices of the field and their error", "cloudparity demo -o RUN"),
+    ("modes.json", "every node in every mode", "cloudparity modes --json > RUN/modes.json"),
+    ("bounds.json", "bounds of the density", "cloudparity bounds SCENE --json > RUN/bounds.json"),
+    ("bench.json", "speed against Cycles", "cloudparity bench SCENE --json > RUN/bench.json"),
+    ("explain.txt", "the specialised graph in words", "cloudparity explain SCENE > RUN/explain.txt"),
+    ("scene.json", "the scene", "cp SCENE RUN/scene.json"),
 ];
 
 /// Something that a report does not show, why, and what to do about it.
@@ -324,7 +319,7 @@ impl Inputs {
                 directory.display().to_string(),
                 "no directory",
                 "the folder of a run",
-                "Give the folder that the earlier commands wrote with --out.",
+                "Give the folder that cloudparity demo -o or diff --out wrote.",
             ));
         }
         let mut inputs = Self {
@@ -378,7 +373,7 @@ impl Inputs {
                 self.left_out.push(LeftOut {
                     what: format!("The picture {name}"),
                     why: "slices.json names it, and it is not in the run directory.".into(),
-                    remedy: "cloudparity probe SCENE --slices --out RUN".into(),
+                    remedy: "cloudparity demo -o RUN".into(),
                 });
             }
         }

@@ -5,7 +5,7 @@
 //! network access by its content policy, and everything that comes from a file is escaped.
 
 pub mod inputs;
-mod numbers;
+pub(crate) mod numbers;
 pub mod summary;
 mod tables;
 

@@ -9,7 +9,8 @@ import pytest
 
 from blend_support import ROOT, requires_bpy, run_script
 
-SCRIPTS = ["export_scene.py", "build_scene.py", "probe.py", "reference.py"]
+NEED_BPY = ["export_scene.py", "build_scene.py", "probe.py", "reference.py"]
+SCRIPTS = [*NEED_BPY, "compare_images.py"]
 
 
 def last_error(events):
@@ -25,12 +26,21 @@ def test_request_that_is_no_json(script):
     assert "line 1" in last_error(events)["place"]
 
 
-@pytest.mark.parametrize("script", SCRIPTS)
+@pytest.mark.parametrize("script", NEED_BPY)
 def test_missing_bpy_names_the_remedy(script, tmp_path):
     (tmp_path / "bpy.py").write_text("raise ImportError('not here')")
     events, status = run_script(script, {"kernel": "default"}, {"PYTHONPATH": str(tmp_path)})
     assert status == 1
     assert "bpy==5.0.1" in last_error(events)["remedy"]
+
+
+def test_comparison_does_not_import_bpy(tmp_path):
+    (tmp_path / "bpy.py").write_text("raise ImportError('not here')")
+    request = {"op": "difference_map", "ours": [], "reference": []}
+    events, status = run_script("compare_images.py", request, {"PYTHONPATH": str(tmp_path)})
+    assert status == 1
+    assert events[0]["event"] == "hello" and events[0]["blender"] is None
+    assert last_error(events)["place"] == "request.ours"
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,62 @@
+# Everything that a person or a CI machine does with cloudparity. `make help` lists it.
+#
+# One profile (release) for building, checking and testing: the dependencies compile once.
+
+SHELL := /bin/bash
+.SHELLFLAGS := -euo pipefail -c
+.DEFAULT_GOAL := help
+# rustup's folder first: a login shell may not have read its settings yet.
+export PATH := $(HOME)/.cargo/bin:$(PATH)
+
+CARGO_FLAGS := --release --locked
+PROGRAM := $(or $(CARGO_TARGET_DIR),target)/release/cloudparity
+SCENE := parity/scenes/procedural-clouds.scene.json
+# Newer than the requirements when .venv holds what they name.
+ENVIRONMENT := .venv/requirements.stamp
+
+.PHONY: help setup system demo demo-live test lint bench build clean
+
+help: ## list the targets
+	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/make \1\t\2/p' $(MAKEFILE_LIST) | expand -t 18
+
+setup: system $(ENVIRONMENT) ## check the compiler, install what is missing, make .venv
+
+system:
+	@tools/setup.sh system
+
+$(ENVIRONMENT): requirements.txt requirements-dev.txt | system
+	@tools/setup.sh python
+	@touch $@
+
+build: setup
+	cargo build $(CARGO_FLAGS)
+
+demo: build ## render the cloud, compare it with the committed Cycles reference, write out/demo/index.html
+	$(PROGRAM) demo -o out/demo
+	@echo "the report: $(CURDIR)/out/demo/index.html"
+
+demo-live: build ## the same with a fresh Cycles render as reference (needs bpy; minutes)
+	$(PROGRAM) demo --live -o out/demo
+	@echo "the report: $(CURDIR)/out/demo/index.html"
+
+bench: build ## speed of the evaluators against Cycles, as ratios on this machine
+	$(PROGRAM) bench $(SCENE)
+
+test: setup ## lints, all tests of Rust and Python, doc tests
+	@$(MAKE) --no-print-directory lint
+	if cargo nextest --version >/dev/null 2>&1; \
+	then cargo nextest run $(CARGO_FLAGS); \
+	else cargo test $(CARGO_FLAGS) --lib --bins --tests; fi
+	cargo test $(CARGO_FLAGS) --doc
+	.venv/bin/python -m pytest --quiet tests/python
+
+lint: setup ## format, clippy, documentation, ruff; warnings are errors
+	cargo fmt --check
+	cargo clippy $(CARGO_FLAGS) --all-targets -- -D warnings
+	RUSTDOCFLAGS="-D warnings" cargo doc $(CARGO_FLAGS) --no-deps
+	.venv/bin/python -m ruff check .
+	.venv/bin/python -m ruff format --check .
+
+clean: ## remove what was built and written; .venv stays
+	cargo clean
+	rm -rf out .pytest_cache .ruff_cache

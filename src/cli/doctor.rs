@@ -1,0 +1,181 @@
+//! `cloudparity doctor`: what is there of what the program can use, and what to do about the rest.
+
+use crate::blender;
+use crate::error::Result;
+use crate::gpu::Gpu;
+use serde::Serialize;
+use std::fmt::Write;
+use std::process::ExitCode;
+
+/// Check the adapter, the Python interpreter and its packages: exit status 0 all there, 1 something is missing.
+#[derive(clap::Args)]
+pub(super) struct Arguments {
+    /// JSON instead of text.
+    #[arg(long)]
+    json: bool,
+}
+
+/// The versions that this program was tested with.
+const REQUIREMENTS: &str = include_str!("../../requirements.txt");
+
+/// Distribution name, module to import, what needs it.
+const PACKAGES: [(&str, &str, &str); 5] = [
+    ("bpy", "bpy", "export, build, live probes and live references"),
+    ("OpenImageIO", "OpenImageIO", "diff and the pictures of reports"),
+    ("numpy", "numpy", "every script"),
+    ("flip-evaluator", "flip_evaluator", "the perceptual figure of diff"),
+    ("opencolorio", "PyOpenColorIO", "the pictures of reports"),
+];
+
+/// One thing that the program can use.
+#[derive(Debug, Serialize)]
+struct Check {
+    what: String,
+    /// Name or version; absent where it is missing.
+    found: Option<String>,
+    /// Absent where all is well.
+    problem: Option<Problem>,
+}
+
+#[derive(Debug, Serialize)]
+struct Problem {
+    cause: String,
+    needed_for: String,
+    remedy: String,
+}
+
+pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
+    let mut checks = vec![check_adapter(), check_interpreter()];
+    checks.extend(PACKAGES.map(|(distribution, module, purpose)| check_package(distribution, module, purpose)));
+    checks.push(check_folder());
+    let all_there = checks.iter().all(|check| check.problem.is_none());
+    let text = if arguments.json {
+        let document = serde_json::json!({
+            "version": env!("CARGO_PKG_VERSION"), "all_there": all_there, "checks": checks,
+        });
+        serde_json::to_string_pretty(&document).expect("JSON serialises") + "\n"
+    } else {
+        describe(&checks)
+    };
+    super::print(&text)?;
+    Ok(ExitCode::from(u8::from(!all_there)))
+}
+
+fn check_adapter() -> Check {
+    let what = "graphics adapter".to_owned();
+    match Gpu::open() {
+        Ok(gpu) => {
+            let adapter = gpu.adapter();
+            let mut found = format!("{} ({}, driver {})", adapter.name, adapter.backend, adapter.driver);
+            if adapter.kind == "Cpu" {
+                found += "; a program on the CPU: right values, but its times say nothing about a GPU";
+            }
+            Check { what, found: Some(found), problem: None }
+        }
+        Err(error) => {
+            let needed_for = "--evaluator gpu and what else runs WGSL".into();
+            Check { what, found: None, problem: Some(Problem { cause: error.found, needed_for, remedy: error.remedy }) }
+        }
+    }
+}
+
+fn check_interpreter() -> Check {
+    let path = blender::interpreter();
+    let version =
+        blender::module_version("platform", "platform.python_implementation() + ' ' + platform.python_version()");
+    let what = "Python".to_owned();
+    let problem = |cause: String| Problem {
+        cause,
+        needed_for: "everything that asks Blender or compares pictures".into(),
+        remedy: format!("Run make setup, or set {} to a CPython 3.11.", blender::INTERPRETER_VARIABLE),
+    };
+    match version {
+        Ok(version) => {
+            let fits = version.starts_with("CPython 3.11.");
+            let cause = format!("{version}, where bpy 5.0.1 needs CPython 3.11");
+            Check {
+                what,
+                found: Some(format!("{version} ({})", path.display())),
+                problem: (!fits).then(|| problem(cause)),
+            }
+        }
+        Err(cause) => Check { what, found: None, problem: Some(problem(format!("{}: {cause}", path.display()))) },
+    }
+}
+
+fn check_package(distribution: &str, module: &str, purpose: &str) -> Check {
+    let expected = REQUIREMENTS
+        .lines()
+        .find_map(|line| line.strip_prefix(distribution)?.strip_prefix("=="))
+        .expect("requirements.txt pins every package that is checked");
+    let version = format!("__import__('importlib.metadata').metadata.version('{distribution}')");
+    let (found, cause) = match blender::module_version(module, &version) {
+        Ok(version) if version == expected => (Some(version), None),
+        Ok(version) => {
+            let cause = format!("version {version}, where {expected} is what the figures were checked with");
+            (Some(version), Some(cause))
+        }
+        Err(cause) => (None, Some(cause)),
+    };
+    let problem = cause.map(|cause| Problem {
+        cause,
+        needed_for: purpose.to_owned(),
+        remedy: format!(
+            "Run make setup, or {} -m pip install {distribution}=={expected}.",
+            blender::interpreter().display()
+        ),
+    });
+    Check { what: distribution.to_owned(), found, problem }
+}
+
+/// The scripts of this version are unpacked into this folder.
+fn check_folder() -> Check {
+    let what = "cache folder".to_owned();
+    match blender::script_folder() {
+        Ok(folder) => Check { what, found: Some(folder.display().to_string()), problem: None },
+        Err(error) => {
+            let cause = format!("{}: {}", error.place, error.found);
+            let needed_for = "every command that runs Python".into();
+            let remedy = format!("{} TMPDIR chooses another folder.", error.remedy);
+            Check { what, found: None, problem: Some(Problem { cause, needed_for, remedy }) }
+        }
+    }
+}
+
+fn describe(checks: &[Check]) -> String {
+    let mut text = String::new();
+    let width = checks.iter().map(|check| check.what.len()).max().unwrap_or_default();
+    for Check { what, found, problem } in checks {
+        let found = found.as_deref().unwrap_or("missing");
+        writeln!(text, "{what:width$}  {found}").expect("writing to a string cannot fail");
+        if let Some(Problem { cause, needed_for, remedy }) = problem {
+            for (label, content) in [("cause", cause), ("needed for", needed_for), ("to do", remedy)] {
+                writeln!(text, "{:width$}    {label}: {content}", "").expect("writing to a string cannot fail");
+            }
+        }
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_checked_package_is_pinned_and_every_pin_is_checked() {
+        let pins: Vec<&str> = REQUIREMENTS.lines().filter_map(|line| Some(line.split_once("==")?.0)).collect();
+        assert_eq!(pins.len(), PACKAGES.len());
+        assert!(PACKAGES.iter().all(|(distribution, ..)| pins.contains(distribution)));
+    }
+
+    #[test]
+    fn a_missing_package_says_what_to_do() {
+        let check = Check {
+            what: "bpy".into(),
+            found: None,
+            problem: Some(Problem { cause: "c".into(), needed_for: "n".into(), remedy: "make setup".into() }),
+        };
+        let text = describe(&[check]);
+        assert!(text.starts_with("bpy  missing\n") && text.contains("to do: make setup"), "{text}");
+    }
+}

@@ -1,0 +1,83 @@
+//! What `render` and `reference` share: the scene with overrides, so that both sides of a comparison
+//! take the same arguments for the same picture.
+
+use crate::error::{Error, Result};
+use crate::scene::{PixelFilter, Scene};
+use std::path::PathBuf;
+
+/// A scene and the changes to it.
+#[derive(clap::Args)]
+pub(super) struct PictureArguments {
+    /// The scene file.
+    pub(super) scene: PathBuf,
+    /// The EXR to write.
+    #[arg(short, long)]
+    pub(super) output: PathBuf,
+    /// Pixels, WIDTHxHEIGHT, instead of the scene's.
+    #[arg(long, value_name = "WxH")]
+    resolution: Option<String>,
+    /// Leave the world out of what the camera sees directly.
+    #[arg(long, value_name = "true|false")]
+    film_transparent: Option<bool>,
+    /// Scattering events beyond the first.
+    #[arg(long)]
+    volume_bounces: Option<u32>,
+    /// Change a stored value: "Large Noise/Scale=2". May be given several times.
+    #[arg(long = "set", value_name = "NAME=VALUE")]
+    set: Vec<String>,
+}
+
+impl PictureArguments {
+    /// Loads the scene and applies the changes.
+    pub(super) fn load(&self) -> Result<Scene> {
+        let mut scene = Scene::load(&self.scene)?;
+        for assignment in &self.set {
+            scene.set(assignment)?;
+        }
+        if let Some(text) = &self.resolution {
+            scene.film.resolution = parse_resolution(text)?;
+            scene.film.resolution_percentage = 100;
+        }
+        if let Some(transparent) = self.film_transparent {
+            scene.film.transparent = transparent;
+        }
+        if let Some(bounces) = self.volume_bounces {
+            scene.integrator.volume_bounces = bounces;
+            scene.integrator.max_bounces = scene.integrator.max_bounces.max(bounces);
+        }
+        Ok(scene)
+    }
+}
+
+/// Command line name of a pixel filter.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+pub(super) enum Filter {
+    /// Uniform over the pixel: what references use.
+    Box,
+    /// Gaussian of the scene's filter width.
+    Gaussian,
+    /// Blackman-Harris of the scene's filter width.
+    BlackmanHarris,
+}
+
+impl From<Filter> for PixelFilter {
+    fn from(filter: Filter) -> Self {
+        match filter {
+            Filter::Box => Self::Box,
+            Filter::Gaussian => Self::Gaussian,
+            Filter::BlackmanHarris => Self::BlackmanHarris,
+        }
+    }
+}
+
+fn parse_resolution(text: &str) -> Result<[u32; 2]> {
+    let sides = text.split_once('x').and_then(|(width, height)| Some([width.parse().ok()?, height.parse().ok()?]));
+    sides.filter(|sides| sides.iter().all(|side| (1..=16384).contains(side))).ok_or_else(|| {
+        Error::new(
+            format!("--resolution {text}"),
+            format!("\"{text}\""),
+            "WIDTHxHEIGHT with 1 to 16384 pixels per side",
+            "Write for example --resolution 320x180.",
+        )
+    })
+}

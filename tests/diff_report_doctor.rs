@@ -1,0 +1,119 @@
+//! The commands around the pictures, as a caller sees them: exit status, stdout, files.
+
+mod support;
+
+use assert_cmd::Command;
+use predicates::prelude::*;
+use serde_json::Value;
+use std::path::{Path, PathBuf};
+use support::require;
+
+fn program() -> Command {
+    assert_cmd::cargo::cargo_bin_cmd!("cloudparity")
+}
+
+/// A lit disc of `size` x `size` pixels whose red is multiplied by `red`.
+fn save_picture(folder: &Path, name: &str, size: usize, red: f32) -> PathBuf {
+    let path = folder.join(name);
+    let centre = size as f32 / 2.0;
+    exr::prelude::write_rgba_file(&path, size, size, |x, y| {
+        let value = (1.0 - (x as f32 - centre).hypot(y as f32 - centre) / centre).max(0.0);
+        (value * red, value * 0.75, value * 0.5, value)
+    })
+    .expect("a writable folder");
+    path
+}
+
+#[test]
+fn diff_tells_agreement_difference_and_doubt_by_its_exit_status() {
+    if !require("bpy") {
+        return;
+    }
+    let folder = tempfile::tempdir().expect("a folder");
+    let reference = save_picture(folder.path(), "reference.exr", 32, 1.0);
+    let same = save_picture(folder.path(), "same.exr", 32, 1.0);
+    // 3 % more red than a tolerance of 1 % allows.
+    let planted = save_picture(folder.path(), "planted.exr", 32, 1.03);
+    let other_size = save_picture(folder.path(), "other.exr", 24, 1.0);
+    let diff = |ours: &Path| {
+        let mut command = program();
+        command.arg("diff").arg("--ours").arg(ours).arg("--reference").arg(&reference);
+        command
+    };
+    diff(&same).args(["--channel-mean", "0.01"]).assert().code(0).stdout(predicate::str::starts_with("agrees\n"));
+    diff(&planted)
+        .args(["--channel-mean", "0.01"])
+        .assert()
+        .code(1)
+        .stdout(predicate::str::starts_with("differs\n").and(predicate::str::contains("Channel R")));
+    diff(&planted).args(["--channel-mean", "0.05"]).assert().code(0);
+    diff(&other_size).args(["--channel-mean", "0.01"]).assert().code(2);
+    diff(&same).assert().code(2).stdout(predicate::str::contains("No tolerance was given"));
+}
+
+#[test]
+fn diff_writes_a_directory_that_report_makes_a_page_of() {
+    if !require("bpy") {
+        return;
+    }
+    let folder = tempfile::tempdir().expect("a folder");
+    let ours = save_picture(folder.path(), "ours.exr", 32, 1.03);
+    let reference = save_picture(folder.path(), "reference.exr", 32, 1.0);
+    let run = folder.path().join("run");
+    let assert = program()
+        .args(["diff", "--json", "--channel-mean", "0.01", "--view", "AgX", "--ours"])
+        .arg(&ours)
+        .arg("--reference")
+        .arg(&reference)
+        .arg("--out")
+        .arg(&run)
+        .assert()
+        .code(1);
+    let printed: Value = serde_json::from_slice(&assert.get_output().stdout).expect("stdout holds JSON alone");
+    let written = std::fs::read_to_string(run.join("diff.json")).expect("diff.json is written");
+    assert_eq!(printed["verdict"], "differs");
+    assert_eq!(printed, serde_json::from_str::<Value>(&written).expect("diff.json is JSON"));
+    for name in ["ours.png", "reference.png", "difference.png", "flip.png"] {
+        assert!(run.join(name).is_file(), "{name}");
+    }
+    program().arg("report").arg(&run).assert().code(0).stdout(predicate::str::ends_with("index.html\n"));
+    let page = std::fs::read_to_string(run.join("index.html")).expect("the page is written");
+    assert!(page.contains("verdict differs"));
+}
+
+#[test]
+fn report_of_no_directory_could_not_do_its_work() {
+    let folder = tempfile::tempdir().expect("a folder");
+    program()
+        .arg("report")
+        .arg(folder.path().join("none"))
+        .assert()
+        .code(2)
+        .stderr(predicate::str::contains("no directory"));
+}
+
+#[test]
+fn doctor_says_what_is_missing_and_what_to_do() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let assert = program()
+        .args(["doctor", "--json"])
+        .env("CLOUDPARITY_PYTHON", folder.path().join("no-python"))
+        .env("WGPU_ADAPTER_NAME", "no adapter has this name")
+        .assert()
+        .code(1);
+    let document: Value = serde_json::from_slice(&assert.get_output().stdout).expect("stdout holds JSON alone");
+    assert_eq!(document["all_there"], false);
+    let checks = document["checks"].as_array().expect("a list of checks");
+    for what in ["graphics adapter", "Python", "bpy", "OpenImageIO", "numpy", "flip-evaluator", "opencolorio"] {
+        let check = checks.iter().find(|check| check["what"] == what).expect(what);
+        assert!(check["found"].is_null() && check["problem"]["remedy"].as_str().is_some_and(|text| text.len() > 10));
+    }
+}
+
+#[test]
+fn doctor_finds_what_is_there() {
+    if !require("bpy") || !require("vulkan") {
+        return;
+    }
+    program().arg("doctor").assert().code(0).stdout(predicate::str::contains("missing").not());
+}

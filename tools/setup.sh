@@ -1,0 +1,124 @@
+#!/usr/bin/env bash
+# Prepares a machine for cloudparity; `make setup` calls it. Nothing is installed that is there already.
+#
+#   tools/setup.sh system   the Rust compiler (checked), system libraries (installed by root on Debian)
+#   tools/setup.sh python   .venv with the packages of requirements.txt and requirements-dev.txt
+#
+# PYTHON=/path/to/python3.11 chooses the interpreter that .venv is made with.
+set -euo pipefail
+cd "$(dirname "$0")/.."
+
+# Shared libraries that bpy is linked against, and the loader and software driver that wgpu needs where
+# there is no GPU. gcc links Rust programs.
+LIBRARIES=(libx11-6 libxext6 libxrender1 libxfixes3 libxi6 libxkbcommon0 libsm6 libice6 libgl1
+    libvulkan1 mesa-vulkan-drivers gcc libc6-dev)
+
+say() { printf 'setup: %s\n' "$*" >&2; }
+
+fail() {
+    say "$1"
+    shift
+    printf '       %s\n' "$@" >&2
+    exit 1
+}
+
+check_rust() {
+    local required found
+    required=$(sed -n 's/^rust-version = "\(.*\)"$/\1/p' Cargo.toml)
+    if ! found=$(rustc --version 2>/dev/null); then
+        fail "rustc is missing; Rust $required or later is needed. Install it with" \
+            "curl --proto '=https' --tlsv1.2 -sSf https://sh.rustup.rs | sh -s -- -y"
+    fi
+    found=$(cut -d' ' -f2 <<<"$found")
+    if ! printf '%s\n' "$required" "${found%%-*}" | sort -C -V; then
+        if command -v rustup >/dev/null; then
+            fail "rustc is $found; Rust $required or later is needed:" "rustup update stable && rustup default stable"
+        fi
+        fail "rustc is $found; Rust $required or later is needed. A distribution's own package is often older:" \
+            "curl --proto '=https' --tlsv1.2 -sSf https://sh.rustup.rs | sh -s -- -y"
+    fi
+}
+
+is_cpython_311() {
+    "$1" -c 'import sys; sys.exit((sys.implementation.name, *sys.version_info[:2]) != ("cpython", 3, 11))' 2>/dev/null
+}
+
+can_make_environments() {
+    "$1" -c 'import ensurepip, venv' 2>/dev/null
+}
+
+# Prints the interpreter to make .venv with: one that has ensurepip where there is one.
+find_python() {
+    local name without_ensurepip=
+    for name in ${PYTHON:-python3.11 python3 /usr/bin/python3.11 /usr/bin/python3}; do
+        if is_cpython_311 "$name"; then
+            if can_make_environments "$name"; then
+                printf '%s\n' "$name"
+                return
+            fi
+            without_ensurepip=$name
+        fi
+    done
+    printf '%s\n' "$without_ensurepip"
+}
+
+is_installed() {
+    [[ $(dpkg-query --show --showformat='${db:Status-Status}' "$1" 2>/dev/null) == installed ]]
+}
+
+install_packages() {
+    local package python wanted=("${LIBRARIES[@]}") missing=() command
+    if ! command -v apt-get >/dev/null; then
+        return # Another system: `cloudparity doctor` says what is missing.
+    fi
+    python=$(find_python)
+    if [[ -z $python ]] || ! can_make_environments "$python"; then
+        wanted+=(python3 python3-venv)
+    fi
+    for package in "${wanted[@]}"; do
+        is_installed "$package" || missing+=("$package")
+    done
+    if ((${#missing[@]} == 0)); then
+        return
+    fi
+    command="apt-get update && apt-get install --yes --no-install-recommends ${missing[*]}"
+    if [[ $(id --user) -ne 0 ]]; then
+        say "system packages are missing: ${missing[*]}"
+        say "as root: $command"
+    elif say "installing ${missing[*]}" && ! DEBIAN_FRONTEND=noninteractive bash -c "$command" >&2; then
+        say "could not install them; what needs them is left out. As root: $command"
+    fi
+}
+
+make_environment() {
+    local python
+    if [[ -x .venv/bin/python ]] && ! is_cpython_311 .venv/bin/python; then
+        fail "the interpreter of .venv is not CPython 3.11. Remove the folder and run make setup again:" "rm -r .venv"
+    fi
+    if ! .venv/bin/python -m pip --version >/dev/null 2>&1; then
+        python=$(find_python)
+        if [[ -z $python ]]; then
+            fail "CPython 3.11 is missing; bpy 5.0.1 exists for no other version. One of:" \
+                "apt-get install python3 python3-venv    (Debian 12, as root)" \
+                "uv python install 3.11 && make setup PYTHON=\"\$(uv python find 3.11)\"" \
+                "pyenv install 3.11 && make setup PYTHON=\"\$(pyenv prefix 3.11)/bin/python\""
+        fi
+        if ! can_make_environments "$python"; then
+            fail "$python has no ensurepip. As root:" "apt-get install python3-venv"
+        fi
+        say "making .venv with $("$python" --version)"
+        "$python" -m venv .venv
+    fi
+    say "installing the packages of requirements.txt and requirements-dev.txt (about 400 MB to download)"
+    .venv/bin/python -m pip install --quiet --disable-pip-version-check \
+        --requirement requirements.txt --requirement requirements-dev.txt
+}
+
+case ${1:-} in
+system)
+    check_rust
+    install_packages
+    ;;
+python) make_environment ;;
+*) fail "unknown step \"${1:-}\"; one of:" "system" "python" ;;
+esac
