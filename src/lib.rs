@@ -7,6 +7,7 @@ pub mod bench;
 pub mod blender;
 pub mod cli;
 pub mod compare;
+pub mod demo;
 pub mod error;
 pub mod field;
 pub mod files;

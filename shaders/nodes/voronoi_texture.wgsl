@@ -322,6 +322,18 @@ fn scan_y(s: ptr<function, Search>, a: Axes, o: vec4f, hash: vec4i, bounds: vec4
     }
 }
 
+#ifdef VORONOI_DIMENSIONS_2D
+// Nine cheap hashes cost less than deciding which of them to leave out, unless each needs powers.
+fn scan_all(s: ptr<function, Search>, a: Axes) {
+    for (var y = -1; y <= 1; y++) {
+        for (var x = -1; x <= 1; x++) {
+            let o = vec4i(x, y, 0, 0);
+            visit(s, a, vec4f(o), a.hash + o * PCG_MULTIPLIER);
+        }
+    }
+}
+#endif
+
 #ifndef VORONOI_DIMENSIONS_2D
 fn scan_z(s: ptr<function, Search>, a: Axes, o: vec4f, hash: vec4i, bounds: vec4f) {
     var o_z = 0.0;
@@ -394,7 +406,11 @@ fn search(site: Site, p: Parameters) -> Search {
     a.one = p.one;
     var s = Search(LARGEST, 0.0, LARGEST, 0.0);
 #ifdef VORONOI_DIMENSIONS_2D
+#ifdef DISTANCE_MINKOWSKI
     scan_y(&s, a, vec4f(0.0), a.hash, vec4f(0.0));
+#else
+    scan_all(&s, a);
+#endif
 #else ifdef VORONOI_DIMENSIONS_3D
     scan_z(&s, a, vec4f(0.0), a.hash, vec4f(0.0));
 #else

@@ -5,10 +5,11 @@
 
 mod bench;
 mod build;
+mod demo;
 mod diff;
 mod doctor;
 mod eval;
-mod explain;
+pub(crate) mod explain;
 mod export;
 mod modes;
 mod picture;
@@ -36,6 +37,7 @@ struct CommandLine {
 enum Command {
     Bench(bench::Arguments),
     Build(build::Arguments),
+    Demo(demo::Arguments),
     Diff(Box<diff::Arguments>),
     Doctor(doctor::Arguments),
     Eval(eval::Arguments),
@@ -70,6 +72,7 @@ pub fn run() -> ExitCode {
     let result = match command_line.command {
         Command::Bench(arguments) => bench::run(&arguments),
         Command::Build(arguments) => build::run(&arguments),
+        Command::Demo(arguments) => demo::run(&arguments),
         Command::Diff(arguments) => diff::run(&arguments),
         Command::Doctor(arguments) => doctor::run(&arguments),
         Command::Eval(arguments) => eval::run(&arguments),
