@@ -190,7 +190,9 @@ fn smooth_min(a: f32, b: f32, c: f32) -> f32 {
         return min(a, b);
     }
     let h = max(c - abs(a - b), 0.0) / c;
-    return min(a, b) - (((h * h) * h) * c) * 0.166666672;
+    // Not negative: the maximum only keeps compilers from multiplying the constants first, which rounds otherwise.
+    let cubic = max(((h * h) * h) * c, 0.0);
+    return min(a, b) - cubic * 0.166666672;
 }
 
 fn finish(x: f32) -> f32 {
