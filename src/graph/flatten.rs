@@ -142,7 +142,12 @@ impl<'a> Flattener<'a> {
         }
         let node = self.find(tree, &target.node, &from)?;
         match (&target.output, &target.input) {
-            (Some(output), _) => self.output(tree, node, output),
+            (Some(output), _) => {
+                let (found, sources) = self.output(tree, node, output)?;
+                // Asked for from outside, a group's output has its own type again.
+                let declared = self.group_output_kind(node, output).unwrap_or(found);
+                Ok((declared, self.convert(tree, node, found, declared, sources)))
+            }
             (None, Some(input)) => {
                 let node_type = self.node_type(tree, node)?;
                 let socket = node_type.inputs.iter().find(|socket| socket.identifier == input).ok_or_else(|| {
@@ -196,12 +201,11 @@ impl<'a> Flattener<'a> {
         match node.kind.as_str() {
             "NodeReroute" => {
                 let kind = node.socket_type.unwrap_or(SocketType::Float);
-                let sources = match node.inputs.get("Input") {
-                    Some(input) => self.value(tree, node, "Input", input, kind)?,
-                    None => vec![Source::Constant(0.0); kind.components()],
-                };
                 self.note(tree, node, "inlined", "reroute");
-                Ok((kind, sources))
+                match node.inputs.get("Input") {
+                    Some(input) => self.passed(tree, node, "Input", input, kind),
+                    None => Ok((kind, vec![Source::Constant(0.0); kind.components()])),
+                }
             }
             "ShaderNodeGroup" => self.group_output(tree, node, socket),
             _ => {
@@ -226,11 +230,16 @@ impl<'a> Flattener<'a> {
         let end = group.nodes.iter().find(|node| node.kind == "NodeGroupOutput").ok_or_else(|| {
             Error::new(place, format!("no Group Output in \"{}\"", group.name), "one", "Add a Group Output node.")
         })?;
-        let sources = match end.inputs.get(socket) {
-            Some(input) => self.value(inner, end, socket, input, interface.kind)?,
-            None => constant(&stored_default(interface.default.as_ref()), interface.kind),
-        };
-        Ok((interface.kind, sources))
+        match end.inputs.get(socket) {
+            Some(input) => self.passed(inner, end, socket, input, interface.kind),
+            None => Ok((interface.kind, constant(&stored_default(interface.default.as_ref()), interface.kind))),
+        }
+    }
+
+    /// Declared type of a group node's output.
+    fn group_output_kind(&self, node: &Node, socket: &str) -> Option<SocketType> {
+        let group = self.scene.graph().group(node.group.as_deref()?)?;
+        group.outputs.iter().find(|output| output.identifier == socket).map(|output| output.kind)
     }
 
     /// A muted node passes on the input that `bypass` names, zero else.
@@ -250,11 +259,10 @@ impl<'a> Flattener<'a> {
         };
         self.note(tree, node, "bypassed", format!("muted: {socket} is {through}"));
         let input_kind = kind_of(through, false).unwrap_or(kind);
-        let sources = match node.inputs.get(through.as_str()) {
-            Some(input) => self.value(tree, node, through, input, input_kind)?,
-            None => vec![Source::Constant(0.0); input_kind.components()],
-        };
-        Ok((kind, self.convert(tree, node, input_kind, kind, sources)))
+        match node.inputs.get(through.as_str()) {
+            Some(input) => self.passed(tree, node, through, input, input_kind),
+            None => Ok((input_kind, vec![Source::Constant(0.0); input_kind.components()])),
+        }
     }
 
     /// Identifier, whether it is an output, and kind of every socket of a node.
@@ -361,6 +369,21 @@ impl<'a> Flattener<'a> {
         input: &'a Input,
         kind: SocketType,
     ) -> Result<Vec<Source>> {
+        let (found, sources) = self.passed(tree, node, socket, input, kind)?;
+        Ok(self.convert(tree, node, found, kind, sources))
+    }
+
+    /// Resolves a stored value of `kind`, or a link to whatever its source is. Blender inlines groups,
+    /// reroutes and muted nodes before it converts: their sockets have no influence on a linked value,
+    /// and a vector that passes a float socket of a group is still a vector behind it.
+    fn passed(
+        &mut self,
+        tree: usize,
+        node: &'a Node,
+        socket: &str,
+        input: &'a Input,
+        kind: SocketType,
+    ) -> Result<Resolved> {
         let place = format!("{}: input {socket}", self.place(tree, &node.name));
         let wrong = |found: String| {
             Error::new(
@@ -374,9 +397,9 @@ impl<'a> Flattener<'a> {
             )
         };
         match input {
-            Input::Number(value) if kind.components() == 1 => Ok(vec![Source::Constant(*value)]),
+            Input::Number(value) if kind.components() == 1 => Ok((kind, vec![Source::Constant(*value)])),
             Input::List(values) if kind.components() == 3 && (3..=4).contains(&values.len()) => {
-                Ok(values[..3].iter().map(|&value| Source::Constant(value)).collect())
+                Ok((kind, values[..3].iter().map(|&value| Source::Constant(value)).collect()))
             }
             Input::Number(value) => Err(wrong(format!("the number {value}"))),
             Input::List(values) => Err(wrong(format!("a list of {} numbers", values.len()))),
@@ -387,12 +410,9 @@ impl<'a> Flattener<'a> {
                 if found == SocketType::Shader || kind == SocketType::Shader {
                     return Err(wrong("a closure".into()));
                 }
-                Ok(self.convert(tree, node, found, kind, sources))
+                Ok((found, sources))
             }
-            Input::GroupInput(identifier) => {
-                let (found, sources) = self.group_input(tree, &place, identifier)?;
-                Ok(self.convert(tree, node, found, kind, sources))
-            }
+            Input::GroupInput(identifier) => self.group_input(tree, &place, identifier),
         }
     }
 
@@ -413,11 +433,10 @@ impl<'a> Flattener<'a> {
                 "Correct the identifier, or export the scene again.",
             )
         })?;
-        let sources = match group_node.inputs.get(identifier) {
-            Some(input) => self.value(parent, group_node, identifier, input, interface.kind)?,
-            None => constant(&stored_default(interface.default.as_ref()), interface.kind),
-        };
-        Ok((interface.kind, sources))
+        match group_node.inputs.get(identifier) {
+            Some(input) => self.passed(parent, group_node, identifier, input, interface.kind),
+            None => Ok((interface.kind, constant(&stored_default(interface.default.as_ref()), interface.kind))),
+        }
     }
 
     fn convert(

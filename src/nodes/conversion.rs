@@ -3,7 +3,8 @@
 //! colours exchange unchanged; neither needs a node.)
 //!
 //! Vector to float is the mean, colour to float the luminance of linear Rec. 709 with the weights
-//! of Blender's default configuration.
+//! of Blender's default configuration. Constants are converted by Blender itself, with luminance
+//! weights of four digits and a division by three.
 
 use super::real::Real;
 use super::{Column, Evaluate, InputSocket, Interval, NodeType, OutputSocket, Property, Role, always, map};
@@ -24,6 +25,9 @@ pub static TYPE: NodeType = NodeType {
 /// Luminance weights of linear Rec. 709 primaries.
 const LUMINANCE: [f32; 3] = [0.212_639_12, 0.715_169_13, 0.072_192_76];
 
+/// Weights that Blender folds constant colours with.
+const FOLDED_LUMINANCE: [f32; 3] = [0.2126, 0.7152, 0.0722];
+
 struct Conversion {
     luminance: bool,
 }
@@ -36,6 +40,12 @@ impl Evaluate for Conversion {
         } else {
             map(inputs, [0, 1, 2], outputs[0], |[x, y, z]: [R; 3]| ((x + y) + z) * R::of(1.0 / 3.0));
         }
+    }
+
+    fn fold_constants(&self, inputs: &[f32]) -> Option<Vec<f32>> {
+        let [x, y, z] = inputs[..] else { return None };
+        let [red, green, blue] = FOLDED_LUMINANCE;
+        Some(vec![if self.luminance { (x * red + y * green) + z * blue } else { ((x + y) + z) / 3.0 }])
     }
 
     fn enclose(&self, inputs: &[Interval], outputs: &mut [Interval]) {

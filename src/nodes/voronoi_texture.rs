@@ -121,7 +121,12 @@ impl Metric {
             Self::Manhattan => sum(v.map(Real::abs)),
             Self::Chebychev => {
                 let v = v.map(Real::abs);
-                v[1..].iter().fold(v[0], |largest, &x| largest.greater(x))
+                // The order decides what a NaN does: 4-vectors are compared backwards, in pairs.
+                match N {
+                    2 => v[0].greater(v[1]),
+                    3 => v[0].greater(v[1]).greater(v[2]),
+                    _ => v[3].greater(v[2]).greater(v[1].greater(v[0])),
+                }
             }
             Self::Minkowski => sum(v.map(|x| x.abs().powf(exponent))),
         }
@@ -272,7 +277,8 @@ impl VoronoiTexture {
         }
         let v: [R; N] = std::array::from_fn(|axis| nearest[axis] - cell.local[axis]);
         Found {
-            distance: self.metric.distance(v, parameters.exponent),
+            // In one dimension the search keeps the distance itself, its start value where all are NaN.
+            distance: if N == 1 { smallest } else { self.metric.distance(v, parameters.exponent) },
             color: cell.color(target),
             position: std::array::from_fn(|axis| nearest[axis] + cell.floor[axis]),
         }
