@@ -7,8 +7,8 @@
 use crate::error::{Error, Result};
 use crate::files;
 use exr::prelude::{
-    AttributeValue, Compression, Encoding, Layer, LayerAttributes, LineOrder, ReadChannels, ReadLayers, SpecificChannels,
-    Text, Vec2, WritableImage,
+    AttributeValue, Compression, Encoding, Layer, LayerAttributes, LineOrder, ReadChannels, ReadLayers,
+    SpecificChannels, Text, Vec2, WritableImage,
 };
 use indexmap::IndexMap;
 use std::path::Path;
@@ -38,9 +38,7 @@ impl Image {
     /// Mean of each channel over all pixels, summed in f64.
     pub fn mean(&self) -> [f64; 4] {
         let count = self.pixels.len().max(1) as f64;
-        std::array::from_fn(|channel| {
-            self.pixels.iter().map(|pixel| f64::from(pixel[channel])).sum::<f64>() / count
-        })
+        std::array::from_fn(|channel| self.pixels.iter().map(|pixel| f64::from(pixel[channel])).sum::<f64>() / count)
     }
 
     /// An error that counts the pixels with NaN or infinity and places the first one.

@@ -52,11 +52,7 @@ pub struct Reference {
 
 /// The picture of `scene` by Cycles: from the cache, or rendered now. The pixel filter is the box
 /// whatever the scene says: it is the one that both sides share exactly.
-pub fn reference(
-    scene: &Scene,
-    settings: &ReferenceSettings,
-    receive: impl FnMut(Message),
-) -> Result<Reference> {
+pub fn reference(scene: &Scene, settings: &ReferenceSettings, receive: impl FnMut(Message)) -> Result<Reference> {
     let blender = module_version("bpy", "bpy.app.version_string").map_err(|cause| {
         Error::new(
             "interpreter",
@@ -106,14 +102,8 @@ fn request_key(scene: &Scene, settings: &ReferenceSettings, blender: &str) -> St
 }
 
 /// The scripts whose text decides what is rendered.
-const RENDER_SCRIPTS: [&str; 6] = [
-    "reference.py",
-    "reference_render.py",
-    "cycles_settings.py",
-    "scene_builder.py",
-    "graph_builder.py",
-    "rna.py",
-];
+const RENDER_SCRIPTS: [&str; 6] =
+    ["reference.py", "reference_render.py", "cycles_settings.py", "scene_builder.py", "graph_builder.py", "rna.py"];
 
 /// `CLOUDPARITY_CACHE`, else `~/.cache/cloudparity`.
 pub fn cache_folder() -> Result<PathBuf> {

@@ -19,7 +19,7 @@ pub(super) struct Arguments {
     /// Pixel filter instead of the scene's.
     #[arg(long, value_enum)]
     pixel_filter: Option<Filter>,
-    /// Longest step of a view ray in metres; 0: 1/128 of the medium's mean side.
+    /// Longest step of a view ray in metres; 0: 1/192 of the medium's mean side.
     #[arg(long, default_value_t = MarchSettings::default().view_step)]
     view_step: f64,
     /// Longest step of a shadow ray in metres, with --light exact; 0: the view step.

@@ -102,11 +102,8 @@ impl Camera {
             Projection::Equirectangular => {
                 let longitude = self.longitude[0] + (self.longitude[1] - self.longitude[0]) * normalised.x;
                 let latitude = self.latitude[0] + (self.latitude[1] - self.latitude[0]) * normalised.y;
-                let direction = DVec3::new(
-                    latitude.cos() * longitude.sin(),
-                    latitude.sin(),
-                    -latitude.cos() * longitude.cos(),
-                );
+                let direction =
+                    DVec3::new(latitude.cos() * longitude.sin(), latitude.sin(), -latitude.cos() * longitude.cos());
                 (DVec3::ZERO, direction, 1.0)
             }
         };

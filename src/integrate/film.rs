@@ -16,9 +16,7 @@ pub fn offsets(filter: PixelFilter, width: f64, strata: usize) -> Vec<f64> {
     match filter {
         // Always one pixel wide, whatever the width says.
         PixelFilter::Box => quantiles.map(|quantile| quantile - 0.5).collect(),
-        PixelFilter::Gaussian => {
-            invert(|offset| (-8.0 * (offset / width).powi(2)).exp(), 1.5 * width, quantiles)
-        }
+        PixelFilter::Gaussian => invert(|offset| (-8.0 * (offset / width).powi(2)).exp(), 1.5 * width, quantiles),
         PixelFilter::BlackmanHarris => {
             let density = |offset: f64| {
                 let angle = pi * offset / width;
@@ -32,8 +30,7 @@ pub fn offsets(filter: PixelFilter, width: f64, strata: usize) -> Vec<f64> {
 /// Inverts the distribution of an even density on `[-support, support]` at rising quantiles.
 fn invert(density: impl Fn(f64) -> f64, support: f64, quantiles: impl Iterator<Item = f64>) -> Vec<f64> {
     let cell = 2.0 * support / TABLE as f64;
-    let masses: Vec<f64> =
-        (0..TABLE).map(|index| density(-support + (index as f64 + 0.5) * cell)).collect();
+    let masses: Vec<f64> = (0..TABLE).map(|index| density(-support + (index as f64 + 0.5) * cell)).collect();
     let total: f64 = masses.iter().sum();
     let mut index = 0;
     let mut before = 0.0;

@@ -60,8 +60,7 @@ impl LightGrid {
         let stretch = DVec3::new(to_world.x_axis.length(), to_world.y_axis.length(), to_world.z_axis.length());
         let world_extent = extent * stretch;
         let cell = world_extent.max_element() / f64::from(settings.grid_cells.max(1));
-        let size: [usize; 3] =
-            std::array::from_fn(|axis| ((world_extent[axis] / cell).ceil() as usize).max(1) + 1);
+        let size: [usize; 3] = std::array::from_fn(|axis| ((world_extent[axis] / cell).ceil() as usize).max(1) + 1);
         let step = extent / DVec3::from(size.map(|count| (count - 1) as f64));
         let low = medium.occupied.low;
         let count = size.iter().product();
@@ -407,8 +406,8 @@ impl Sweep {
             let old = (low - moved + 1) as usize;
             let half = 0.5 * self.length;
             for offset in 0..count {
-                front.depth[from + offset] = before.depth[old + offset]
-                    + half * (before.density[old + offset] + front.density[from + offset]);
+                front.depth[from + offset] =
+                    before.depth[old + offset] + half * (before.density[old + offset] + front.density[from + offset]);
             }
         }
         for cell in -1..nf as i64 {

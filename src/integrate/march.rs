@@ -204,8 +204,7 @@ impl Stage<'_> {
                             self.medium.anisotropy.powi(band) * basis[harmonic] * f64::from(corners.read(values));
                     }
                     for channel in 0..3 {
-                        light[channel] +=
-                            self.world[channel] * transmittances[grid.extinction_of_channel[channel]];
+                        light[channel] += self.world[channel] * transmittances[grid.extinction_of_channel[channel]];
                     }
                 }
                 light
@@ -296,7 +295,8 @@ impl Stage<'_> {
                 let total: f64 = phases.iter().sum();
                 for channel in 0..3 {
                     let extinction = self.medium.extinction[channel];
-                    let sum: f64 = phases.iter().zip(around).map(|(phase, depth)| phase * (-extinction * depth).exp()).sum();
+                    let sum: f64 =
+                        phases.iter().zip(around).map(|(phase, depth)| phase * (-extinction * depth).exp()).sum();
                     light[channel] += if total > 0.0 { self.world[channel] * sum / total } else { 0.0 };
                 }
                 incident[index] = light;

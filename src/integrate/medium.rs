@@ -120,10 +120,8 @@ impl Medium {
             let place = [index % CELLS, index / CELLS % CELLS, index / CELLS / CELLS];
             let low = self.bounds.low + side * DVec3::from(place.map(|number| number as f64));
             let pad = side.as_vec3() * PADDING;
-            let found = self.density.bounds(
-                (low.as_vec3() - pad).to_array(),
-                ((low + side).as_vec3() + pad).to_array(),
-            )?[0];
+            let found =
+                self.density.bounds((low.as_vec3() - pad).to_array(), ((low + side).as_vec3() + pad).to_array())?[0];
             *cell = found.may_be_nan || found.high > 0.0;
             if *cell {
                 for axis in 0..3 {

@@ -39,7 +39,7 @@ pub enum LightMode {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct MarchSettings {
-    /// Longest step along a view ray; 0 takes 1/128 of the medium's mean world side.
+    /// Longest step along a view ray; 0 takes 1/192 of the medium's mean world side.
     pub view_step: f64,
     /// Longest step along a shadow ray in mode `exact`; 0 takes the view step.
     pub shadow_step: f64,
@@ -65,10 +65,10 @@ impl Default for MarchSettings {
             shadow_step: 0.0,
             world_directions: 64,
             world_bands: 2,
-            sub_pixels: 2,
+            sub_pixels: 3,
             exit_transmittance: 1e-4,
             light: LightMode::Grid,
-            grid_cells: 128,
+            grid_cells: 192,
         }
     }
 }
@@ -100,7 +100,7 @@ impl MarchSettings {
         }
         let mut settings = self.clone();
         if settings.view_step == 0.0 {
-            settings.view_step = mean_world_side(scene) / 128.0;
+            settings.view_step = mean_world_side(scene) / 192.0;
         }
         if settings.shadow_step == 0.0 {
             settings.shadow_step = settings.view_step;
