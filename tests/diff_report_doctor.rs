@@ -99,12 +99,13 @@ fn doctor_says_what_is_missing_and_what_to_do() {
         .args(["doctor", "--json"])
         .env("CLOUDPARITY_PYTHON", folder.path().join("no-python"))
         .env("WGPU_ADAPTER_NAME", "no adapter has this name")
+        .env("CLOUDPARITY_CACHE", "/dev/null/cache")
         .assert()
         .code(1);
     let document: Value = serde_json::from_slice(&assert.get_output().stdout).expect("stdout holds JSON alone");
     assert_eq!(document["all_there"], false);
     let checks = document["checks"].as_array().expect("a list of checks");
-    for what in ["graphics adapter", "Python", "bpy", "OpenImageIO", "numpy", "flip-evaluator", "opencolorio"] {
+    for what in ["graphics adapter", "Python", "bpy", "OpenImageIO", "numpy", "flip-evaluator", "opencolorio", "cache"] {
         let check = checks.iter().find(|check| check["what"] == what).expect(what);
         assert!(check["found"].is_null() && check["problem"]["remedy"].as_str().is_some_and(|text| text.len() > 10));
     }
@@ -115,5 +116,11 @@ fn doctor_finds_what_is_there() {
     if !require("bpy") || !require("vulkan") {
         return;
     }
-    program().arg("doctor").assert().code(0).stdout(predicate::str::contains("missing").not());
+    let folder = tempfile::tempdir().expect("a folder");
+    program()
+        .arg("doctor")
+        .env("CLOUDPARITY_CACHE", folder.path())
+        .assert()
+        .code(0)
+        .stdout(predicate::str::contains("missing").not());
 }

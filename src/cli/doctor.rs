@@ -1,10 +1,11 @@
 //! `cloudparity doctor`: what is there of what the program can use, and what to do about the rest.
 
 use crate::blender;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::gpu::Gpu;
 use serde::Serialize;
 use std::fmt::Write;
+use std::path::PathBuf;
 use std::process::ExitCode;
 
 /// Check the adapter, the Python interpreter and its packages: exit status 0 all there, 1 something is missing.
@@ -47,7 +48,9 @@ struct Problem {
 pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
     let mut checks = vec![check_adapter(), check_interpreter()];
     checks.extend(PACKAGES.map(|(distribution, module, purpose)| check_package(distribution, module, purpose)));
-    checks.push(check_folder());
+    checks.push(check_folder("scripts", "every command that runs Python", "TMPDIR", blender::script_folder()));
+    let references = blender::reference::cache_folder();
+    checks.push(check_folder("cache", "references by Cycles", blender::reference::CACHE_VARIABLE, references));
     let all_there = checks.iter().all(|check| check.problem.is_none());
     let text = if arguments.json {
         let document = serde_json::json!({
@@ -128,16 +131,22 @@ fn check_package(distribution: &str, module: &str, purpose: &str) -> Check {
     Check { what: distribution.to_owned(), found, problem }
 }
 
-/// The scripts of this version are unpacked into this folder.
-fn check_folder() -> Check {
-    let what = "cache folder".to_owned();
-    match blender::script_folder() {
+/// A folder that the program writes to, made where it is missing.
+fn check_folder(what: &str, needed_for: &str, variable: &str, folder: Result<PathBuf>) -> Check {
+    let usable = folder.and_then(|folder| {
+        let fail = |cause: std::io::Error| Error::io(&folder, "a writable folder", &cause);
+        std::fs::create_dir_all(&folder).map_err(fail)?;
+        tempfile::tempfile_in(&folder).map_err(fail)?;
+        Ok(folder)
+    });
+    let what = what.to_owned();
+    match usable {
         Ok(folder) => Check { what, found: Some(folder.display().to_string()), problem: None },
         Err(error) => {
             let cause = format!("{}: {}", error.place, error.found);
-            let needed_for = "every command that runs Python".into();
-            let remedy = format!("{} TMPDIR chooses another folder.", error.remedy);
-            Check { what, found: None, problem: Some(Problem { cause, needed_for, remedy }) }
+            let remedy = format!("{} {variable} chooses another folder.", error.remedy);
+            let problem = Problem { cause, needed_for: needed_for.to_owned(), remedy };
+            Check { what, found: None, problem: Some(problem) }
         }
     }
 }

@@ -1,0 +1,76 @@
+//! What the documents list is what the program has.
+
+mod support;
+
+use cloudparity::nodes::registry;
+use std::collections::BTreeSet;
+use support::project;
+
+fn read(path: &str) -> String {
+    std::fs::read_to_string(project(path)).expect("the document is committed")
+}
+
+/// The commands of `cloudparity --help`, without its own `help`.
+fn commands() -> BTreeSet<String> {
+    let output = assert_cmd::cargo::cargo_bin_cmd!("cloudparity").arg("--help").output().expect("the program runs");
+    let text = String::from_utf8(output.stdout).expect("help is UTF-8");
+    let (_, list) = text.split_once("Commands:\n").expect("help lists the commands");
+    list.lines()
+        .take_while(|line| !line.is_empty())
+        .filter_map(|line| line.strip_prefix("  ")?.split(' ').next())
+        .filter(|name| !name.is_empty() && *name != "help")
+        .map(str::to_owned)
+        .collect()
+}
+
+#[test]
+fn the_readme_lists_every_command_and_no_other() {
+    let text = read("README.md");
+    let rows: BTreeSet<String> = text
+        .lines()
+        .filter_map(|line| line.strip_prefix("| `cloudparity ")?.split([' ', '`']).next())
+        .map(str::to_owned)
+        .collect();
+    assert_eq!(rows, commands());
+}
+
+#[test]
+fn the_scene_format_lists_every_node_of_blender_that_evaluates_and_no_other() {
+    let text = read("docs/scene-format.md");
+    let (_, table) = text.split_once("### Nodes that evaluate").expect("the section is there");
+    let rows: BTreeSet<(&str, &str)> = table
+        .lines()
+        .filter(|line| line.starts_with("| `"))
+        .map(|line| {
+            let cells: Vec<&str> = line.split('|').map(str::trim).collect();
+            (cells[1].trim_matches('`'), cells[2])
+        })
+        .collect();
+    let known: BTreeSet<(&str, &str)> = registry()
+        .iter()
+        .filter(|node| node.type_name.starts_with("ShaderNode"))
+        .map(|node| (node.type_name, node.label))
+        .collect();
+    assert_eq!(rows, known);
+}
+
+#[test]
+fn the_architecture_gives_a_reason_for_every_dependency() {
+    let text = read("ARCHITECTURE.md");
+    let (_, tables) = text.split_once("## Dependencies").expect("the section is there");
+    let named: BTreeSet<&str> = tables
+        .lines()
+        .filter_map(|line| line.strip_prefix('|')?.split('|').next())
+        .flat_map(|cell| cell.split('`').skip(1).step_by(2))
+        .collect();
+    let manifest = read("Cargo.toml");
+    let crates = manifest
+        .split("\n[")
+        .filter(|section| section.starts_with("dependencies]") || section.starts_with("dev-dependencies]"))
+        .flat_map(|section| section.lines().skip(1))
+        .filter_map(|line| Some(line.split_once(" = ")?.0));
+    let requirements = read("requirements.txt") + &read("requirements-dev.txt");
+    let packages = requirements.lines().filter_map(|line| Some(line.split_once("==")?.0));
+    let used: BTreeSet<&str> = crates.chain(packages).collect();
+    assert_eq!(named, used);
+}
