@@ -3,12 +3,13 @@
 // Factor = F(p), Color = (F(p), F(p + R(n)), F(p + R(n + 1))) with random offsets R; the distortion moves p first.
 // F sums noise at p * lacunarity^i with weights roughness^i, i = 0 .. detail; a fractional detail blends the last one.
 // Source: Musgrave's fractals in Blender's form and order of operations. FBM scales the original p, the others go on
-// from the last p: in f32 these differ. Domain: finite f32; detail is limited to [0, 15], so no loop exceeds 17 steps.
+// from the last p: in f32 these differ. Domain: finite f32; detail is limited to [0, 15], so no loop exceeds 16 steps.
 // Limits: a fused multiply-add changes the last bits, and a distortion multiplies such changes.
 #import cloudparity::gradient_noise::{snoise_1d, snoise_2d, snoise_3d, snoise_4d}
 #import cloudparity::numeric::mix_linear
 
-// vec4fs have four components in all dimensions; those beyond the dimension are never read.
+// Points have four components in all dimensions, because composed modules cannot export an alias of a built-in type;
+// those beyond the dimension are never read.
 
 struct Outputs {
 #ifdef OUTPUT_FAC

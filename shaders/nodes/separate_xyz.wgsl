@@ -1,4 +1,6 @@
-// Separate XYZ node (ShaderNodeSeparateXYZ): the wanted components of a vector. Exact.
+// Separate XYZ node (ShaderNodeSeparateXYZ): the wanted components of a vector, by the defs OUTPUT_X, _Y and _Z.
+// Source: Blender. Domain: any f32; exact.
+// Limits: at least one output must be wanted, since a structure cannot be empty.
 
 struct Outputs {
 #ifdef OUTPUT_X

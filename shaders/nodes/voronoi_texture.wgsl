@@ -18,8 +18,8 @@ struct Parameters {
     one: f32,
 }
 
-// Points and cells have four components in all dimensions. Those beyond the dimension stay 0, which costs nothing:
-// compilers fold them away.
+// Points and cells have four components in all dimensions: composed modules cannot export an alias of a built-in type.
+// Those beyond the dimension stay 0, which costs nothing: compilers fold them away.
 
 // What one octave gives, as far as it is wanted.
 struct Octave {
@@ -88,8 +88,8 @@ fn join(a: f32, b: f32) -> f32 {
 #endif
 }
 
-// Compilers may reorder sums, and Mesa's does so with a sum of two sums of products. The factor, 1 at run time, keeps it
-// from that in 4D without cost.
+// Compilers may reorder sums, and Mesa's does so with a sum of two sums of products. The factor, 1 when it runs,
+// keeps it from that in 4D without cost.
 fn combine(t: vec4f, one: f32) -> f32 {
 #ifdef VORONOI_DIMENSIONS_2D
     return join(t.x, t.y);
@@ -191,7 +191,7 @@ fn color_of(cell: vec4i) -> vec3f {
 #endif
 }
 
-// Blender's scans run over [-1, 1] (Smooth F1: [-2, 2]) in every axis, x fastest; axes beyond the dimension stand still.
+// Blender's scans run over [-1, 1] (Smooth F1: [-2, 2]) in every axis, x fastest; axes beyond the dimension are still.
 #ifdef VORONOI_DIMENSIONS_2D
 const NEAR: vec4i = vec4i(1, 1, 0, 0);
 #else ifdef VORONOI_DIMENSIONS_3D
@@ -207,7 +207,8 @@ const WIDE: vec4i = vec4i(2, 2, 2, 2) * NEAR;
 // Each axis goes from the own cell to the nearer neighbour, then to the farther one, and stops where no point there can
 // be near enough. For offset +1 the point's distance along the axis is at least 1 - l, for -1 at least l, also after
 // rounding, and the bound is summed in the same order as the measure. Rounding is monotone, so the bound never exceeds
-// a measure that it stands for: leaving the cell out is exact, not an approximation.
+// a measure that it stands for: leaving the cell out is exact, not an approximation. (Where a device fuses the two sums
+// differently, the result may differ in its last bit.)
 
 // A cell's rank is its place in Blender's scan: it decides ties, and it names the cell.
 struct Search {
@@ -298,8 +299,8 @@ fn hopeless(s: ptr<function, Search>, a: Axes, bounds: vec4f) -> bool {
 #endif
 }
 
-// The loops test at their end: the own cell of an axis is never in doubt, and a wave leaves as soon as all its lanes do.
-// x, the innermost axis, is written out, and only its farther neighbour is tested. An axis' state is three scalars:
+// The loops test at their end: the own cell of an axis is never in doubt, and a wave leaves once all its lanes do.
+// The innermost axis, x, is written out, and only its farther neighbour is tested. An axis' state is three scalars:
 // vectors would be carried around the loops with all their components.
 fn scan_y(s: ptr<function, Search>, a: Axes, o: vec4f, hash: vec4i, bounds: vec4f) {
     var o_y = 0.0;
@@ -629,7 +630,8 @@ fn smooth_feature(x: vec4f, p: Parameters) -> Octave {
             - correction / (1.0 + 3.0 * p.smoothness);
 #endif
 #ifdef OUTPUT_W
-        octave.position = mix_point(octave.position, vec4f(point, 0.0, 0.0, 0.0), h) - correction / (1.0 + 3.0 * p.smoothness);
+        let place = vec4f(point, 0.0, 0.0, 0.0);
+        octave.position = mix_point(octave.position, place, h) - correction / (1.0 + 3.0 * p.smoothness);
 #endif
     }
 #ifdef OUTPUT_W
@@ -664,7 +666,9 @@ fn sphere_feature(x: vec4f, p: Parameters) -> f32 {
             home = o;
         }
     }
-    return min(abs(point_of(corner, home - 1.0, p) - centre), abs(point_of(corner, home + 1.0, p) - centre)) * 0.5;
+    let left = abs(point_of(corner, home - 1.0, p) - centre);
+    let right = abs(point_of(corner, home + 1.0, p) - centre);
+    return min(left, right) * 0.5;
 }
 
 fn corner_distance(h: f32, p: Parameters) -> f32 {
