@@ -4,6 +4,7 @@
 //! 1: they differ; 2: the command could not do its work.
 
 mod bench;
+mod bounds;
 mod build;
 mod eval;
 mod explain;
@@ -28,6 +29,7 @@ struct CommandLine {
 #[derive(Subcommand)]
 enum Command {
     Bench(bench::Arguments),
+    Bounds(bounds::Arguments),
     Build(build::Arguments),
     Eval(eval::Arguments),
     Explain(explain::Arguments),
@@ -56,6 +58,7 @@ pub fn run() -> ExitCode {
     let command_line = CommandLine::parse();
     let result = match command_line.command {
         Command::Bench(arguments) => bench::run(&arguments),
+        Command::Bounds(arguments) => bounds::run(&arguments),
         Command::Build(arguments) => build::run(&arguments),
         Command::Eval(arguments) => eval::run(&arguments),
         Command::Explain(arguments) => explain::run(&arguments),
