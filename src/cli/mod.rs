@@ -4,6 +4,7 @@
 //! 1: they differ; 2: the command could not do its work.
 
 mod bench;
+mod bounds;
 mod build;
 mod demo;
 mod diff;
@@ -36,6 +37,7 @@ struct CommandLine {
 #[derive(Subcommand)]
 enum Command {
     Bench(bench::Arguments),
+    Bounds(bounds::Arguments),
     Build(build::Arguments),
     Demo(demo::Arguments),
     Diff(Box<diff::Arguments>),
@@ -71,6 +73,7 @@ pub fn run() -> ExitCode {
     let command_line = CommandLine::parse();
     let result = match command_line.command {
         Command::Bench(arguments) => bench::run(&arguments),
+        Command::Bounds(arguments) => bounds::run(&arguments),
         Command::Build(arguments) => build::run(&arguments),
         Command::Demo(arguments) => demo::run(&arguments),
         Command::Diff(arguments) => diff::run(&arguments),

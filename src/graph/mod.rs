@@ -6,6 +6,7 @@
 //! [`wgsl`] writes it as a shader, [`bounds`] encloses it over a box.
 
 pub mod bounds;
+pub mod bounds_check;
 pub mod evaluate;
 mod flatten;
 mod passes;

@@ -38,6 +38,9 @@ const LARGEST_CANDIDATE_COUNT: usize = 64;
 /// comparison orders the other way round (below 0).
 const EXPONENTS: [f64; 2] = [0.25, 8.0];
 
+/// Minkowski exponents for which no power of an offset up to 2 leaves f32's range.
+const USUAL_EXPONENTS: [f32; 2] = [0.05, 100.0];
+
 /// Parameters over a box, clamped as the kernel does.
 type Parameters = super::Parameters<Interval>;
 
@@ -267,18 +270,16 @@ impl VoronoiTexture {
     /// Largest distance of an offset with these magnitudes, for any exponent of the box.
     fn longest<const N: usize>(&self, offsets: [f64; N], parameters: &Parameters) -> f64 {
         if N > 1 && self.metric == Metric::Minkowski {
-            let exponent = f64::from(parameters.exponent.low);
             let longest = offsets.iter().copied().fold(0.0, f64::max);
-            if parameters.exponent.may_be_nan || exponent == f64::NEG_INFINITY {
-                return f64::INFINITY;
-            }
-            if parameters.exponent.high < 0.0 {
-                // Below every one of the offsets' magnitudes; the comparison prefers far points, up to 2 away.
-                return longest.max(2.0);
-            }
-            // Falls with the exponent; near 0 it grows without bound.
-            return if exponent > 0.05 {
-                longest * (N as f64).powf(1.0 / exponent) * (1.0 + 1e-4)
+            let exponent = parameters.exponent;
+            return if exponent.may_be_nan {
+                f64::INFINITY
+            } else if exponent.low > USUAL_EXPONENTS[0] && exponent.high < USUAL_EXPONENTS[1] {
+                // Falls with the exponent.
+                longest * (N as f64).powf(1.0 / exponent.ends()[0]) * (1.0 + 1e-4)
+            } else if exponent.low > -60.0 && exponent.high < 0.0 {
+                // Below each of the offsets' magnitudes; the comparison prefers far points, up to 2 away.
+                longest.max(2.0) * (1.0 + 1e-4)
             } else {
                 f64::INFINITY
             };
@@ -346,8 +347,7 @@ impl VoronoiTexture {
             axis.cells[..count].sort_unstable_by(|a, b| a.1.total_cmp(&b.1));
             axis
         });
-        // Slack for the comparison of a limit against sums in another order.
-        let limit = measure.of([largest + error; 1]).max(measure.term(largest + error));
+        let limit = measure.term(largest + error);
         let mut scan = Scan {
             place,
             measure,
@@ -376,22 +376,31 @@ impl VoronoiTexture {
 
     /// Statement about an octave that holds everywhere.
     fn range<const N: usize>(&self, x: &[Interval; N], feature: Feature, parameters: &Parameters) -> Found<N> {
-        let unfit = x.iter().any(|x| x.may_be_nan || x.magnitude().is_infinite());
+        let mut unfit = x.iter().any(|x| x.may_be_nan || x.magnitude().is_infinite());
         let second = feature == Feature::F2;
+        let smooth = feature == Feature::SmoothF1;
+        if N > 1 && self.metric == Metric::Minkowski {
+            unfit |= parameters.exponent.may_be_nan;
+            if smooth && self.measure::<N>(parameters).is_none() {
+                // Mixing distances that overflow gives NaN.
+                let nothing = Interval::EVERYTHING;
+                return Found { distance: nothing, color: [nothing; 3], position: [nothing; N] };
+            }
+        }
         let mut largest = self.largest::<N>(second, parameters);
         if second && unfit {
             // Nothing is nearer than the start value.
             largest = f64::from(f32::MAX);
         }
-        let smooth = feature == Feature::SmoothF1;
         let smoothness = if smooth { parameters.smoothness.magnitude() } else { 0.0 };
         let undershoot = color_undershoot(smoothness);
         let radius = if smooth { 2.0 } else { 1.0 };
+        let error = if smooth { mixing_error::<N>() } else { ERROR };
         Found {
-            distance: Interval::with_error(-smoothness, largest, ERROR, unfit),
-            color: [Interval::with_error(-undershoot, 1.0, 1e-6, unfit); 3],
+            distance: Interval::with_error(-smoothness, largest, error, unfit),
+            color: [Interval::with_error(-undershoot, 1.0, error, unfit); 3],
             position: x.map(|x| {
-                let place = x.floor() + Interval::with_error(-radius - undershoot, radius + 1.0, ERROR, false);
+                let place = x.floor() + Interval::with_error(-radius - undershoot, radius + 1.0, error, false);
                 place.or_nan(unfit)
             }),
         }
@@ -444,8 +453,7 @@ impl VoronoiTexture {
         let (Some(place), Some(measure)) = (self.place(x, parameters), self.measure::<N>(parameters)) else {
             return found;
         };
-        // 5^N steps of at most 4 roundings of values near 1 to 4.
-        let error = measure.error() + 5_f64.powi(N as i32) * 4e-7;
+        let error = measure.error() + mixing_error::<N>();
         let smoothness = parameters.smoothness.ends();
         let largest = self.largest::<N>(false, parameters);
         let scanned = self.scan(&place, measure, 2, false, largest, false);
@@ -595,8 +603,8 @@ impl VoronoiTexture {
         // The neighbour along the first axis on the point's side is at most (1.5, 1, ...) away. Without
         // a nearest point (coordinates that are no numbers) the start values take its place: the origin.
         let unfit = x.iter().any(|x| x.may_be_nan || x.magnitude().is_infinite());
-        let widest = if unfit { 2.0 * (N as f64).sqrt() } else { ((N as f64) + 1.25).sqrt() } / 2.0;
-        let range = Interval::with_error(0.0, widest, ERROR, false);
+        let widest = if unfit { 2.0 * (N as f64).sqrt() } else { ((N as f64) + 1.25).sqrt() };
+        let range = Interval::with_error(0.0, 0.5 * widest, ERROR, false);
         let Some(place) = self.place(x, parameters) else { return range };
         let metric = if N == 1 { Metric::Manhattan } else { Metric::Euclidean };
         let measure = Measure { metric, exponent: 1.0 };
@@ -625,7 +633,6 @@ impl VoronoiTexture {
     fn enclose_largest_distance<const N: usize>(&self, parameters: &Parameters) -> Interval {
         let half = Interval::point(0.5) + Interval::point(0.5) * parameters.randomness;
         let [low, high] = half.ends();
-        let factor = |exponent: f64| (N as f64).powf(1.0 / exponent);
         let distance = if N == 1 || self.metric == Metric::Chebychev {
             half
         } else {
@@ -635,13 +642,9 @@ impl VoronoiTexture {
                 Metric::Manhattan => Interval::outward(low * n, high * n, false),
                 _ => {
                     let exponent = parameters.exponent;
-                    if exponent.low > 0.05 && exponent.is_finite() {
-                        let (least, most) = (factor(exponent.ends()[1]), factor(exponent.ends()[0]));
-                        let error = 1e-4 * high * most;
-                        Interval::with_error(low * least, high * most, error, false).meet(Interval::new(
-                            if exponent.high < 20.0 { 0.1 } else { 0.0 },
-                            f32::INFINITY,
-                        ))
+                    let [least, most] = exponent.ends().map(|exponent| n.powf(1.0 / exponent));
+                    if exponent.low > USUAL_EXPONENTS[0] && exponent.high < USUAL_EXPONENTS[1] {
+                        Interval::outward(low * most * (1.0 - 1e-4), high * least * (1.0 + 1e-4), exponent.may_be_nan)
                     } else {
                         Interval::new(0.0, f32::INFINITY).or_nan(exponent.may_be_nan)
                     }
@@ -739,7 +742,12 @@ impl VoronoiTexture {
         let half = Interval::point(0.5);
         let parameters = Parameters {
             scale,
-            detail: detail.clamped(Interval::ZERO, Interval::point(15.0)),
+            // Without roughness only the first octave counts.
+            detail: if roughness.saturate().high > 0.0 {
+                detail.clamped(Interval::ZERO, Interval::point(15.0))
+            } else {
+                Interval::ZERO
+            },
             roughness: roughness.saturate(),
             lacunarity,
             smoothness: smoothness.divide(Interval::point(2.0)).clamped(Interval::ZERO, half),
@@ -772,6 +780,11 @@ impl VoronoiTexture {
             }
         }
     }
+}
+
+/// Error of mixing 5^N values up to 4: a few roundings in each step, none in a step with h = 0.
+fn mixing_error<const N: usize>() -> f64 {
+    ERROR + 5_f64.powi(N as i32) * 4e-7
 }
 
 /// How far below 0 a smoothly mixed colour can fall: c' = lerp(c, c_o, h) - k h (1 - h) with
@@ -809,15 +822,11 @@ fn octaves<T, const N: usize>(
     feature: impl Fn(&[Interval; N]) -> T,
 ) -> Vec<(Interval, T)> {
     let detail = parameters.detail.high;
-    // Without roughness only the first octave counts.
-    let single = detail <= 0.0 || parameters.roughness.high <= 0.0;
     let most = detail.floor() as usize + usize::from(detail.fract() > 0.0);
     let mut scale = Interval::ONE;
     let mut all = Vec::with_capacity(most + 1);
     for number in 0..=most {
         let scaled = if number == 0 { *q } else { q.map(|x| x * scale) };
-        // The octaves of a vanishing amplitude are computed all the same: their count matters.
-        let _ = single;
         all.push((scale, feature(&scaled)));
         scale = scale * parameters.lacunarity;
     }
