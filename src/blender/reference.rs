@@ -82,7 +82,11 @@ pub fn reference(scene: &Scene, settings: &ReferenceSettings, receive: impl FnMu
         "step_rate": settings.step_rate,
         "threads": settings.threads,
         "multilayer": settings.multilayer,
-        "metadata": {"request_sha256": key, "requested_by": concat!("cloudparity ", env!("CARGO_PKG_VERSION"))},
+        "metadata": {
+            "scene_sha256": scene.content_hash(),
+            "request_sha256": key,
+            "requested_by": concat!("cloudparity ", env!("CARGO_PKG_VERSION")),
+        },
     });
     run_script("reference.py", &request, Kernel::Default, receive)?;
     Ok(Reference { path, key, cached: false })
