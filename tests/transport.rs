@@ -2,6 +2,8 @@
 
 mod support;
 
+use cloudparity::blender::reference::{ReferenceSettings, reference};
+use cloudparity::image::Image;
 use cloudparity::integrate::{self, Backend, LightMode, MarchSettings};
 use cloudparity::scene::{Input, Scene};
 use serde_json::json;
@@ -293,4 +295,32 @@ fn the_adapter_renders_the_cloud_as_the_cpu_does() {
     scene.lights[0].strength *= 1.001;
     let planted = picture(&scene, Backend::Cpu);
     assert!(planted.iter().flatten().zip(ours.iter().flatten()).any(|(a, b)| (a - b).abs() > tolerance));
+}
+
+#[test]
+fn cycles_agrees_with_march_on_the_homogeneous_cube_and_renders_it_once() {
+    if !support::require("bpy") {
+        return;
+    }
+    let mut scene = homogeneous();
+    scene.film.resolution = [8, 8];
+    let cache = tempfile::tempdir().expect("a folder");
+    let settings = ReferenceSettings { samples: 16, ..ReferenceSettings::default() };
+    let ask = |scene: &Scene| reference(scene, &settings, cache.path(), |_| {}).expect("Cycles renders");
+    let first = ask(&scene);
+    assert!(!first.cached);
+    let again = ask(&scene);
+    assert!(again.cached && again.path == first.path);
+    let picture = Image::read_exr(&first.path).expect("the reference is an image");
+    assert_eq!(picture.provenance["scene_sha256"], scene.content_hash());
+    let ours = render(&scene, &exact());
+    let theirs = picture.mean();
+    for channel in 0..3 {
+        // Light from above travels one unit to every point of the central ray: Cycles' estimator has
+        // no noise here, so only the steps of ours are left.
+        close(ours[channel], theirs[channel], TOLERANCE);
+    }
+    set(&mut scene, "Density", Input::Number(1.01));
+    let planted = Image::read_exr(&ask(&scene).path).expect("the reference is an image").mean();
+    assert!((planted[0] / ours[0] - 1.0).abs() > 10.0 * TOLERANCE, "one percent of density went unseen");
 }
