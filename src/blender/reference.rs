@@ -50,9 +50,14 @@ pub struct Reference {
     pub cached: bool,
 }
 
-/// The picture of `scene` by Cycles: from the cache, or rendered now. The pixel filter is the box
+/// The picture of `scene` by Cycles: from the folder `cache`, or rendered into it now. The pixel filter is the box
 /// whatever the scene says: it is the one that both sides share exactly.
-pub fn reference(scene: &Scene, settings: &ReferenceSettings, receive: impl FnMut(Message)) -> Result<Reference> {
+pub fn reference(
+    scene: &Scene,
+    settings: &ReferenceSettings,
+    cache: &Path,
+    receive: impl FnMut(Message),
+) -> Result<Reference> {
     let blender = module_version("bpy", "bpy.app.version_string").map_err(|cause| {
         Error::new(
             "interpreter",
@@ -62,13 +67,11 @@ pub fn reference(scene: &Scene, settings: &ReferenceSettings, receive: impl FnMu
         )
     })?;
     let key = request_key(scene, settings, &blender);
-    let path = cache_folder()?.join(format!("{key}.exr"));
+    let path = cache.join(format!("{key}.exr"));
     if path.exists() {
         return Ok(Reference { path, key, cached: true });
     }
-    if let Some(folder) = path.parent() {
-        std::fs::create_dir_all(folder).map_err(|cause| Error::io(folder, "a folder for references", &cause))?;
-    }
+    std::fs::create_dir_all(cache).map_err(|cause| Error::io(cache, "a folder for references", &cause))?;
     let size = scene.image_size();
     let request = json!({
         "scene": scene,
@@ -82,7 +85,11 @@ pub fn reference(scene: &Scene, settings: &ReferenceSettings, receive: impl FnMu
         "step_rate": settings.step_rate,
         "threads": settings.threads,
         "multilayer": settings.multilayer,
-        "metadata": {"request_sha256": key, "requested_by": concat!("cloudparity ", env!("CARGO_PKG_VERSION"))},
+        "metadata": {
+            "scene_sha256": scene.content_hash(),
+            "request_sha256": key,
+            "requested_by": concat!("cloudparity ", env!("CARGO_PKG_VERSION")),
+        },
     });
     run_script("reference.py", &request, Kernel::Default, receive)?;
     Ok(Reference { path, key, cached: false })

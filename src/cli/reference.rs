@@ -1,7 +1,7 @@
 //! `cloudparity reference`: the picture of a scene by Cycles, rendered once.
 
 use super::picture::PictureArguments;
-use crate::blender::reference::{ReferenceSettings, reference};
+use crate::blender::reference::{ReferenceSettings, cache_folder, reference};
 use crate::blender::report_to;
 use crate::error::{Error, Result};
 use crate::files;
@@ -43,7 +43,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
         multilayer: arguments.multilayer,
     };
     let bar = super::progress_bar(1000);
-    let found = reference(&scene, &settings, report_to(&bar))?;
+    let found = reference(&scene, &settings, &cache_folder()?, report_to(&bar))?;
     bar.finish_and_clear();
     let bytes = std::fs::read(&found.path).map_err(|cause| Error::io(&found.path, "the cached reference", &cause))?;
     files::write_atomically(&arguments.picture.output, &bytes)?;

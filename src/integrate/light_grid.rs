@@ -25,8 +25,10 @@ const BAKE_CHUNK: usize = 1 << 18;
 pub struct LightGrid {
     /// Vertices per axis.
     pub size: [usize; 3],
-    low: DVec3,
-    step: DVec3,
+    /// The first vertex in the object's frame.
+    pub(super) low: DVec3,
+    /// Object units between vertices.
+    pub(super) step: DVec3,
     /// Baked density; x runs fastest.
     pub density: Vec<f32>,
     /// Per delta light: integral of the density over world length towards it.
@@ -35,6 +37,8 @@ pub struct LightGrid {
     pub world: Vec<Vec<f32>>,
     /// Number of harmonics.
     pub harmonics: usize,
+    /// The distinct extinctions per unit density.
+    pub extinctions: Vec<f64>,
     /// Index among the distinct extinctions of each channel.
     pub extinction_of_channel: [usize; 3],
 }
@@ -55,57 +59,66 @@ impl LightGrid {
         settings: &MarchSettings,
         progress: &(dyn Fn(f64) + Sync),
     ) -> Result<Self> {
+        let mut grid = Self::layout(medium, settings);
+        let count = grid.vertices();
+        for start in (0..count).step_by(BAKE_CHUNK) {
+            let positions: Vec<[f32; 3]> = (start..count.min(start + BAKE_CHUNK))
+                .map(|index| vertex(index, grid.size, grid.low, grid.step).as_vec3().to_array())
+                .collect();
+            grid.density.extend(medium.densities(&positions)?);
+            progress(0.5 * grid.density.len() as f64 / count as f64);
+        }
+        let to_cells = grid.to_cells(medium);
+        for light in lights {
+            let depth = match &light.source {
+                Source::Direction(towards) => grid.depth_towards(to_cells * *towards),
+                Source::Position(place, _) => grid.depth_to_point(*place, medium),
+            };
+            grid.depths.push(depth);
+        }
+        if with_world {
+            grid.world = grid.bake_world(to_cells, settings, progress);
+        }
+        Ok(grid)
+    }
+
+    /// The vertices and what is stored there, with nothing baked yet.
+    pub(super) fn layout(medium: &Medium, settings: &MarchSettings) -> Self {
         let to_world = medium.to_object.inverse();
         let extent = medium.occupied.high - medium.occupied.low;
         let stretch = DVec3::new(to_world.x_axis.length(), to_world.y_axis.length(), to_world.z_axis.length());
         let world_extent = extent * stretch;
         let cell = world_extent.max_element() / f64::from(settings.grid_cells.max(1));
         let size: [usize; 3] = std::array::from_fn(|axis| ((world_extent[axis] / cell).ceil() as usize).max(1) + 1);
-        let step = extent / DVec3::from(size.map(|count| (count - 1) as f64));
-        let low = medium.occupied.low;
-        let count = size.iter().product();
-        let mut density = Vec::with_capacity(count);
-        for start in (0..count).step_by(BAKE_CHUNK) {
-            let positions: Vec<[f32; 3]> = (start..count.min(start + BAKE_CHUNK))
-                .map(|index| vertex(index, size, low, step).as_vec3().to_array())
-                .collect();
-            density.extend(medium.densities(&positions)?);
-            progress(0.5 * density.len() as f64 / count as f64);
-        }
-        let mut distinct: Vec<f64> = Vec::new();
+        let mut extinctions: Vec<f64> = Vec::new();
         let extinction_of_channel = medium.extinction.map(|extinction| {
-            distinct.iter().position(|&known| known == extinction).unwrap_or_else(|| {
-                distinct.push(extinction);
-                distinct.len() - 1
+            extinctions.iter().position(|&known| known == extinction).unwrap_or_else(|| {
+                extinctions.push(extinction);
+                extinctions.len() - 1
             })
         });
         let bands = if medium.anisotropy.abs() < 0.001 { 0 } else { settings.world_bands as usize };
-        let mut grid = Self {
+        Self {
             size,
-            low,
-            step,
-            density,
+            low: medium.occupied.low,
+            step: extent / DVec3::from(size.map(|count| (count - 1) as f64)),
+            density: Vec::new(),
             depths: Vec::new(),
             world: Vec::new(),
             harmonics: (bands + 1).pow(2),
+            extinctions,
             extinction_of_channel,
-        };
-        // Object units per cell and object length per world metre, both per axis.
-        let to_cells = DMat3::from_diagonal(1.0 / step) * DMat3::from_mat4(medium.to_object);
-        for light in lights {
-            let depth = match &light.source {
-                Source::Direction(towards) => grid.depth_towards(to_cells * *towards),
-                Source::Position(place, _) => {
-                    let target = (medium.to_object.transform_point3(*place) - low) / step;
-                    grid.depth_to_point(target, to_cells.inverse())
-                }
-            };
-            grid.depths.push(depth);
         }
-        if with_world {
-            grid.world = grid.bake_world(to_cells, &distinct, settings, progress);
-        }
-        Ok(grid)
+    }
+
+    /// Number of vertices.
+    pub(super) fn vertices(&self) -> usize {
+        self.size.iter().product()
+    }
+
+    /// World directions to cells per metre.
+    pub(super) fn to_cells(&self, medium: &Medium) -> DMat3 {
+        DMat3::from_diagonal(1.0 / self.step) * DMat3::from_mat4(medium.to_object)
     }
 
     /// The vertices around a position of the object's frame, which is clamped to the grid.
@@ -145,8 +158,14 @@ impl LightGrid {
         unpermute(&depths, self.size, axes)
     }
 
-    /// Depths of density between all vertices and a point, given in cells.
-    fn depth_to_point(&self, target: DVec3, to_metres: DMat3) -> Vec<f32> {
+    /// Depths of density between all vertices and a point of the world.
+    pub(super) fn depth_to_point(&self, place: DVec3, medium: &Medium) -> Vec<f32> {
+        let target = (medium.to_object.transform_point3(place) - self.low) / self.step;
+        self.depth_to_cell(target, self.to_cells(medium).inverse())
+    }
+
+    /// Depths of density between all vertices and a point given in cells.
+    fn depth_to_cell(&self, target: DVec3, to_metres: DMat3) -> Vec<f32> {
         let high = DVec3::from(self.size.map(|count| (count - 1) as f64));
         let region = super::medium::Region { low: DVec3::ZERO, high };
         (0..self.density.len())
@@ -168,15 +187,9 @@ impl LightGrid {
     }
 
     /// Coefficients of the transmittance to the world, per distinct extinction and harmonic.
-    fn bake_world(
-        &self,
-        to_cells: DMat3,
-        extinctions: &[f64],
-        settings: &MarchSettings,
-        progress: &(dyn Fn(f64) + Sync),
-    ) -> Vec<Vec<f32>> {
+    fn bake_world(&self, to_cells: DMat3, settings: &MarchSettings, progress: &(dyn Fn(f64) + Sync)) -> Vec<Vec<f32>> {
         let directions = sphere_directions(settings.world_directions as usize);
-        let channels = extinctions.len() * self.harmonics;
+        let channels = self.extinctions.len() * self.harmonics;
         let mut world = vec![vec![0.0; self.density.len()]; channels];
         let solid_angle = 4.0 * std::f64::consts::PI / directions.len() as f64;
         let mut table = Vec::new();
@@ -199,7 +212,7 @@ impl LightGrid {
                     let mut depths = vec![0.0; nf];
                     for row in 0..nm {
                         sweep.gather(&table, slice, row, &mut depths);
-                        for (number, &extinction) in extinctions.iter().enumerate() {
+                        for (number, &extinction) in self.extinctions.iter().enumerate() {
                             let extinction = extinction as f32;
                             let transmittances: Vec<f32> =
                                 depths.iter().map(|depth| (-extinction * depth).exp()).collect();
@@ -250,7 +263,8 @@ fn axes_of(main: usize) -> [usize; 3] {
     [[1, 2, 0], [0, 2, 1], [0, 1, 2]][main]
 }
 
-fn sweep_axes(direction: DVec3) -> [usize; 3] {
+/// The axes of the sweep for a direction in cells: the slices lie across its largest component.
+pub(super) fn sweep_axes(direction: DVec3) -> [usize; 3] {
     let size = direction.abs();
     axes_of(if size.z >= size.x && size.z >= size.y {
         2
@@ -294,21 +308,21 @@ fn unpermute(values: &[f32], size: [usize; 3], axes: [usize; 3]) -> Vec<f32> {
 }
 
 /// Parallel rays through the slices of a grid, from the light's side away.
-struct Sweep {
+pub(super) struct Sweep {
     /// Vertices along rows, columns and slices.
-    size: [usize; 3],
+    pub(super) size: [usize; 3],
     /// The first slice that the light reaches is the last one of the grid.
-    rising: bool,
+    pub(super) rising: bool,
     /// Where the lattice of rays lies in each slice, counted from the light: whole cells and the
     /// fraction, along rows and along columns.
-    offsets: Vec<([i64; 2], [f32; 2])>,
+    pub(super) offsets: Vec<([i64; 2], [f32; 2])>,
     /// Cells per slice that rays move along rows and columns, away from the light.
-    slope: [f32; 2],
+    pub(super) slope: [f32; 2],
     /// Metres along a ray from slice to slice.
-    length: f32,
+    pub(super) length: f32,
     /// Lattice rows of rays, and the number of the first.
-    rows: usize,
-    first_row: i64,
+    pub(super) rows: usize,
+    pub(super) first_row: i64,
 }
 
 /// The lattice points of one row of rays in one slice.
@@ -323,7 +337,8 @@ struct Front {
 }
 
 impl Sweep {
-    fn new(size: [usize; 3], axes: [usize; 3], direction: DVec3) -> Self {
+    /// The sweep for a direction towards the light, in cells per metre.
+    pub(super) fn new(size: [usize; 3], axes: [usize; 3], direction: DVec3) -> Self {
         let [along_row, along_column, main] = axes.map(|axis| direction[axis]);
         let size = axes.map(|axis| size[axis]);
         let slope = [-along_row / main.abs(), -along_column / main.abs()];
@@ -503,6 +518,7 @@ mod tests {
             depths: Vec::new(),
             world: Vec::new(),
             harmonics: 1,
+            extinctions: vec![1.0],
             extinction_of_channel: [0; 3],
         }
     }
@@ -539,7 +555,7 @@ mod tests {
     fn the_depth_to_a_point_is_the_integral_to_it() {
         let grid = grid(|_| 2.0);
         let target = DVec3::splat(3.0);
-        let found = grid.depth_to_point(target / grid.step, DMat3::from_diagonal(grid.step));
+        let found = grid.depth_to_cell(target / grid.step, DMat3::from_diagonal(grid.step));
         let region = super::super::medium::Region { low: DVec3::ZERO, high: DVec3::ONE };
         for (index, depth) in found.iter().enumerate() {
             let place = vertex(index, grid.size, DVec3::ZERO, grid.step);

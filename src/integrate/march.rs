@@ -9,12 +9,14 @@
 //!
 //! Not here: more than one scattering event, area lights, the penumbra of a sun.
 
+use super::adapter::Kernels;
 use super::camera::Camera;
 use super::light_grid::LightGrid;
 use super::lights::{DeltaLight, delta_lights, harmonics, sphere_directions, world_radiance};
 use super::medium::{Medium, henyey_greenstein};
 use super::{LightMode, MarchSettings, Progress, film};
 use crate::error::{Error, Result};
+use crate::gpu::Gpu;
 use crate::image::Image;
 use crate::scene::Scene;
 use glam::{DVec2, DVec3};
@@ -30,29 +32,29 @@ const STEPS: usize = 16;
 const SHADOW_SAMPLES: usize = 1 << 20;
 
 /// What all rays share.
-struct Stage<'a> {
-    scene: &'a Scene,
-    settings: &'a MarchSettings,
-    medium: Medium,
-    lights: Vec<DeltaLight>,
-    world: [f64; 3],
-    directions: Vec<DVec3>,
-    grid: Option<LightGrid>,
+pub(super) struct Stage<'a> {
+    pub(super) scene: &'a Scene,
+    pub(super) settings: &'a MarchSettings,
+    pub(super) medium: Medium,
+    pub(super) lights: Vec<DeltaLight>,
+    pub(super) world: [f64; 3],
+    pub(super) directions: Vec<DVec3>,
+    pub(super) grid: Option<LightGrid>,
 }
 
 /// A view ray on its way through the medium.
-struct ViewRay {
-    origin: DVec3,
-    direction: DVec3,
+pub(super) struct ViewRay {
+    pub(super) origin: DVec3,
+    pub(super) direction: DVec3,
     /// The same in the object's frame, per metre of world space.
-    local_origin: DVec3,
-    local_direction: DVec3,
-    start: f64,
-    step: f64,
-    steps: usize,
-    next: usize,
-    transmittance: [f64; 3],
-    radiance: [f64; 3],
+    pub(super) local_origin: DVec3,
+    pub(super) local_direction: DVec3,
+    pub(super) start: f64,
+    pub(super) step: f64,
+    pub(super) steps: usize,
+    pub(super) next: usize,
+    pub(super) transmittance: [f64; 3],
+    pub(super) radiance: [f64; 3],
 }
 
 /// A step with something in it.
@@ -62,8 +64,8 @@ struct Sample {
     distance: f64,
 }
 
-/// Renders on all cores. `settings` are resolved.
-pub fn render(scene: &Scene, settings: &MarchSettings, progress: Progress<'_>) -> Result<Image> {
+/// Renders on all cores, or on the adapter. `settings` are resolved.
+pub fn render(scene: &Scene, settings: &MarchSettings, gpu: Option<&Gpu>, progress: Progress<'_>) -> Result<Image> {
     let bounces = scene.integrator.volume_bounces.min(scene.integrator.max_bounces);
     if bounces != 0 {
         return Err(Error::new(
@@ -75,19 +77,30 @@ pub fn render(scene: &Scene, settings: &MarchSettings, progress: Progress<'_>) -
     }
     let size = scene.image_size();
     let camera = Camera::new(scene, size)?;
-    let medium = Medium::new(scene)?;
-    let lights = delta_lights(scene)?;
     let world = world_radiance(scene);
-    let lit_by_world = world != [0.0; 3];
-    let grid = match settings.light {
-        LightMode::Exact => None,
-        LightMode::Grid => {
-            let report = |done: f64| progress(0.5 * done, "light grid");
-            Some(LightGrid::bake(&medium, &lights, lit_by_world, settings, &report)?)
-        }
+    let directions = if world == [0.0; 3] { Vec::new() } else { sphere_directions(settings.world_directions as usize) };
+    let mut stage = Stage {
+        scene,
+        settings,
+        medium: Medium::new(scene)?,
+        lights: delta_lights(scene)?,
+        world,
+        directions,
+        grid: None,
     };
-    let directions = if lit_by_world { sphere_directions(settings.world_directions as usize) } else { Vec::new() };
-    let stage = Stage { scene, settings, medium, lights, world, directions, grid };
+    let report = |done: f64| progress(0.5 * done, "light grid");
+    // Where nothing is, no ray asks for light.
+    let kernels = match (gpu, settings.light) {
+        _ if stage.medium.occupied.is_empty() => None,
+        (Some(gpu), _) => Some(Kernels::bake(gpu, &stage, &report)?),
+        (None, LightMode::Grid) => {
+            let lit_by_world = !stage.directions.is_empty();
+            stage.grid = Some(LightGrid::bake(&stage.medium, &stage.lights, lit_by_world, settings, &report)?);
+            None
+        }
+        (None, LightMode::Exact) => None,
+    };
+    let begun = if settings.light == LightMode::Grid { 0.5 } else { 0.0 };
     let [width, height] = size.map(|side| side as usize);
     let mut image = Image::new(width, height);
     let strata = settings.sub_pixels as usize;
@@ -105,12 +118,15 @@ pub fn render(scene: &Scene, settings: &MarchSettings, progress: Progress<'_>) -
                 stage.view_ray(&camera, DVec2::new(column, line))
             })
             .collect();
-        stage.march(&mut rays)?;
+        match &kernels {
+            Some(kernels) => kernels.march(&mut rays)?,
+            None => stage.march(&mut rays)?,
+        }
         for (pixel, rays) in pixels.zip(rays.chunks(per_pixel)) {
             image.pixels[pixel] = stage.pixel(rays);
         }
         let done = (first + pixels_per_pass) as f64 / image.pixels.len() as f64;
-        progress(if stage.grid.is_some() { 0.5 + 0.5 * done } else { done }.min(1.0), "view rays");
+        progress(begun + (1.0 - begun) * done.min(1.0), "view rays");
     }
     Ok(image)
 }
@@ -192,7 +208,7 @@ impl Stage<'_> {
                 let ray = ray_of(sample);
                 let corners = grid.corners(sample.local);
                 let depths = grid.depths.iter().map(|depths| f64::from(corners.read(depths)));
-                let mut light = self.from_delta_lights(ray, sample.distance, depths);
+                let mut light = self.delta_light(ray, sample.distance, depths);
                 if !grid.world.is_empty() {
                     let basis = harmonics(ray.direction);
                     let mut transmittances = vec![0.0; grid.world.len() / grid.harmonics];
@@ -213,7 +229,7 @@ impl Stage<'_> {
     }
 
     /// Light of suns and points, given the depth of density towards each.
-    fn from_delta_lights(&self, ray: &ViewRay, distance: f64, depths: impl Iterator<Item = f64>) -> [f64; 3] {
+    fn delta_light(&self, ray: &ViewRay, distance: f64, depths: impl Iterator<Item = f64>) -> [f64; 3] {
         let position = ray.origin + ray.direction * distance;
         let mut light = [0.0; 3];
         for (source, depth) in self.lights.iter().zip(depths) {
@@ -285,7 +301,7 @@ impl Stage<'_> {
             for (&index, depths) in lit.iter().zip(depths.chunks(rays_per_sample)) {
                 let ray = ray_of(&samples[index]);
                 let (near, around) = depths.split_at(self.lights.len());
-                let mut light = self.from_delta_lights(ray, samples[index].distance, near.iter().copied());
+                let mut light = self.delta_light(ray, samples[index].distance, near.iter().copied());
                 // Divided by its own sum, the quadrature of the phase function is exact in total.
                 let phases: Vec<f64> = self
                     .directions
@@ -293,11 +309,11 @@ impl Stage<'_> {
                     .map(|towards| henyey_greenstein(self.medium.anisotropy, towards.dot(ray.direction)))
                     .collect();
                 let total: f64 = phases.iter().sum();
-                for channel in 0..3 {
+                for (channel, light) in light.iter_mut().enumerate() {
                     let extinction = self.medium.extinction[channel];
                     let sum: f64 =
                         phases.iter().zip(around).map(|(phase, depth)| phase * (-extinction * depth).exp()).sum();
-                    light[channel] += if total > 0.0 { self.world[channel] * sum / total } else { 0.0 };
+                    *light += if total > 0.0 { self.world[channel] * sum / total } else { 0.0 };
                 }
                 incident[index] = light;
             }
@@ -341,9 +357,9 @@ impl ViewRay {
 
     /// Goes one step through constant coefficients.
     fn advance(&mut self, medium: &Medium, density: f64, incident: &[f64; 3]) {
-        for channel in 0..3 {
+        for (channel, incident) in incident.iter().enumerate() {
             let depth = medium.extinction[channel] * density * self.step;
-            let source = medium.scattering[channel] * density * incident[channel] + medium.emission[channel];
+            let source = medium.scattering[channel] * density * incident + medium.emission[channel];
             // (1 - exp(-depth)) / extinction, without the division by zero.
             let length = if depth < 1e-8 { self.step } else { -(-depth).exp_m1() / depth * self.step };
             self.radiance[channel] += self.transmittance[channel] * source * length;

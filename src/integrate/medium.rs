@@ -8,7 +8,7 @@ use crate::scene::{self, Scene, Shape};
 use glam::{DMat4, DVec3};
 
 /// Cells per side of the table of provably empty parts.
-const CELLS: usize = 16;
+pub(super) const CELLS: usize = 16;
 
 /// Padding of a cell as a fraction of its side: rounding of f32 positions is far below it.
 const PADDING: f32 = 1e-3;
@@ -34,7 +34,8 @@ pub struct Medium {
     pub bounds: Region,
     /// The part of the box outside of which there is provably nothing.
     pub occupied: Region,
-    cells: Vec<bool>,
+    /// Whether each of the `CELLS`^3 cells may hold something; x runs fastest.
+    pub(super) cells: Vec<bool>,
 }
 
 /// An axis-aligned box in the object's frame.
@@ -47,6 +48,11 @@ pub struct Region {
 }
 
 impl Region {
+    /// Whether it has no volume.
+    pub fn is_empty(&self) -> bool {
+        !self.low.cmplt(self.high).all()
+    }
+
     /// Parameters at which `origin + t direction` enters and leaves, or None where it misses.
     pub fn segment(&self, origin: DVec3, direction: DVec3) -> Option<(f64, f64)> {
         let mut enter = f64::NEG_INFINITY;

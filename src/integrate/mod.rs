@@ -3,6 +3,7 @@
 //! [`render`] is the public way in. [`march`] is deterministic; its twin on the adapter lives in
 //! `shaders/integrate/`.
 
+mod adapter;
 pub mod camera;
 pub mod film;
 pub mod light_grid;
@@ -11,6 +12,7 @@ pub mod march;
 pub mod medium;
 
 use crate::error::{Error, Result};
+use crate::gpu::Gpu;
 use crate::image::Image;
 use crate::scene::Scene;
 use serde::{Deserialize, Serialize};
@@ -126,19 +128,15 @@ pub type Progress<'a> = &'a (dyn Fn(f64, &str) + Sync);
 pub fn render(scene: &Scene, settings: &MarchSettings, backend: Backend, progress: Progress<'_>) -> Result<Image> {
     let begin = std::time::Instant::now();
     let settings = settings.resolved(scene)?;
-    let (mut image, adapter) = match backend {
-        Backend::Cpu => {
-            (march::render(scene, &settings, progress)?, format!("CPU, {} threads", rayon::current_num_threads()))
-        }
-        Backend::Gpu => {
-            return Err(Error::new(
-                "--backend gpu",
-                "an integrator that has no kernel for the adapter yet",
-                "cpu",
-                "Give --backend cpu.",
-            ));
-        }
+    let gpu = match backend {
+        Backend::Cpu => None,
+        Backend::Gpu => Some(Gpu::open()?),
     };
+    let mut image = march::render(scene, &settings, gpu.as_ref(), progress)?;
+    let adapter = gpu.as_ref().map_or_else(
+        || format!("CPU, {} threads", rayon::current_num_threads()),
+        |gpu| format!("GPU, {}", json(gpu.adapter())),
+    );
     for (name, value) in [
         ("renderer", format!("cloudparity {} march", env!("CARGO_PKG_VERSION"))),
         ("scene", scene.name.clone()),
