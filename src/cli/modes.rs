@@ -1,6 +1,7 @@
 //! `cloudparity modes`: every node in every mode against live Cycles.
 
 use crate::error::Result;
+use crate::field::random_graphs;
 use crate::field::suite::{self, Row};
 use crate::files;
 use crate::gpu::Gpu;
@@ -25,6 +26,9 @@ pub(super) struct Arguments {
     /// Leave the WGSL out.
     #[arg(long)]
     cpu_only: bool,
+    /// Instead compare this many random graphs of 4 to 20 nodes, on the CPU.
+    #[arg(long, value_name = "N")]
+    graphs: Option<u64>,
     /// JSON instead of text.
     #[arg(long)]
     json: bool,
@@ -35,6 +39,9 @@ pub(super) struct Arguments {
 
 pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
     super::need_bpy("the nodes are")?;
+    if let Some(count) = arguments.graphs {
+        return run_graphs(arguments, count);
+    }
     let cases = suite::cases(arguments.points, arguments.seed, arguments.node.as_deref())?;
     let gpu = if arguments.cpu_only { None } else { Some(Gpu::open()) };
     let bar = super::progress_bar(1000);
@@ -54,6 +61,44 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
         (true, Some(Err(_))) => ExitCode::from(super::COULD_NOT),
         _ => ExitCode::SUCCESS,
     })
+}
+
+/// Points per random graph.
+const GRAPH_POINTS: usize = 256;
+
+fn run_graphs(arguments: &Arguments, count: u64) -> Result<ExitCode> {
+    let seeds = arguments.seed..arguments.seed.saturating_add(count);
+    let graphs = seeds.map(|seed| random_graphs::generate(seed, GRAPH_POINTS)).collect::<Result<Vec<_>>>()?;
+    let bar = super::progress_bar(1000);
+    let folder = PathBuf::from("failed-graphs");
+    let outcomes = random_graphs::run(&graphs, &folder, crate::blender::report_to(&bar))?;
+    bar.finish_and_clear();
+    let json = serde_json::to_string_pretty(&outcomes).expect("outcomes serialise") + "\n";
+    if let Some(path) = &arguments.output {
+        files::write_atomically(path, json.as_bytes())?;
+    }
+    let failed: Vec<_> = outcomes.iter().filter(|outcome| !outcome.pass).collect();
+    let exact = outcomes.iter().filter(|outcome| outcome.differing == 0).count();
+    let library = outcomes.iter().filter(|outcome| outcome.library).count();
+    let mut text = format!(
+        "{} random graphs ({library} call the C library): {exact} equal at every point, {} beyond their limits\n",
+        outcomes.len(),
+        failed.len()
+    );
+    for outcome in &failed {
+        writeln!(
+            text,
+            "  FAIL seed {}: {} of {} values differ; {}; saved as {}",
+            outcome.seed,
+            outcome.differing,
+            outcome.values,
+            outcome.first.as_deref().unwrap_or_default(),
+            outcome.saved.as_deref().unwrap_or(&folder).display()
+        )
+        .expect("writing to a string cannot fail");
+    }
+    super::print(if arguments.json { &json } else { &text })?;
+    Ok(if failed.is_empty() { ExitCode::SUCCESS } else { ExitCode::FAILURE })
 }
 
 /// The rows that fail or are not equal, and the counts of the rest.

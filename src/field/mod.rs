@@ -2,10 +2,12 @@
 //!
 //! [`probe`] evaluates the same f32 points in Cycles and here and reduces the differences to
 //! [`Figures`]; [`domain`] chooses the points, [`settings`] draws random values for a material's
-//! inputs, [`slices`] samples planes for pictures, [`suite`] does the same for every mode of every node.
+//! inputs, [`slices`] samples planes for pictures, [`suite`] does the same for every mode of every node,
+//! [`random_graphs`] for graphs of many nodes.
 
 pub mod domain;
 pub mod limits;
+pub mod random_graphs;
 pub mod settings;
 pub mod slices;
 pub mod statistics;

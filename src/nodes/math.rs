@@ -118,8 +118,9 @@ fn pingpong<R: Real>(a: R, b: R) -> R {
     if b == R::of(0.0) {
         return R::of(0.0);
     }
-    let two = R::of(2.0);
-    ((((a - b) / (b * two)).fraction() * b) * two - b).abs()
+    // Halved before the division, not divided by 2 b: the same but for denormal and huge b.
+    let periods = ((a - b) * R::of(0.5)) / b;
+    ((periods.fraction() * b) * R::of(2.0) - b).abs()
 }
 
 /// `a` brought into [minimum, maximum).
