@@ -1,6 +1,6 @@
 //! `cloudparity eval`: values of the field, or of an inner output, at given points.
 
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::files;
 use crate::graph::evaluate::{Arithmetic, Points};
 use crate::graph::{Program, Target, target};
@@ -42,6 +42,14 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
         Some(name) => Target::parse(name, scene.graph())?,
         None => target::density(&scene)?,
     };
+    if arguments.unrounded && arguments.evaluator != super::Evaluator::Oracle {
+        return Err(Error::new(
+            "--unrounded",
+            "another evaluator than the oracle",
+            "--evaluator oracle",
+            "Add --evaluator oracle, or leave --unrounded out.",
+        ));
+    }
     let program = Program::compile(&scene, &[target])?;
     let positions = files::read_points(&arguments.points)?;
     let points = Points::new(&positions);

@@ -3,8 +3,8 @@
 use super::{Note, Target};
 use crate::error::{Error, Result};
 use crate::nodes::{self, Mode, NodeType, Role, SourceContext, SourceValue};
-use crate::scene::{Group, Input, Node, Scene, SocketType};
-use std::collections::HashMap;
+use crate::scene::{DEEPEST_NESTING, Group, Input, Node, Scene, Socket, SocketType};
+use std::collections::{HashMap, HashSet};
 
 /// Where a component comes from, before registers are numbered.
 #[derive(Debug, Clone, PartialEq)]
@@ -39,27 +39,69 @@ type Resolved = (SocketType, Vec<Source>);
 struct Tree<'a> {
     path: Vec<String>,
     nodes: &'a [Node],
+    /// Nodes by name.
+    by_name: HashMap<&'a str, &'a Node>,
     /// The group and the group node, unless this is the material's own tree.
     group: Option<(&'a Group, &'a Node, usize)>,
 }
+
+impl<'a> Tree<'a> {
+    fn new(path: Vec<String>, nodes: &'a [Node], group: Option<(&'a Group, &'a Node, usize)>) -> Self {
+        let mut by_name = HashMap::with_capacity(nodes.len());
+        for node in nodes {
+            // The loader refuses repeated names; of a scene made in memory the first one counts.
+            by_name.entry(node.name.as_str()).or_insert(node);
+        }
+        Self { path, nodes, by_name, group }
+    }
+}
+
+/// Links may lead through this many nodes. The flattener follows them by recursion, on a stack of
+/// its own that holds this many levels.
+const DEEPEST_CHAIN: usize = 25_000;
+
+/// Bytes of stack per node of a chain: about twice what an unoptimised build uses.
+const STACK_PER_NODE: usize = 16 * 1024;
 
 struct Flattener<'a> {
     scene: &'a Scene,
     trees: Vec<Tree<'a>>,
     tree_numbers: HashMap<Vec<String>, usize>,
     flat: Flat,
-    done: HashMap<(usize, String), usize>,
-    open: Vec<(usize, String)>,
+    /// Flat numbers of the nodes that evaluate, by tree and name.
+    done: HashMap<(usize, &'a str), usize>,
+    /// Nodes between the target and the present one, by tree and name: in order, and to look up.
+    open: Vec<(usize, &'a str)>,
+    is_open: HashSet<(usize, &'a str)>,
+    noted: HashSet<(String, &'static str, String)>,
 }
 
 pub(super) fn flatten(scene: &Scene, targets: &[Target]) -> Result<Flat> {
+    let stack = DEEPEST_CHAIN * STACK_PER_NODE;
+    std::thread::scope(|scope| {
+        let thread = std::thread::Builder::new().stack_size(stack).spawn_scoped(scope, || flatten_here(scene, targets));
+        let thread = thread.map_err(|cause| {
+            Error::new(
+                "graph compiler",
+                cause.to_string(),
+                format!("a thread with {stack} bytes of address space for its stack"),
+                "Allow the program more memory or threads.",
+            )
+        })?;
+        thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
+    })
+}
+
+fn flatten_here(scene: &Scene, targets: &[Target]) -> Result<Flat> {
     let mut flattener = Flattener {
         scene,
-        trees: vec![Tree { path: Vec::new(), nodes: &scene.graph().nodes, group: None }],
+        trees: vec![Tree::new(Vec::new(), &scene.graph().nodes, None)],
         tree_numbers: HashMap::new(),
         flat: Flat { nodes: Vec::new(), outputs: Vec::new(), attributes: Vec::new(), notes: Vec::new() },
         done: HashMap::new(),
         open: Vec::new(),
+        is_open: HashSet::new(),
+        noted: HashSet::new(),
     };
     for target in targets {
         let (kind, sources) = flattener.target(target)?;
@@ -82,16 +124,14 @@ impl<'a> Flattener<'a> {
     }
 
     fn note(&mut self, tree: usize, node: &Node, action: &'static str, reason: impl Into<String>) {
-        let note =
-            Note { node: self.label(tree, &node.name), node_type: node.kind.clone(), action, reason: reason.into() };
-        if !self.flat.notes.contains(&note) {
-            self.flat.notes.push(note);
+        let (label, reason) = (self.label(tree, &node.name), reason.into());
+        if self.noted.insert((label.clone(), action, reason.clone())) {
+            self.flat.notes.push(Note { node: label, node_type: node.kind.clone(), action, reason });
         }
     }
 
     fn find(&self, tree: usize, name: &str, from: &str) -> Result<&'a Node> {
-        let nodes = self.trees[tree].nodes;
-        nodes.iter().find(|node| node.name == name).ok_or_else(|| {
+        self.trees[tree].by_name.get(name).copied().ok_or_else(|| {
             Error::new(
                 from.to_owned(),
                 format!("a link from \"{name}\", which does not exist"),
@@ -101,24 +141,30 @@ impl<'a> Flattener<'a> {
         })
     }
 
-    /// The tree of a group node, entered once per place.
-    fn enter(&mut self, tree: usize, node: &'a Node) -> Result<usize> {
-        let place = self.place(tree, &node.name);
+    /// The group of a group node.
+    fn group(&self, tree: usize, node: &Node) -> Result<&'a Group> {
         let name = node.group.as_deref().unwrap_or_default();
-        let group = self.scene.graph().group(name).ok_or_else(|| {
+        self.scene.graph().group(name).ok_or_else(|| {
             Error::new(
-                place.clone(),
+                self.place(tree, &node.name),
                 format!("a group \"{name}\" that the file does not hold"),
                 "one of the groups under $.graph.groups",
                 "Export the scene again.",
             )
-        })?;
+        })
+    }
+
+    /// The tree of a group node, entered once per place.
+    fn enter(&mut self, tree: usize, node: &'a Node) -> Result<usize> {
+        let place = self.place(tree, &node.name);
+        let group = self.group(tree, node)?;
+        let name = &group.name;
         let mut path = self.trees[tree].path.clone();
         path.push(node.name.clone());
-        if path.len() > 32 {
+        if path.len() > DEEPEST_NESTING {
             return Err(Error::new(
                 place,
-                "groups nested more than 32 deep",
+                format!("groups nested more than {DEEPEST_NESTING} deep"),
                 "groups that do not hold themselves",
                 "Break the ring of groups.",
             ));
@@ -126,10 +172,15 @@ impl<'a> Flattener<'a> {
         if let Some(&number) = self.tree_numbers.get(&path) {
             return Ok(number);
         }
+        for identifier in node.inputs.keys() {
+            if !group.inputs.iter().any(|socket| socket.identifier == *identifier) {
+                return Err(unknown_input(&place, identifier, group.inputs.iter().map(|socket| socket.identifier.as_str())));
+            }
+        }
         self.note(tree, node, "inlined", format!("group \"{name}\""));
         let number = self.trees.len();
         self.tree_numbers.insert(path.clone(), number);
-        self.trees.push(Tree { path, nodes: &group.nodes, group: Some((group, node, tree)) });
+        self.trees.push(Tree::new(path, &group.nodes, Some((group, node, tree))));
         Ok(number)
     }
 
@@ -150,6 +201,7 @@ impl<'a> Flattener<'a> {
             }
             (None, Some(input)) => {
                 let node_type = self.node_type(tree, node)?;
+                self.check_inputs(tree, node, node_type)?;
                 let socket = node_type.inputs.iter().find(|socket| socket.identifier == input).ok_or_else(|| {
                     Error::new(from.clone(), "no such input", "an input of that node", "Check the identifier.")
                 })?;
@@ -171,25 +223,45 @@ impl<'a> Flattener<'a> {
                 self.place(tree, &node.name),
                 format!("the node type {}", node.kind),
                 format!("one of the supported nodes: {}", known.join(", ")),
-                "Replace the node, or mute it; a node that does not reach the volume does not matter.",
+                "Replace the node; one that does not reach the volume does not matter.",
             )
         })
     }
 
     /// The value of an output.
     fn output(&mut self, tree: usize, node: &'a Node, socket: &str) -> Result<Resolved> {
-        let key = (tree, node.name.clone());
-        if self.open.contains(&key) {
-            let names: Vec<_> = self.open.iter().map(|(tree, name)| self.label(*tree, name)).collect();
+        let key = (tree, node.name.as_str());
+        if let Some(&number) = self.done.get(&key) {
+            // Met before: no need to follow its links again.
+            let node_type = self.flat.nodes[number].node_type;
+            return self.node_output(tree, node, node_type, socket);
+        }
+        if self.is_open.contains(&key) {
+            let first = self.open.iter().position(|known| *known == key).unwrap_or_default();
+            let ring = &self.open[first..];
+            let mut names: Vec<_> = ring.iter().take(8).map(|(tree, name)| self.label(*tree, name)).collect();
+            if ring.len() > names.len() {
+                names.push(format!("({} more)", ring.len() - names.len()));
+            }
             return Err(Error::new(
                 self.place(tree, &node.name),
-                format!("a cycle of links: {} -> {}", names.join(" -> "), node.name),
+                format!("a cycle of links: {} -> {}", names.join(" -> "), self.label(tree, &node.name)),
                 "a graph without cycles",
                 "Remove one of these links.",
             ));
         }
+        if self.open.len() >= DEEPEST_CHAIN {
+            return Err(Error::new(
+                self.place(tree, &node.name),
+                format!("a chain of links through more than {DEEPEST_CHAIN} nodes"),
+                format!("at most {DEEPEST_CHAIN} nodes one after the other"),
+                "Shorten the chain.",
+            ));
+        }
         self.open.push(key);
+        self.is_open.insert(key);
         let result = self.output_unguarded(tree, node, socket);
+        self.is_open.remove(&key);
         self.open.pop();
         result
     }
@@ -200,7 +272,7 @@ impl<'a> Flattener<'a> {
         }
         match node.kind.as_str() {
             "NodeReroute" => {
-                let kind = node.socket_type.unwrap_or(SocketType::Float);
+                let kind = self.reroute_type(tree, node)?;
                 self.note(tree, node, "inlined", "reroute");
                 match node.inputs.get("Input") {
                     Some(input) => self.passed(tree, node, "Input", input, kind),
@@ -232,7 +304,7 @@ impl<'a> Flattener<'a> {
         })?;
         match end.inputs.get(socket) {
             Some(input) => self.passed(inner, end, socket, input, interface.kind),
-            None => Ok((interface.kind, constant(&stored_default(interface.default.as_ref()), interface.kind))),
+            None => Ok((interface.kind, self.interface_default(inner, end, interface)?)),
         }
     }
 
@@ -242,23 +314,56 @@ impl<'a> Flattener<'a> {
         group.outputs.iter().find(|output| output.identifier == socket).map(|output| output.kind)
     }
 
+    /// The value of a group's socket where none is stored beside the node.
+    fn interface_default(&self, tree: usize, node: &Node, socket: &Socket) -> Result<Vec<Source>> {
+        if socket.kind == SocketType::Shader {
+            return Ok(Vec::new());
+        }
+        let values = socket.default_components().ok_or_else(|| {
+            Error::new(
+                format!("{}: socket {}", self.place(tree, &node.name), socket.identifier),
+                "no value and no default",
+                "a value, a link, or a default in the group's interface",
+                "Export the scene again.",
+            )
+        })?;
+        Ok(values.into_iter().map(Source::Constant).collect())
+    }
+
+    fn reroute_type(&self, tree: usize, node: &Node) -> Result<SocketType> {
+        node.socket_type.ok_or_else(|| {
+            Error::new(
+                format!("{}: socket_type", self.place(tree, &node.name)),
+                "nothing",
+                "the type of the reroute: float, integer, boolean, vector, color or shader",
+                "Add it, or export the scene again.",
+            )
+        })
+    }
+
     /// A muted node passes on the input that `bypass` names, zero else.
     fn bypassed(&mut self, tree: usize, node: &'a Node, socket: &str) -> Result<Resolved> {
         let kinds = self.socket_kinds(tree, node)?;
-        let kind_of = |identifier: &str, output: bool| {
-            kinds
-                .iter()
-                .find(|(name, is_output, _)| name == identifier && *is_output == output)
-                .map(|(_, _, kind)| *kind)
+        let kind_of = |identifier: &str, is_output: bool| {
+            let found = kinds.iter().find(|(name, output, _)| name == identifier && *output == is_output);
+            found.map(|(_, _, kind)| *kind).ok_or_else(|| {
+                let what = if is_output { "output" } else { "input" };
+                Error::new(
+                    self.place(tree, &node.name),
+                    format!("{what} \"{identifier}\", which the node does not have"),
+                    format!("an {what} of {}", node.kind),
+                    "Correct the identifier, or export the scene again.",
+                )
+            })
         };
-        let kind = kind_of(socket, true).unwrap_or(SocketType::Float);
+        let kind = kind_of(socket, true)?;
         let through = node.bypass.as_ref().and_then(|bypass| bypass.get(socket));
         let Some(through) = through else {
             self.note(tree, node, "bypassed", "muted, without an internal link: zero");
             return Ok((kind, vec![Source::Constant(0.0); kind.components()]));
         };
+        let input_kind = kind_of(through, false)?;
         self.note(tree, node, "bypassed", format!("muted: {socket} is {through}"));
-        let input_kind = kind_of(through, false).unwrap_or(kind);
         match node.inputs.get(through.as_str()) {
             Some(input) => self.passed(tree, node, through, input, input_kind),
             None => Ok((input_kind, vec![Source::Constant(0.0); input_kind.components()])),
@@ -267,14 +372,16 @@ impl<'a> Flattener<'a> {
 
     /// Identifier, whether it is an output, and kind of every socket of a node.
     fn socket_kinds(&self, tree: usize, node: &Node) -> Result<Vec<(String, bool, SocketType)>> {
-        if let Some(name) = &node.group {
-            let group = self.scene.graph().group(name);
-            let sockets = |list: &[crate::scene::Socket], output: bool| {
+        if node.kind == "ShaderNodeGroup" {
+            let group = self.group(tree, node)?;
+            let sockets = |list: &[Socket], output: bool| {
                 list.iter().map(|socket| (socket.identifier.clone(), output, socket.kind)).collect::<Vec<_>>()
             };
-            return Ok(group
-                .map(|group| [sockets(&group.inputs, false), sockets(&group.outputs, true)].concat())
-                .unwrap_or_default());
+            return Ok([sockets(&group.inputs, false), sockets(&group.outputs, true)].concat());
+        }
+        if node.kind == "NodeReroute" {
+            let kind = self.reroute_type(tree, node)?;
+            return Ok(vec![("Input".to_owned(), false, kind), ("Output".to_owned(), true, kind)]);
         }
         let node_type = self.node_type(tree, node)?;
         let inputs = node_type.inputs.iter().map(|socket| (socket.identifier.to_owned(), false, socket.kind));
@@ -315,7 +422,7 @@ impl<'a> Flattener<'a> {
                 Ok((kind, self.source(tree, node, value)))
             }
             Role::Evaluated(_) => {
-                let number = match self.done.get(&(tree, node.name.clone())) {
+                let number = match self.done.get(&(tree, node.name.as_str())) {
                     Some(&number) => number,
                     None => self.evaluated(tree, node, node_type, mode)?,
                 };
@@ -331,23 +438,24 @@ impl<'a> Flattener<'a> {
         for socket in node_type.inputs_of(&mode) {
             inputs.extend(self.input(tree, node, socket)?);
         }
-        for identifier in node.inputs.keys() {
-            if !node_type.inputs.iter().any(|socket| socket.identifier == identifier) {
-                let names: Vec<_> = node_type.inputs.iter().map(|socket| socket.identifier).collect();
-                return Err(Error::new(
-                    format!("{}: input {identifier}", self.place(tree, &node.name)),
-                    "an input that the node does not have",
-                    format!("one of {}", names.join(", ")),
-                    "Correct the identifier, or export the scene again.",
-                ));
-            }
-        }
+        self.check_inputs(tree, node, node_type)?;
         let outputs = node_type.outputs_of(&mode).map(|output| output.identifier).collect();
         let number = self.flat.nodes.len();
         let label = self.label(tree, &node.name);
         self.flat.nodes.push(FlatNode { label, node_type, mode: mode.with_wanted(outputs), inputs });
-        self.done.insert((tree, node.name.clone()), number);
+        self.done.insert((tree, node.name.as_str()), number);
         Ok(number)
+    }
+
+    /// Refuses inputs that the node type does not have: a misspelt one would leave a default in place.
+    fn check_inputs(&self, tree: usize, node: &Node, node_type: &'static NodeType) -> Result<()> {
+        for identifier in node.inputs.keys() {
+            if !node_type.inputs.iter().any(|socket| socket.identifier == identifier) {
+                let known = node_type.inputs.iter().map(|socket| socket.identifier);
+                return Err(unknown_input(&self.place(tree, &node.name), identifier, known));
+            }
+        }
+        Ok(())
     }
 
     fn input(&mut self, tree: usize, node: &'a Node, socket: &nodes::InputSocket) -> Result<Vec<Source>> {
@@ -435,7 +543,7 @@ impl<'a> Flattener<'a> {
         })?;
         match group_node.inputs.get(identifier) {
             Some(input) => self.passed(parent, group_node, identifier, input, interface.kind),
-            None => Ok((interface.kind, constant(&stored_default(interface.default.as_ref()), interface.kind))),
+            None => Ok((interface.kind, self.interface_default(parent, group_node, interface)?)),
         }
     }
 
@@ -518,7 +626,7 @@ impl<'a> Flattener<'a> {
             for node in self.trees[tree].nodes {
                 let evaluated =
                     nodes::find(&node.kind).is_some_and(|node_type| matches!(node_type.role, Role::Evaluated(_)));
-                if evaluated && !node.muted && !self.done.contains_key(&(tree, node.name.clone())) {
+                if evaluated && !node.muted && !self.done.contains_key(&(tree, node.name.as_str())) {
                     self.note(tree, node, "dropped", "does not reach what was asked for");
                 }
             }
@@ -530,16 +638,11 @@ fn is_link(input: &Input) -> bool {
     matches!(input, Input::Link { .. } | Input::GroupInput(_))
 }
 
-/// Components of an interface default.
-fn stored_default(value: Option<&serde_json::Value>) -> Vec<f32> {
-    match value {
-        Some(serde_json::Value::Array(items)) => items.iter().filter_map(|x| x.as_f64()).map(|x| x as f32).collect(),
-        Some(serde_json::Value::Bool(flag)) => vec![f32::from(u8::from(*flag))],
-        Some(other) => other.as_f64().map(|x| vec![x as f32]).unwrap_or_default(),
-        None => Vec::new(),
-    }
-}
-
-fn constant(values: &[f32], kind: SocketType) -> Vec<Source> {
-    (0..kind.components()).map(|index| Source::Constant(values.get(index).copied().unwrap_or(0.0))).collect()
+fn unknown_input<'a>(place: &str, identifier: &str, known: impl Iterator<Item = &'a str>) -> Error {
+    Error::new(
+        format!("{place}: input {identifier}"),
+        "an input that the node does not have",
+        format!("one of {}", known.collect::<Vec<_>>().join(", ")),
+        "Correct the identifier, or export the scene again.",
+    )
 }

@@ -1,7 +1,7 @@
 //! Naming a value of the graph: a socket by its place, or an input of the closing node.
 
 use crate::error::{Error, Result};
-use crate::scene::{Graph, Input, Node, Scene};
+use crate::scene::{DEEPEST_NESTING, Graph, Input, Node, Scene};
 use serde::{Deserialize, Serialize};
 
 /// A socket somewhere in the graph.
@@ -39,29 +39,31 @@ impl Target {
     }
 
     /// Reads `NODE.SOCKET` or `GROUP NODE/NODE.SOCKET`. A node name without its groups is searched
-    /// in every tree; several finds are an error that lists them.
+    /// in every tree; several finds are an error that lists them. A slash in front of the first name
+    /// says that it stands in the material's own tree.
     pub fn parse(text: &str, graph: &Graph) -> Result<Self> {
         let place = format!("--output {text}");
         let mut finds = Vec::new();
         search(graph, &graph.nodes, &mut Vec::new(), &mut |groups, node| {
-            let path = groups.iter().map(String::as_str).chain([node.name.as_str()]).collect::<Vec<_>>().join("/");
-            for name in [path.as_str(), node.name.as_str()] {
+            let path: String = groups.iter().flat_map(|group| ["/", group]).chain(["/", &node.name]).collect();
+            for name in [path.as_str(), &path[1..], node.name.as_str()] {
                 if let Some(socket) = text.strip_prefix(name).and_then(|rest| rest.strip_prefix('.')) {
-                    finds.push(Self {
+                    let target = Self {
                         groups: groups.to_vec(),
                         node: node.name.clone(),
                         output: Some(socket.to_owned()),
                         input: None,
-                    });
+                    };
+                    finds.push((name.len(), target));
                     break;
                 }
             }
         });
-        // "Math.001.Value" also reads as socket "001.Value" of "Math": the longest node name wins.
-        let longest = finds.iter().map(|find| find.node.len()).max();
-        finds.retain(|find| Some(find.node.len()) == longest);
+        // "Math.001.Value" also reads as socket "001.Value" of "Math": the longest name wins.
+        let longest = finds.iter().map(|(length, _)| *length).max();
+        finds.retain(|(length, _)| Some(*length) == longest);
         match finds.len() {
-            1 => Ok(finds.remove(0)),
+            1 => Ok(finds.remove(0).1),
             0 => Err(Error::new(
                 place,
                 "no node of that name",
@@ -71,8 +73,8 @@ impl Target {
             _ => Err(Error::new(
                 place,
                 format!("{} nodes of that name", finds.len()),
-                finds.iter().map(Self::name).collect::<Vec<_>>().join(" or "),
-                "Write the group node's name and a slash before the node.",
+                finds.iter().map(|(_, find)| format!("/{}", find.name())).collect::<Vec<_>>().join(" or "),
+                "Write the names of the group nodes that lead to it.",
             )),
         }
     }
@@ -83,8 +85,8 @@ fn search(graph: &Graph, nodes: &[Node], groups: &mut Vec<String>, visit: &mut i
     for node in nodes {
         visit(groups, node);
         let inner = node.group.as_ref().and_then(|name| graph.group(name));
-        // A group cannot hold itself in Blender; the depth limit keeps a damaged file finite.
-        if let Some(group) = inner.filter(|_| groups.len() < 32) {
+        // The loader refuses groups that hold themselves; the limit keeps a scene made in memory finite.
+        if let Some(group) = inner.filter(|_| groups.len() < DEEPEST_NESTING) {
             groups.push(node.name.clone());
             search(graph, &group.nodes, groups, visit);
             groups.pop();
@@ -105,11 +107,7 @@ pub fn closing_node(scene: &Scene) -> Result<&Node> {
             "Link a Principled Volume to the Volume socket of the Material Output.",
         )
     };
-    let output = graph
-        .nodes
-        .iter()
-        .find(|node| node.kind == "ShaderNodeOutputMaterial")
-        .ok_or_else(|| missing("no Material Output"))?;
+    let output = material_output(&graph.nodes).ok_or_else(|| missing("no Material Output"))?;
     let mut input = output.inputs.get("Volume").ok_or_else(|| missing("no link to its Volume input"))?;
     for _ in 0..=graph.nodes.len() {
         let Input::Link { node: name, .. } = input else { return Err(missing("no link to its Volume input")) };
@@ -136,6 +134,21 @@ pub fn closing_node(scene: &Scene) -> Result<&Node> {
         return Ok(node);
     }
     Err(missing("a ring of reroutes"))
+}
+
+/// The Material Output that Cycles uses: one with the target Cycles before one for all renderers,
+/// among equals the active one, else the first.
+fn material_output(nodes: &[Node]) -> Option<&Node> {
+    let rank = |node: &Node| {
+        let target = node.properties.get("target").and_then(|value| value.as_str()).unwrap_or("ALL");
+        let active = node.properties.get("is_active_output").and_then(serde_json::Value::as_bool).unwrap_or(false);
+        (target != "CYCLES", !active)
+    };
+    let usable = |node: &&Node| {
+        node.kind == "ShaderNodeOutputMaterial"
+            && node.properties.get("target").and_then(|value| value.as_str()) != Some("EEVEE")
+    };
+    nodes.iter().filter(usable).min_by_key(|node| rank(node))
 }
 
 /// The Density input of the closing node.

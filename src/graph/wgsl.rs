@@ -158,7 +158,7 @@ impl Linker {
                 }
             };
             let variable = format!("n{number}v");
-            line(&mut body, format_args!("    // {}", instruction.label.replace(['\n', '\r'], " ")));
+            line(&mut body, format_args!("    // {}", comment(&instruction.label)));
             line(&mut body, format_args!("    let {variable} = {instance}::evaluate({});", arguments.join(", ")));
             let single = instruction.node_type.outputs_of(&instruction.mode).count() == 1;
             let mut register = instruction.first_register;
@@ -205,6 +205,13 @@ const AXES: [&str; 3] = ["x", "y", "z"];
 
 fn line(text: &mut String, parts: std::fmt::Arguments<'_>) {
     writeln!(text, "{parts}").expect("writing to a string cannot fail");
+}
+
+/// A name of the user as the text of a comment. A line break of any kind would end the comment, and
+/// the composer reads `#` as the start of a command.
+fn comment(name: &str) -> String {
+    let is_unsafe = |c: char| c.is_control() || matches!(c, '\u{2028}' | '\u{2029}' | '#' | '*' | '"' | ':');
+    name.chars().map(|c| if is_unsafe(c) { ' ' } else { c }).collect()
 }
 
 fn type_name(kind: SocketType) -> &'static str {

@@ -1,7 +1,9 @@
 //! The node graph as it stands in a scene file: Blender's nodes, groups and links by name.
 
+use crate::error::{Error, Result as Checked};
 use schemars::JsonSchema;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
+use std::collections::{HashMap, HashSet};
 
 /// A material's node tree and the groups that it uses.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -211,9 +213,125 @@ impl<'de> Deserialize<'de> for Input {
     }
 }
 
+/// Groups may be nested this deep.
+pub(crate) const DEEPEST_NESTING: usize = 32;
+
+/// A graph may hold this many nodes once every group is put in the place of its nodes. A file of a
+/// few lines can ask for billions: groups that each use the next one twice.
+const MOST_INLINED: u64 = 1_000_000;
+
 impl Graph {
     /// The group of that name.
     pub fn group(&self, name: &str) -> Option<&Group> {
         self.groups.iter().find(|group| group.name == name)
     }
+
+    /// Checks what the types do not say: names are unique, interface defaults have the type of their
+    /// socket, and the groups do not hold themselves. `place` names the file.
+    pub(super) fn check(&self, place: &str) -> Checked<()> {
+        unique(self.groups.iter().map(|group| &group.name), "group", &format!("{place}: $.graph.groups"))?;
+        unique(self.nodes.iter().map(|node| &node.name), "node", &format!("{place}: $.graph.nodes"))?;
+        for group in &self.groups {
+            let place = format!("{place}: group {}", group.name);
+            unique(group.nodes.iter().map(|node| &node.name), "node", &place)?;
+            unique(group.inputs.iter().map(|socket| &socket.identifier), "input", &place)?;
+            unique(group.outputs.iter().map(|socket| &socket.identifier), "output", &place)?;
+            for socket in group.inputs.iter().chain(&group.outputs) {
+                socket.check_default(&place)?;
+            }
+        }
+        let inlined = self.inlined(&self.nodes, &mut HashMap::new(), &mut Vec::new(), place)?;
+        if inlined > MOST_INLINED {
+            return Err(Error::new(
+                format!("{place}: $.graph"),
+                format!("{inlined} nodes once all groups are put in place"),
+                format!("at most {MOST_INLINED}"),
+                "Use fewer groups within groups.",
+            ));
+        }
+        Ok(())
+    }
+
+    /// Number of nodes with all groups in place; refuses rings of groups.
+    fn inlined<'a>(
+        &'a self,
+        nodes: &'a [Node],
+        known: &mut HashMap<&'a str, u64>,
+        open: &mut Vec<&'a str>,
+        place: &str,
+    ) -> Checked<u64> {
+        let mut count = 0_u64;
+        for node in nodes {
+            // A group that the file lacks only matters where it is reached; it is refused there.
+            let Some(group) = node.group.as_deref().and_then(|name| self.group(name)) else {
+                count = count.saturating_add(1);
+                continue;
+            };
+            let name = group.name.as_str();
+            if open.contains(&name) || open.len() >= DEEPEST_NESTING {
+                let path = open.iter().map(|name| format!("{name} -> ")).collect::<String>();
+                return Err(Error::new(
+                    format!("{place}: group {}: node {}", open.last().unwrap_or(&""), node.name),
+                    format!("groups within groups: {path}{name}"),
+                    format!("groups that do not hold themselves, at most {DEEPEST_NESTING} deep"),
+                    "Break the ring of groups.",
+                ));
+            }
+            let inner = match known.get(name) {
+                Some(&inner) => inner,
+                None => {
+                    open.push(name);
+                    let inner = self.inlined(&group.nodes, known, open, place)?;
+                    open.pop();
+                    known.insert(name, inner);
+                    inner
+                }
+            };
+            count = count.saturating_add(inner).saturating_add(1);
+        }
+        Ok(count)
+    }
+}
+
+impl Socket {
+    /// The value where a group node stores none, by component; none where the interface has none or
+    /// where it has another type than the socket.
+    pub(crate) fn default_components(&self) -> Option<Vec<f32>> {
+        use serde_json::Value as Json;
+        let number = |value: &Json| value.as_f64().map(|value| value as f32);
+        match (self.default.as_ref()?, self.kind.components()) {
+            (Json::Bool(flag), 1) => Some(vec![f32::from(u8::from(*flag))]),
+            (value, 1) => Some(vec![number(value)?]),
+            (Json::Array(items), 3) if (3..=4).contains(&items.len()) => items[..3].iter().map(number).collect(),
+            _ => None,
+        }
+    }
+
+    fn check_default(&self, place: &str) -> Checked<()> {
+        match &self.default {
+            Some(value) if self.kind != SocketType::Shader && self.default_components().is_none() => Err(Error::new(
+                format!("{place}: socket {}: default", self.identifier),
+                value.to_string(),
+                if self.kind.components() == 1 { "a number" } else { "a list of three or four numbers" },
+                "Correct the default's type.",
+            )),
+            _ => Ok(()),
+        }
+    }
+}
+
+/// Refuses a name that stands twice.
+fn unique<'a>(names: impl Iterator<Item = &'a String>, what: &str, place: &str) -> Checked<()> {
+    let mut seen = HashSet::new();
+    for name in names {
+        if !seen.insert(name) {
+            return Err(Error::new(
+                place.to_owned(),
+                format!("two {what}s called \"{name}\""),
+                format!("a name of its own for every {what}"),
+                "Rename one of them; links find their node by its name.",
+            ));
+        }
+    }
+    Ok(())
 }

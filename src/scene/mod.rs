@@ -7,6 +7,7 @@
 mod graph_file;
 pub mod overrides;
 
+pub(crate) use graph_file::DEEPEST_NESTING;
 pub use graph_file::{Graph, Group, Input, Node, Socket, SocketType};
 
 use crate::error::{Error, Result};
@@ -49,7 +50,7 @@ pub struct Scene {
 }
 
 /// The graph itself or the file that holds it.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 #[serde(untagged)]
 pub enum GraphSource {
     /// `{"file": "name.graph.json"}`, relative to the scene file.
@@ -59,6 +60,46 @@ pub enum GraphSource {
     },
     /// The graph in place.
     Inline(Graph),
+}
+
+/// Reads either form key by key: an untagged enum would lose the place of an error in the graph.
+impl<'de> Deserialize<'de> for GraphSource {
+    fn deserialize<D: serde::Deserializer<'de>>(deserializer: D) -> std::result::Result<Self, D::Error> {
+        deserializer.deserialize_map(GraphSourceVisitor)
+    }
+}
+
+struct GraphSourceVisitor;
+
+impl<'de> serde::de::Visitor<'de> for GraphSourceVisitor {
+    type Value = GraphSource;
+
+    fn expecting(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        formatter.write_str("a graph (material, nodes, groups) or {\"file\": \"name.graph.json\"}")
+    }
+
+    fn visit_map<A: serde::de::MapAccess<'de>>(self, mut map: A) -> std::result::Result<GraphSource, A::Error> {
+        use serde::de::Error as _;
+        let (mut file, mut material, mut nodes, mut groups) = (None, None, None, None);
+        while let Some(key) = map.next_key::<String>()? {
+            match key.as_str() {
+                "file" => file = Some(map.next_value()?),
+                "material" => material = Some(map.next_value()?),
+                "nodes" => nodes = Some(map.next_value()?),
+                "groups" => groups = Some(map.next_value()?),
+                other => return Err(A::Error::unknown_field(other, &["file", "material", "nodes", "groups"])),
+            }
+        }
+        match (file, material, nodes, groups) {
+            (Some(file), None, None, None) => Ok(GraphSource::File { file }),
+            (Some(_), ..) => Err(A::Error::custom("a file and a graph in place, which exclude each other")),
+            (None, Some(material), Some(nodes), groups) => {
+                Ok(GraphSource::Inline(Graph { material, nodes, groups: groups.unwrap_or_default() }))
+            }
+            (None, None, ..) => Err(A::Error::missing_field("material")),
+            (None, Some(_), None, _) => Err(A::Error::missing_field("nodes")),
+        }
+    }
 }
 
 /// Camera projection and lens.
@@ -320,6 +361,14 @@ impl Scene {
     /// Reads a scene from a JSON value, for example from the exporter; `place` names its source.
     pub fn from_value(value: serde_json::Value, place: &str) -> Result<Self> {
         let scene: Self = parse(&value.to_string(), place)?;
+        if let GraphSource::File { file } = &scene.graph {
+            return Err(Error::new(
+                format!("{place}: $.graph.file"),
+                format!("\"{file}\""),
+                "the graph in place: what is not read from a folder has no files beside it",
+                "Write the scene to a file beside the graph file, or put the graph in place.",
+            ));
+        }
         scene.check(place)?;
         Ok(scene)
     }
@@ -347,7 +396,8 @@ impl Scene {
 
     /// Width and height in pixels after the percentage (truncated, as Blender does).
     pub fn image_size(&self) -> [u32; 2] {
-        self.film.resolution.map(|side| side * self.film.resolution_percentage / 100)
+        let percentage = u64::from(self.film.resolution_percentage);
+        self.film.resolution.map(|side| u32::try_from(u64::from(side) * percentage / 100).unwrap_or(u32::MAX))
     }
 
     fn check(&self, place: &str) -> Result<()> {
@@ -389,7 +439,20 @@ impl Scene {
                 ));
             }
         }
-        Ok(())
+        if let Shape::Mesh { vertices, triangles } = &self.volume.shape {
+            let outside = triangles.iter().position(|triangle| {
+                triangle.iter().any(|&vertex| usize::try_from(vertex).map_or(true, |vertex| vertex >= vertices.len()))
+            });
+            if let Some(number) = outside {
+                return Err(Error::new(
+                    format!("{place}: $.volume.shape.triangles[{number}]"),
+                    format!("the vertices {:?}", triangles[number]),
+                    format!("indices below {}, the number of vertices", vertices.len()),
+                    "Export the scene again.",
+                ));
+            }
+        }
+        self.graph().check(place)
     }
 }
 

@@ -1,0 +1,775 @@
+//! Bad input through the program: exit status 2, one error line that names place, found, expected and
+//! what to do, no panic, and no file left behind.
+
+mod support;
+
+use assert_cmd::Command;
+use serde_json::{Value as Json, json};
+use std::path::Path;
+use tempfile::TempDir;
+
+/// A run of the program.
+struct Run {
+    status: Option<i32>,
+    stdout: String,
+    stderr: String,
+}
+
+fn run_with(folder: &Path, arguments: &[&str], environment: &[(&str, &str)]) -> Run {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_cloudparity"));
+    command.current_dir(folder).args(arguments).envs(environment.iter().copied());
+    let output = command.output().expect("the program starts");
+    Run {
+        status: output.status.code(),
+        stdout: String::from_utf8_lossy(&output.stdout).into_owned(),
+        stderr: String::from_utf8_lossy(&output.stderr).into_owned(),
+    }
+}
+
+fn run(folder: &Path, arguments: &[&str]) -> Run {
+    run_with(folder, arguments, &[])
+}
+
+impl Run {
+    /// Asserts that the run ended with an error of the usual form, whose text holds all `parts`.
+    #[track_caller]
+    fn is_refused(&self, what: &str, parts: &[&str]) {
+        let Self { status, stdout, stderr } = self;
+        assert!(!stderr.contains("panicked"), "{what}: {stderr}");
+        assert_eq!(*status, Some(2), "{what}: {stdout}{stderr}");
+        assert!(stdout.is_empty(), "{what}: {stdout}");
+        let message = stderr.trim_end();
+        let (place, rest) = message.split_once(": found ").unwrap_or_else(|| panic!("{what}: no found part: {message}"));
+        let place = place.strip_prefix("error: ").unwrap_or_else(|| panic!("{what}: {message}"));
+        let (found, rest) = rest.split_once("; expected ").unwrap_or_else(|| panic!("{what}: no expected: {message}"));
+        let (expected, remedy) = rest.rsplit_once(". ").unwrap_or_else(|| panic!("{what}: no remedy: {message}"));
+        for (name, text) in [("place", place), ("found", found), ("expected", expected), ("remedy", remedy)] {
+            assert!(!text.trim().is_empty(), "{what}: empty {name}: {message}");
+        }
+        for part in parts {
+            assert!(message.contains(part), "{what}: \"{part}\" is not in: {message}");
+        }
+    }
+
+    #[track_caller]
+    fn succeeds(&self, what: &str) {
+        assert_eq!(self.status, Some(0), "{what}: {}", self.stderr);
+        assert!(!self.stderr.contains("panicked"), "{what}: {}", self.stderr);
+    }
+}
+
+fn cloud() -> Json {
+    let text = std::fs::read_to_string(support::project("parity/scenes/procedural-clouds.scene.json"));
+    serde_json::from_str(&text.expect("the committed scene")).expect("the committed scene is JSON")
+}
+
+/// The cloud's scene with another graph: these nodes, and what Density of the closing node is.
+fn scene_with(density: Json, nodes: Vec<Json>, groups: Vec<Json>) -> Json {
+    let mut scene = cloud();
+    let mut all = vec![
+        json!({"name": "Material Output", "type": "ShaderNodeOutputMaterial",
+               "inputs": {"Volume": {"node": "Principled Volume", "socket": "Volume"}}}),
+        json!({"name": "Principled Volume", "type": "ShaderNodeVolumePrincipled", "inputs": {"Density": density}}),
+    ];
+    all.extend(nodes);
+    scene["graph"] = json!({"material": "Material", "nodes": all, "groups": groups});
+    scene
+}
+
+fn link(node: &str, socket: &str) -> Json {
+    json!({"node": node, "socket": socket})
+}
+
+fn math(name: &str, operation: &str, inputs: Json) -> Json {
+    json!({"name": name, "type": "ShaderNodeMath", "properties": {"operation": operation}, "inputs": inputs})
+}
+
+/// A density of one Math node with these inputs.
+fn one_math(inputs: Json) -> Json {
+    scene_with(link("Math", "Value"), vec![math("Math", "ADD", inputs)], vec![])
+}
+
+fn coordinates() -> Json {
+    json!({"name": "Texture Coordinate", "type": "ShaderNodeTexCoord"})
+}
+
+fn write(folder: &TempDir, name: &str, text: &str) {
+    std::fs::write(folder.path().join(name), text).expect("a temporary file");
+}
+
+fn folder() -> TempDir {
+    tempfile::tempdir().expect("a temporary folder")
+}
+
+/// Runs `explain` on a scene.
+fn explained(scene: &Json) -> Run {
+    let folder = folder();
+    write(&folder, "x.scene.json", &scene.to_string());
+    run(folder.path(), &["explain", "x.scene.json"])
+}
+
+/// A `.npy` file, version 1.0, with any header.
+fn npy(descriptor: &str, order: &str, shape: &str, data: &[u8]) -> Vec<u8> {
+    let mut header = format!("{{'descr': '{descriptor}', 'fortran_order': {order}, 'shape': {shape}, }}");
+    while (10 + header.len() + 1) % 64 != 0 {
+        header.push(' ');
+    }
+    header.push('\n');
+    let mut bytes = b"\x93NUMPY\x01\x00".to_vec();
+    bytes.extend(u16::try_from(header.len()).expect("a short header").to_le_bytes());
+    bytes.extend(header.as_bytes());
+    bytes.extend(data);
+    bytes
+}
+
+fn save_points(folder: &TempDir, name: &str, points: &[[f32; 3]]) {
+    let data: Vec<u8> = points.iter().flatten().flat_map(|value| value.to_le_bytes()).collect();
+    let bytes = npy("<f4", "False", &format!("({}, 3)", points.len()), &data);
+    std::fs::write(folder.path().join(name), bytes).expect("a temporary file");
+}
+
+/// Runs `eval` of a scene at points with more arguments; the values when it succeeds.
+fn evaluated(scene: &Json, points: &[[f32; 3]], more: &[&str]) -> (Run, Vec<f32>, Vec<usize>) {
+    let folder = folder();
+    write(&folder, "x.scene.json", &scene.to_string());
+    save_points(&folder, "p.npy", points);
+    let arguments = [&["eval", "x.scene.json", "--points", "p.npy", "-o", "v.npy"], more].concat();
+    let run = run(folder.path(), &arguments);
+    let result = folder.path().join("v.npy");
+    if run.status != Some(0) {
+        assert!(!result.exists(), "a failed run leaves no file");
+        return (run, Vec::new(), Vec::new());
+    }
+    let (values, shape) = cloudparity::files::read_values(&result).expect("values");
+    (run, values, shape)
+}
+
+#[test]
+fn no_such_file() {
+    let folder = folder();
+    write(&folder, "x.scene.json", &cloud().to_string());
+    for arguments in [
+        vec!["explain", "no.scene.json"],
+        vec!["shader", "no.scene.json", "-o", "x.wgsl"],
+        vec!["build", "no.scene.json", "-o", "x.blend"],
+        vec!["eval", "no.scene.json", "--points", "p.npy", "-o", "v.npy"],
+    ] {
+        let run = run(folder.path(), &arguments);
+        run.is_refused(&arguments.join(" "), &["no.scene.json", "No such file", "a scene file"]);
+    }
+    let missing_points = run(folder.path(), &["eval", "x.scene.json", "--points", "p.npy", "-o", "v.npy"]);
+    missing_points.is_refused("points", &["p.npy", "No such file", "[n, 3]"]);
+    run(folder.path(), &["explain", "."]).is_refused("a folder", &["directory"]);
+    std::fs::write(folder.path().join("binary.scene.json"), [0xff, 0xfe, 0x00]).expect("a temporary file");
+    run(folder.path(), &["explain", "binary.scene.json"]).is_refused("binary", &["binary.scene.json", "UTF-8"]);
+}
+
+#[test]
+fn a_scene_that_names_a_missing_or_broken_graph_file() {
+    let folder = folder();
+    let mut scene = cloud();
+    let graph = scene["graph"].take();
+    scene["graph"] = json!({"file": "g.graph.json"});
+    write(&folder, "x.scene.json", &scene.to_string());
+    run(folder.path(), &["explain", "x.scene.json"]).is_refused("missing", &["g.graph.json", "No such file"]);
+    write(&folder, "g.graph.json", "{\"material\": \"M\"}");
+    run(folder.path(), &["explain", "x.scene.json"]).is_refused("broken", &["g.graph.json", "nodes"]);
+    write(&folder, "g.graph.json", &graph.to_string());
+    run(folder.path(), &["explain", "x.scene.json"]).succeeds("a graph file beside the scene");
+}
+
+#[test]
+fn truncated_and_damaged_json() {
+    let folder = folder();
+    let whole = std::fs::read_to_string(support::project("parity/scenes/procedural-clouds.scene.json")).expect("a scene");
+    for length in [0, 1, 2, 100, whole.len() / 2, whole.trim_end().len() - 1] {
+        write(&folder, "x.scene.json", &whole[..length]);
+        let run = run(folder.path(), &["explain", "x.scene.json"]);
+        run.is_refused(&format!("cut after {length} bytes"), &["x.scene.json: line", "column", "complete JSON"]);
+    }
+    write(&folder, "x.scene.json", &format!("{whole}{{}}"));
+    run(folder.path(), &["explain", "x.scene.json"]).is_refused("more behind the end", &["line", "trailing"]);
+    let deep = format!("{}{}", "[".repeat(100_000), "]".repeat(100_000));
+    write(&folder, "x.scene.json", &deep);
+    run(folder.path(), &["explain", "x.scene.json"]).is_refused("deep nesting", &["recursion limit"]);
+}
+
+#[test]
+fn numbers_that_are_none() {
+    let folder = folder();
+    let whole = std::fs::read_to_string(support::project("parity/scenes/procedural-clouds.scene.json")).expect("a scene");
+    assert!(whole.contains("\"focal_length\": 50.0"));
+    for (number, parts) in [
+        ("NaN", ["line 13", "finite numbers"]),
+        ("Infinity", ["line 13", "finite numbers"]),
+        ("-Infinity", ["line 13", "finite numbers"]),
+        ("1e39", ["$.camera.focal_length", "f32 range"]),
+        ("-1e39", ["$.camera.focal_length", "f32 range"]),
+        ("1e999", ["line 13", "finite numbers"]),
+        ("\"50\"", ["$.camera.focal_length", "invalid type: string"]),
+        ("null", ["$.camera.focal_length", "invalid type: null"]),
+        ("[50.0]", ["$.camera.focal_length", "invalid type: sequence"]),
+    ] {
+        write(&folder, "x.scene.json", &whole.replace("\"focal_length\": 50.0", &format!("\"focal_length\": {number}")));
+        run(folder.path(), &["explain", "x.scene.json"]).is_refused(number, &parts);
+    }
+    // The largest f32 and what rounds to it are finite.
+    for number in ["3.4028235e38", "3.4028235677973366e38", "-3.4028235e38", "1e-60"] {
+        write(&folder, "x.scene.json", &whole.replace("\"focal_length\": 50.0", &format!("\"focal_length\": {number}")));
+        run(folder.path(), &["explain", "x.scene.json"]).succeeds(number);
+    }
+}
+
+#[test]
+fn wrong_fields_of_the_scene() {
+    type Edit = fn(&mut Json);
+    let cases: &[(&str, Edit, &[&str])] = &[
+        ("format", |scene| scene["format"] = "cloudparity-scene/9".into(), &["$.format", "cloudparity-scene/1"]),
+        ("no name", |scene| drop(scene.as_object_mut().map(|fields| fields.remove("name"))), &["missing field `name`"]),
+        ("unknown field", |scene| scene["colour"] = 1.into(), &["colour", "unknown field"]),
+        ("name", |scene| scene["name"] = 3.into(), &["$.name", "integer `3`"]),
+        ("projection", |scene| scene["camera"]["projection"] = "fisheye".into(), &["$.camera.projection", "fisheye"]),
+        ("matrix rows", |scene| scene["camera"]["matrix_world"] = json!([[1, 0, 0, 0]]), &["$.camera.matrix_world"]),
+        (
+            "flat matrix",
+            |scene| scene["volume"]["matrix_world"] = json!([[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 0, 0], [0, 0, 0, 1]]),
+            &["$.volume.matrix_world", "cannot be inverted"],
+        ),
+        ("no pixels", |scene| scene["film"]["resolution"] = json!([0, 10]), &["$.film.resolution", "0 x 10"]),
+        ("negative pixels", |scene| scene["film"]["resolution"] = json!([-1, 10]), &["$.film.resolution[0]"]),
+        (
+            "more pixels than fit into 32 bits",
+            |scene| {
+                scene["film"]["resolution"] = json!([4_294_967_295_u32, 1080]);
+                scene["film"]["resolution_percentage"] = json!(4_294_967_295_u32);
+            },
+            &["$.film.resolution", "1 to 16384"],
+        ),
+        ("half a pixel", |scene| scene["film"]["resolution"] = json!([1.5, 10]), &["$.film.resolution[0]"]),
+        ("light", |scene| scene["lights"][0]["type"] = "hemi".into(), &["$.lights[0]", "hemi"]),
+        ("angle", |scene| scene["lights"][0]["angle"] = "wide".into(), &["$.lights[0]"]),
+        ("bounds", |scene| scene["volume"]["bounds"]["min"][1] = 5.into(), &["$.volume.bounds", "min not above max"]),
+        ("shape", |scene| scene["volume"]["shape"]["type"] = "sphere".into(), &["$.volume.shape", "sphere"]),
+        (
+            "triangle",
+            |scene| {
+                scene["volume"]["shape"] =
+                    json!({"type": "mesh", "vertices": [[0, 0, 0], [1, 0, 0], [0, 1, 0]], "triangles": [[0, 1, 3]]});
+            },
+            &["$.volume.shape.triangles[0]", "indices below 3"],
+        ),
+        ("graph", |scene| scene["graph"] = json!([1]), &["$.graph", "sequence"]),
+        ("graph and file", |scene| scene["graph"]["file"] = "x".into(), &["$.graph", "exclude each other"]),
+        ("no nodes", |scene| scene["graph"] = json!({"material": "M"}), &["$.graph", "missing field `nodes`"]),
+        ("nodes", |scene| scene["graph"]["nodes"] = json!({}), &["$.graph.nodes"]),
+        ("node", |scene| scene["graph"]["nodes"][1] = json!("x"), &["$.graph.nodes[1]"]),
+        (
+            "unknown key of a node",
+            |scene| scene["graph"]["nodes"][1]["mutted"] = true.into(),
+            &["$.graph.nodes[1].mutted", "unknown field"],
+        ),
+        (
+            "type of a group's socket",
+            |scene| scene["graph"]["groups"][0]["inputs"][2]["type"] = "matrix".into(),
+            &["$.graph.groups[0].inputs[2].type", "matrix"],
+        ),
+        (
+            "default of a group's socket",
+            |scene| scene["graph"]["groups"][0]["inputs"][2]["default"] = json!("much"),
+            &["group Procedural Clouds Shader: socket Socket_2: default", "\"much\"", "a number"],
+        ),
+        (
+            "two sockets of one identifier",
+            |scene| scene["graph"]["groups"][0]["inputs"][2]["identifier"] = "Socket_23".into(),
+            &["group Procedural Clouds Shader", "two inputs called \"Socket_23\""],
+        ),
+        (
+            "two nodes of one name",
+            |scene| scene["graph"]["nodes"][1]["name"] = "Material Output".into(),
+            &["$.graph.nodes", "two nodes called \"Material Output\""],
+        ),
+        (
+            "two nodes of one name in a group",
+            |scene| scene["graph"]["groups"][0]["nodes"][1]["name"] = "Group Output".into(),
+            &["group Procedural Clouds Shader", "two nodes called \"Group Output\""],
+        ),
+        (
+            "two groups of one name",
+            |scene| {
+                let group = scene["graph"]["groups"][0].clone();
+                scene["graph"]["groups"].as_array_mut().expect("a list").push(group);
+            },
+            &["$.graph.groups", "two groups called"],
+        ),
+    ];
+    for (what, edit, parts) in cases {
+        let mut scene = cloud();
+        edit(&mut scene);
+        let run = explained(&scene);
+        run.is_refused(what, parts);
+        assert!(run.stderr.contains("x.scene.json"), "{what}: the file is named: {}", run.stderr);
+    }
+}
+
+#[test]
+fn wrong_inputs_of_a_node() {
+    for (value, parts) in [
+        (json!([1.0, 2.0, 3.0]), vec!["node Math: input Value", "a list of 3 numbers", "a number or a link"]),
+        (json!([]), vec!["node Math: input Value", "a list of 0 numbers"]),
+        (json!("one"), vec!["node Math: input Value", "the text \"one\""]),
+        (json!(null), vec!["inputs.Value", "null"]),
+        (json!({"node": "Math"}), vec!["inputs.Value", "node"]),
+        (json!({"node": 3, "socket": "Value"}), vec!["inputs.Value"]),
+        (json!([1, "x"]), vec!["inputs.Value"]),
+        (json!({"node": "Nobody", "socket": "Value"}), vec!["node Math: input Value", "\"Nobody\"", "does not exist"]),
+        (json!({"node": "Texture Coordinate", "socket": "Objekt"}), vec!["\"Objekt\"", "Object"]),
+        (json!({"node": "Texture Coordinate", "socket": "UV"}), vec!["the UV output", "Use the Object output"]),
+        (json!({"group_input": "Socket_1"}), vec!["node Math: input Value", "outside of a group"]),
+        (json!({"node": "Principled Volume", "socket": "Volume"}), vec!["a closure"]),
+    ] {
+        let mut scene = one_math(json!({"Value": value}));
+        scene["graph"]["nodes"].as_array_mut().expect("a list").push(coordinates());
+        explained(&scene).is_refused(&value.to_string(), &parts);
+    }
+    let misspelt = one_math(json!({"Value_1": 1.0}));
+    explained(&misspelt).is_refused("misspelt", &["node Math: input Value_1", "Value, Value_001, Value_002"]);
+    let mut closure = one_math(json!({}));
+    closure["graph"]["nodes"][1]["inputs"]["Densty"] = 1.0.into();
+    explained(&closure).is_refused("misspelt", &["node Principled Volume: input Densty", "Density"]);
+    let vector = json!({"name": "V", "type": "ShaderNodeVectorMath", "properties": {"operation": "LENGTH"},
+                        "inputs": {"Vector": [1.0, 2.0]}});
+    explained(&scene_with(link("V", "Value"), vec![vector], vec![]))
+        .is_refused("two of three", &["node V: input Vector", "a list of 2 numbers", "three numbers"]);
+}
+
+#[test]
+fn wrong_properties_of_a_node() {
+    for (properties, parts) in [
+        (json!({"operation": "PLUS"}), vec!["node Math: property operation", "\"PLUS\"", "ADD, SUBTRACT"]),
+        (json!({"operation": 3}), vec!["property operation", "found 3"]),
+        (json!({"operation": null}), vec!["property operation", "found null"]),
+        (json!({"use_clamp": 1}), vec!["property use_clamp", "true or false"]),
+        (json!({"clamp": true}), vec!["property clamp", "operation, use_clamp"]),
+        (json!([]), vec!["properties"]),
+    ] {
+        let mut scene = one_math(json!({}));
+        scene["graph"]["nodes"][2]["properties"] = properties.clone();
+        explained(&scene).is_refused(&properties.to_string(), &parts);
+    }
+    let object = |matrix: Json| {
+        let node = json!({"name": "T", "type": "ShaderNodeTexCoord",
+                          "properties": {"object": {"name": "Empty", "matrix_world": matrix}}});
+        scene_with(link("T", "Object"), vec![node], vec![])
+    };
+    explained(&object(json!([[1]]))).is_refused("no matrix", &["node T: property object", "4x4"]);
+    explained(&object(json!(vec![vec![0; 4]; 4]))).is_refused("flat", &["node T: property object", "inverted"]);
+    let value = json!({"name": "N", "type": "ShaderNodeValue"});
+    explained(&scene_with(link("N", "Value"), vec![value], vec![])).is_refused("no number", &["node N", "outputs"]);
+}
+
+#[test]
+fn unknown_nodes() {
+    let musgrave = json!({"name": "Old", "type": "ShaderNodeTexMusgrave", "inputs": {}});
+    let scene = scene_with(link("Old", "Fac"), vec![musgrave.clone()], vec![]);
+    explained(&scene).is_refused("reached", &["node Old", "ShaderNodeTexMusgrave", "Noise Texture", "Replace"]);
+    let scene = scene_with(json!(1.0), vec![musgrave], vec![]);
+    explained(&scene).succeeds("an unknown node that reaches nothing");
+}
+
+#[test]
+fn materials_without_a_volume() {
+    let mut scene = cloud();
+    scene["graph"]["nodes"] = json!([]);
+    explained(&scene).is_refused("empty", &["material Material", "no Material Output", "Principled Volume"]);
+    let mut scene = cloud();
+    scene["graph"]["nodes"][0]["inputs"] = json!({});
+    explained(&scene).is_refused("unlinked", &["no link to its Volume input"]);
+    let mut scene = cloud();
+    scene["graph"]["nodes"][0]["inputs"]["Volume"]["node"] = "Nobody".into();
+    explained(&scene).is_refused("missing closure", &["node Material Output", "\"Nobody\", which does not exist"]);
+    let mut scene = cloud();
+    scene["graph"]["nodes"][1]["type"] = "ShaderNodeVolumeScatter".into();
+    explained(&scene).is_refused("other closure", &["node Principled Volume", "ShaderNodeVolumeScatter"]);
+    let mut scene = cloud();
+    scene["graph"]["nodes"][1]["muted"] = true.into();
+    explained(&scene).is_refused("muted closure", &["a muted ShaderNodeVolumePrincipled"]);
+    let reroute = |name: &str, from: &str| {
+        json!({"name": name, "type": "NodeReroute", "socket_type": "shader", "inputs": {"Input": link(from, "Output")}})
+    };
+    let mut scene = scene_with(json!(1.0), vec![reroute("A", "B"), reroute("B", "A")], vec![]);
+    scene["graph"]["nodes"][0]["inputs"]["Volume"] = link("A", "Output");
+    explained(&scene).is_refused("ring of reroutes", &["a ring of reroutes"]);
+}
+
+#[test]
+fn the_material_output_of_cycles_counts() {
+    let other = json!({"name": "Other", "type": "ShaderNodeOutputMaterial", "inputs": {}});
+    let scene = |first: Json, second: Json| {
+        let mut scene = scene_with(json!(1.0), vec![other.clone()], vec![]);
+        scene["graph"]["nodes"][0]["properties"] = second;
+        scene["graph"]["nodes"][2]["properties"] = first;
+        scene["graph"]["nodes"].as_array_mut().expect("a list").swap(0, 2);
+        scene
+    };
+    let plain = json!({"is_active_output": false, "target": "ALL"});
+    let active = json!({"is_active_output": true, "target": "ALL"});
+    let cycles = json!({"is_active_output": false, "target": "CYCLES"});
+    let eevee = json!({"is_active_output": true, "target": "EEVEE"});
+    explained(&scene(plain.clone(), active.clone())).succeeds("the active one");
+    explained(&scene(active, cycles)).succeeds("the one for Cycles");
+    explained(&scene(eevee, plain.clone())).succeeds("not the one for EEVEE");
+    explained(&scene(plain.clone(), plain)).is_refused("the first", &["no link to its Volume input"]);
+}
+
+#[test]
+fn cycles_of_links() {
+    let ring = |length: usize| {
+        let nodes = (0..length)
+            .map(|number| math(&format!("N{number}"), "ADD", json!({"Value": link(&format!("N{}", (number + 1) % length), "Value")})))
+            .collect();
+        scene_with(link("N0", "Value"), nodes, vec![])
+    };
+    explained(&ring(1)).is_refused("itself", &["node N0", "a cycle of links: N0 -> N0", "Remove one"]);
+    explained(&ring(3)).is_refused("three", &["a cycle of links: N0 -> N1 -> N2 -> N0"]);
+    explained(&ring(5000)).is_refused("5000", &["a cycle of links", "4992 more"]);
+    let reroute = |name: &str, from: &str| {
+        json!({"name": name, "type": "NodeReroute", "socket_type": "float", "inputs": {"Input": link(from, "Output")}})
+    };
+    let reroutes = scene_with(link("A", "Output"), vec![reroute("A", "B"), reroute("B", "A")], vec![]);
+    explained(&reroutes).is_refused("reroutes", &["a cycle of links: A -> B -> A"]);
+    let muted = |name: &str, from: &str| {
+        json!({"name": name, "type": "ShaderNodeMath", "muted": true, "bypass": {"Value": "Value"},
+               "inputs": {"Value": link(from, "Value")}})
+    };
+    let muted = scene_with(link("A", "Value"), vec![muted("A", "B"), muted("B", "A")], vec![]);
+    explained(&muted).is_refused("muted nodes", &["a cycle of links: A -> B -> A"]);
+    // A group's output that leads back to its own input.
+    let group = json!({"name": "G", "nodes": [
+            {"name": "End", "type": "NodeGroupOutput", "inputs": {"out": {"group_input": "in"}}}],
+        "inputs": [{"identifier": "in", "name": "in", "type": "float", "default": 0.0}],
+        "outputs": [{"identifier": "out", "name": "out", "type": "float"}]});
+    let node = json!({"name": "Group", "type": "ShaderNodeGroup", "group": "G", "inputs": {"in": link("Group", "out")}});
+    explained(&scene_with(link("Group", "out"), vec![node], vec![group])).is_refused("group", &["a cycle of links"]);
+}
+
+/// A group whose output is its node `inner`, a group node of `of`, or an input.
+fn group_of(name: &str, of: &str) -> Json {
+    json!({"name": name, "inputs": [], "outputs": [{"identifier": "out", "name": "out", "type": "float"}], "nodes": [
+        {"name": "a", "type": "ShaderNodeGroup", "group": of, "inputs": {}},
+        {"name": "b", "type": "ShaderNodeGroup", "group": of, "inputs": {}},
+        {"name": "sum", "type": "ShaderNodeMath", "inputs": {"Value": link("a", "out"), "Value_001": link("b", "out")}},
+        {"name": "End", "type": "NodeGroupOutput", "inputs": {"out": link("sum", "Value")}},
+    ]})
+}
+
+#[test]
+fn groups_that_cannot_be_put_in_place() {
+    let use_of = |group: &str| json!({"name": "Group", "type": "ShaderNodeGroup", "group": group, "inputs": {}});
+    let scene = |groups: Vec<Json>, first: &str| scene_with(link("Group", "out"), vec![use_of(first)], groups);
+    explained(&scene(vec![group_of("G", "G")], "G")).is_refused("itself", &["group G: node a", "G -> G", "ring"]);
+    let ring = vec![group_of("A", "B"), group_of("B", "A")];
+    explained(&scene(ring, "A")).is_refused("ring", &["A -> B -> A", "Break the ring"]);
+    // 2^31 nodes from 31 groups.
+    let mut doubling: Vec<Json> = (0..30).map(|number| group_of(&format!("G{number}"), &format!("G{}", number + 1))).collect();
+    doubling.push(json!({"name": "G30", "inputs": [], "nodes": [{"name": "End", "type": "NodeGroupOutput", "inputs": {"out": 1.0}}],
+                         "outputs": [{"identifier": "out", "name": "out", "type": "float"}]}));
+    explained(&scene(doubling.clone(), "G0")).is_refused("doubling", &["$.graph", "nodes once all groups", "1000000"]);
+    let deep: Vec<Json> = (0..40).map(|number| group_of(&format!("G{number}"), &format!("G{}", number + 1))).collect();
+    explained(&scene(deep, "G0")).is_refused("deep", &["at most 32 deep"]);
+    explained(&scene(vec![], "G")).is_refused("missing", &["node Group", "a group \"G\"", "$.graph.groups"]);
+    let no_end = json!({"name": "G", "inputs": [], "nodes": [], "outputs": [{"identifier": "out", "name": "out", "type": "float"}]});
+    explained(&scene(vec![no_end], "G")).is_refused("no end", &["node Group", "no Group Output"]);
+    let other = json!({"name": "G", "inputs": [], "nodes": [], "outputs": []});
+    explained(&scene(vec![other.clone()], "G")).is_refused("no output", &["output \"out\"", "group \"G\""]);
+    let mut unknown = scene(vec![other], "G");
+    unknown["graph"]["nodes"][2]["inputs"] = json!({"in": 1.0});
+    explained(&unknown).is_refused("unknown input", &["node Group: input in"]);
+    let mut muted = scene(vec![], "G");
+    muted["graph"]["nodes"][2]["muted"] = true.into();
+    explained(&muted).is_refused("muted and missing", &["a group \"G\""]);
+}
+
+#[test]
+fn long_chains_compile_or_say_their_limit() {
+    let chain = |length: usize| {
+        let mut nodes = vec![coordinates()];
+        nodes.extend((0..length).map(|number| {
+            let before = if number == 0 { link("Texture Coordinate", "Object") } else { link(&format!("N{}", number - 1), "Value") };
+            math(&format!("N{number}"), "SINE", json!({"Value": before}))
+        }));
+        scene_with(link(&format!("N{}", length - 1), "Value"), nodes, vec![])
+    };
+    let (run, values, _) = evaluated(&chain(20_000), &[[0.1, 0.2, 0.3], [1.0, 2.0, 3.0]], &[]);
+    run.succeeds("20,000 nodes");
+    assert_eq!(values.len(), 2);
+    assert!(values.iter().all(|value| (0.0..0.1).contains(value)), "{values:?}");
+    explained(&chain(30_000)).is_refused("30,000 nodes", &["a chain of links through more than 25000 nodes"]);
+}
+
+#[test]
+fn node_names_of_any_script() {
+    for name in ["Wölkchen ☁", "雲", "a\nb", "a\u{2028}b", "#import x", "a /* b", "*/", "X::Y", "%n{}", " ", "'\"\\", "/", "A.B"] {
+        let mut scene = one_math(json!({"Value": link("T", "Object")}));
+        scene["graph"]["nodes"][1]["inputs"]["Density"] = link(name, "Value");
+        scene["graph"]["nodes"][2]["name"] = name.into();
+        scene["graph"]["nodes"].as_array_mut().expect("a list").push(json!({"name": "T", "type": "ShaderNodeTexCoord"}));
+        scene["graph"]["material"] = name.into();
+        explained(&scene).succeeds(name);
+        let (run, values, _) = evaluated(&scene, &[[0.25, 0.25, 0.25]], &["--output", &format!("{name}.Value")]);
+        run.succeeds(name);
+        assert_eq!(values, [0.75], "{name}");
+        let folder = folder();
+        write(&folder, "x.scene.json", &scene.to_string());
+        let shader = crate::run(folder.path(), &["shader", "x.scene.json", "-o", "x.wgsl"]);
+        shader.succeeds(name);
+    }
+}
+
+#[test]
+fn points_of_another_form() {
+    let scene = cloud();
+    let folder = folder();
+    write(&folder, "x.scene.json", &scene.to_string());
+    let zeros = [0_u8; 64];
+    for (what, bytes, parts) in [
+        ("f64", npy("<f8", "False", "(1, 3)", &zeros[..24]), vec!["p.npy", "float32"]),
+        ("integers", npy("<i4", "False", "(1, 3)", &zeros[..12]), vec!["p.npy", "float32"]),
+        ("text", npy("<U4", "False", "(1, 3)", &zeros[..48]), vec!["p.npy", "float32"]),
+        ("objects", npy("|O", "False", "(1, 3)", &zeros[..24]), vec!["p.npy", "float32"]),
+        ("one axis", npy("<f4", "False", "(3,)", &zeros[..12]), vec!["p.npy", "[n, 3]"]),
+        ("no axis", npy("<f4", "False", "()", &zeros[..4]), vec!["p.npy", "[n, 3]"]),
+        ("three axes", npy("<f4", "False", "(1, 1, 3)", &zeros[..12]), vec!["p.npy", "[n, 3]"]),
+        ("pairs", npy("<f4", "False", "(2, 2)", &zeros[..16]), vec!["p.npy", "[2, 2]", "[n, 3]"]),
+        ("fours", npy("<f4", "False", "(2, 4)", &zeros[..32]), vec!["p.npy", "[2, 4]"]),
+        ("no columns", npy("<f4", "False", "(2, 0)", &[]), vec!["p.npy", "[2, 0]"]),
+        ("too short", npy("<f4", "False", "(9, 3)", &zeros[..12]), vec!["p.npy"]),
+        ("too long", npy("<f4", "False", "(1, 3)", &zeros[..16]), vec!["p.npy"]),
+        ("huge", npy("<f4", "False", "(100000000000, 3)", &zeros[..12]), vec!["p.npy"]),
+        ("more than memory holds", npy("<f4", "False", "(4611686018427387904, 3)", &[]), vec!["p.npy"]),
+        ("negative", npy("<f4", "False", "(-1, 3)", &zeros[..12]), vec!["p.npy"]),
+        ("no numpy file", b"x,y,z\n0,0,0\n".to_vec(), vec!["p.npy"]),
+        ("empty", Vec::new(), vec!["p.npy"]),
+    ] {
+        std::fs::write(folder.path().join("p.npy"), bytes).expect("a temporary file");
+        let run = run(folder.path(), &["eval", "x.scene.json", "--points", "p.npy", "-o", "v.npy"]);
+        run.is_refused(what, &parts);
+        assert!(!folder.path().join("v.npy").exists(), "{what}");
+    }
+    // Column-major order and the other byte order are ways to write the same array.
+    let points = [[0.1_f32, 0.2, 0.3], [0.4, 0.5, 0.6]];
+    let expected = evaluated(&scene, &points, &[]).1;
+    let columns: Vec<u8> = (0..3).flat_map(|axis| points.map(|point| point[axis])).flat_map(f32::to_le_bytes).collect();
+    let big_end_first: Vec<u8> = points.as_flattened().iter().flat_map(|value| value.to_be_bytes()).collect();
+    for (what, bytes) in [
+        ("column-major", npy("<f4", "True", "(2, 3)", &columns)),
+        ("big end first", npy(">f4", "False", "(2, 3)", &big_end_first)),
+    ] {
+        std::fs::write(folder.path().join("p.npy"), bytes).expect("a temporary file");
+        run(folder.path(), &["eval", "x.scene.json", "--points", "p.npy", "-o", "v.npy"]).succeeds(what);
+        let (values, _) = cloudparity::files::read_values(&folder.path().join("v.npy")).expect("values");
+        assert_eq!(values, expected, "{what}");
+    }
+}
+
+#[test]
+fn no_points_give_no_values() {
+    for evaluator in ["cpu", "oracle"] {
+        let (run, values, shape) = evaluated(&cloud(), &[], &["--evaluator", evaluator]);
+        run.succeeds(evaluator);
+        assert_eq!((values.len(), shape), (0, vec![0]), "{evaluator}");
+    }
+    let scene = scene_with(json!(1.0), vec![coordinates()], vec![]);
+    let (run, _, shape) = evaluated(&scene, &[], &["--output", "Texture Coordinate.Object"]);
+    run.succeeds("vectors");
+    assert_eq!(shape, [0, 3]);
+    if support::require("vulkan") {
+        let (run, values, _) = evaluated(&cloud(), &[], &["--evaluator", "gpu"]);
+        run.succeeds("gpu");
+        assert!(values.is_empty());
+    }
+}
+
+/// Points that a field need not be defined at.
+fn wild_points() -> Vec<[f32; 3]> {
+    let values = [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, f32::MAX, f32::MIN, 1e20, -1e20, 3e9, 1e-45, -0.0, 0.3];
+    values
+        .iter()
+        .flat_map(|&x| [[x, 0.1, 0.2], [0.1, x, 0.2], [0.1, 0.2, x], [x, x, x]])
+        .collect()
+}
+
+#[test]
+fn wild_points_give_a_value_each() {
+    for evaluator in ["cpu", "oracle"] {
+        let (run, values, _) = evaluated(&cloud(), &wild_points(), &["--evaluator", evaluator]);
+        run.succeeds(evaluator);
+        assert_eq!(values.len(), wild_points().len(), "{evaluator}");
+    }
+}
+
+#[test]
+fn names_that_eval_does_not_find() {
+    let scene = cloud();
+    let points = [[0.1, 0.2, 0.3]];
+    for (more, parts) in [
+        (["--output", "Nobody.Value"], vec!["--output Nobody.Value", "no node of that name", "NODE.SOCKET"]),
+        (["--output", "Math"], vec!["--output Math", "no node of that name"]),
+        (["--output", ""], vec!["--output", "no node of that name"]),
+        (["--output", "Math.016.Nothing"], vec!["node Group.001/Math.016", "output \"Nothing\"", "Value"]),
+        (["--output", "Principled Volume.Volume"], vec!["node Principled Volume", "a closure"]),
+        (["--output", "Material Output.Volume"], vec!["node Material Output", "ShaderNodeOutputMaterial"]),
+        (["--set", "Scale=2"], vec!["--set Scale=2", "3 inputs", "Large Noise/Scale"]),
+        (["--set", "Nothing=2"], vec!["--set Nothing=2", "no input called", "Altitude"]),
+        (["--set", "Altitude=NaN"], vec!["--set Altitude=NaN", "a finite number"]),
+        (["--set", "Altitude=inf"], vec!["a finite number"]),
+        (["--set", "Altitude=1e39"], vec!["a finite number"]),
+        (["--set", "Altitude=-1"], vec!["0 to 10000", "limits"]),
+        (["--set", "Altitude=1,2,3"], vec!["3 numbers", "one for Altitude"]),
+        (["--set", "Altitude"], vec!["no \"=\"", "NAME=VALUE"]),
+        (["--set", "Principled Volume.Density=1"], vec!["a link from Group.001.Socket_0"]),
+    ] {
+        evaluated(&scene, &points, &more).0.is_refused(&more.join(" "), &parts);
+    }
+    let unrounded = evaluated(&scene, &points, &["--unrounded"]).0;
+    unrounded.is_refused("--unrounded", &["--evaluator oracle"]);
+}
+
+#[test]
+fn an_output_that_stands_in_several_trees_is_named_by_its_path() {
+    let group = json!({"name": "G", "inputs": [], "outputs": [{"identifier": "out", "name": "out", "type": "float"}],
+        "nodes": [math("Math", "ADD", json!({"Value": 1.0, "Value_001": 2.0})),
+                  {"name": "End", "type": "NodeGroupOutput", "inputs": {"out": link("Math", "Value")}}]});
+    let use_of = |name: &str| json!({"name": name, "type": "ShaderNodeGroup", "group": "G", "inputs": {}});
+    let nodes = vec![use_of("A"), use_of("B"), math("Math", "ADD", json!({"Value": 5.0, "Value_001": 2.0}))];
+    let scene = scene_with(link("A", "out"), nodes, vec![group]);
+    let points = [[0.0; 3]];
+    let ambiguous = evaluated(&scene, &points, &["--output", "Math.Value"]).0;
+    ambiguous.is_refused("ambiguous", &["3 nodes of that name", "/A/Math.Value or /B/Math.Value or /Math.Value"]);
+    for (name, value) in [("/Math.Value", 7.0), ("A/Math.Value", 3.0), ("/B/Math.Value", 3.0), ("B.out", 3.0)] {
+        let (run, values, _) = evaluated(&scene, &points, &["--output", name]);
+        run.succeeds(name);
+        assert_eq!(values, [value], "{name}");
+    }
+}
+
+#[test]
+fn places_that_cannot_be_written() {
+    let folder = folder();
+    write(&folder, "x.scene.json", &cloud().to_string());
+    write(&folder, "file", "not a folder");
+    save_points(&folder, "p.npy", &[[0.0; 3]]);
+    let into_file = run(folder.path(), &["eval", "x.scene.json", "--points", "p.npy", "-o", "file/v.npy"]);
+    into_file.is_refused("a file as folder", &["file/v.npy", "a writable file", "permissions"]);
+    let into_file = run(folder.path(), &["shader", "x.scene.json", "-o", "file/x.wgsl"]);
+    into_file.is_refused("a file as folder", &["file/x.wgsl", "a writable file"]);
+    std::fs::create_dir(folder.path().join("taken")).expect("a folder");
+    let onto_folder = run(folder.path(), &["shader", "x.scene.json", "-o", "taken"]);
+    onto_folder.is_refused("a folder as file", &["taken", "a writable file"]);
+    let nowhere = run(folder.path(), &["shader", "x.scene.json", "-o", "/proc/none/x.wgsl"]);
+    nowhere.is_refused("a folder that cannot be made", &["/proc/none/x.wgsl", "a writable file"]);
+    let names: Vec<_> = std::fs::read_dir(folder.path())
+        .expect("a folder")
+        .map(|entry| entry.expect("an entry").file_name().into_string().expect("a plain name"))
+        .filter(|name| name.starts_with(".cloudparity"))
+        .collect();
+    assert!(names.is_empty(), "temporary files are left: {names:?}");
+}
+
+#[test]
+fn command_lines_that_make_no_sense() {
+    let folder = folder();
+    for arguments in [&["paint"][..], &[], &["eval"], &["shader", "x.scene.json", "--target", "cuda", "-o", "x"]] {
+        let run = run(folder.path(), arguments);
+        assert_eq!(run.status, Some(2), "{arguments:?}");
+        assert!(!run.stderr.contains("panicked"), "{}", run.stderr);
+    }
+}
+
+#[test]
+fn without_an_adapter_the_cpu_serves() {
+    let folder = folder();
+    write(&folder, "x.scene.json", &cloud().to_string());
+    save_points(&folder, "p.npy", &[[0.1, 0.2, 0.3]]);
+    let no_driver = [("VK_ICD_FILENAMES", "/nonexistent"), ("VK_DRIVER_FILES", "/nonexistent")];
+    for environment in [&no_driver[..], &[("WGPU_ADAPTER_NAME", "no adapter has this name")]] {
+        let evaluate = |evaluator: &str| {
+            let arguments = ["eval", "x.scene.json", "--points", "p.npy", "-o", "v.npy", "--evaluator", evaluator];
+            run_with(folder.path(), &arguments, environment)
+        };
+        evaluate("gpu").is_refused("gpu", &["graphics adapter", "no adapter", "mesa-vulkan-drivers", "CPU evaluator"]);
+        assert!(!folder.path().join("v.npy").exists());
+        evaluate("cpu").succeeds("cpu");
+        std::fs::remove_file(folder.path().join("v.npy")).expect("the CPU wrote its values");
+    }
+}
+
+#[test]
+fn without_blender_it_says_so() {
+    let folder = folder();
+    write(&folder, "x.scene.json", &cloud().to_string());
+    write(&folder, "x.blend", "no Blender file");
+    let python = |path: &str, arguments: &[&str]| run_with(folder.path(), arguments, &[("CLOUDPARITY_PYTHON", path)]);
+    for arguments in [&["export", "x.blend", "-o", "y.scene.json"], &["build", "x.scene.json", "-o", "y.blend"]] {
+        python("/nonexistent/python", arguments)
+            .is_refused("no interpreter", &["interpreter /nonexistent/python", "No such file", "CLOUDPARITY_PYTHON"]);
+        if Path::new("/bin/false").exists() {
+            python("/bin/false", arguments).is_refused("no Python", &["it ended without an answer", "exit status: 1"]);
+            // Output that is no protocol, without end and not even text.
+            python("/bin/cat", arguments).is_refused("no Python", &["it ended without an answer"]);
+        }
+        // -S leaves out the packages of the interpreter, bpy among them.
+        let bare = folder.path().join("bare-python");
+        std::fs::write(&bare, "#!/bin/sh\nexec python3 -S -E \"$@\"\n").expect("a temporary file");
+        #[cfg(unix)]
+        {
+            use std::os::unix::fs::PermissionsExt;
+            std::fs::set_permissions(&bare, std::fs::Permissions::from_mode(0o755)).expect("a mode");
+            let run = python(&bare.display().to_string(), arguments);
+            run.is_refused("no bpy", &["bpy cannot be imported", "bpy 5.0.1"]);
+        }
+        assert!(!folder.path().join("y.scene.json").exists() && !folder.path().join("y.blend").exists());
+    }
+}
+
+/// Runs Python code with bpy; false where there is no bpy.
+fn in_blender(code: &str) -> bool {
+    if !support::require("bpy") {
+        return false;
+    }
+    let output = std::process::Command::new(cloudparity::blender::interpreter()).args(["-c", code]).output();
+    let output = output.expect("the interpreter starts");
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    true
+}
+
+#[test]
+fn blend_files_that_hold_no_volume() {
+    let folder = folder();
+    let save = |name: &str, change: &str| {
+        let path = folder.path().join(name).display().to_string();
+        in_blender(&format!("import bpy\n{change}\nbpy.ops.wm.save_as_mainfile(filepath={path:?})"))
+    };
+    // The start-up file has a cube with a surface material.
+    if !save("surface.blend", "") {
+        return;
+    }
+    let export = |arguments: &[&str]| run(folder.path(), &[&["export"], arguments, &["-o", "x.scene.json"]].concat());
+    export(&["surface.blend"]).is_refused("surface", &["surface.blend", "volume"]);
+    export(&["surface.blend", "--object", "Nobody"]).is_refused("object", &["Nobody"]);
+    save("empty.blend", "bpy.ops.wm.read_factory_settings(use_empty=True)");
+    export(&["empty.blend"]).is_refused("empty", &["empty.blend", "volume"]);
+    export(&["none.blend"]).is_refused("missing", &["none.blend"]);
+    write(&folder, "text.blend", "no Blender file");
+    export(&["text.blend"]).is_refused("text", &["text.blend"]);
+    let whole = std::fs::read(folder.path().join("surface.blend")).expect("a file");
+    std::fs::write(folder.path().join("cut.blend"), &whole[..whole.len() / 2]).expect("a temporary file");
+    export(&["cut.blend"]).is_refused("cut", &["cut.blend"]);
+    let volume = "m = bpy.data.materials['Material']; t = m.node_tree\n\
+                  n = t.nodes.new('ShaderNodeVolumePrincipled')\n\
+                  t.links.new(n.outputs[0], t.nodes['Material Output'].inputs['Volume'])\n\
+                  k = t.nodes.new('ShaderNodeTexMagic')\n\
+                  t.links.new(k.outputs['Factor' if 'Factor' in k.outputs else 'Fac'], n.inputs['Density'])";
+    save("magic.blend", volume);
+    export(&["magic.blend"]).is_refused("unsupported node", &["node Magic Texture", "ShaderNodeTexMagic"]);
+    assert!(!folder.path().join("x.scene.json").exists());
+}
