@@ -5,7 +5,7 @@
 //! bounds and the explanation are added. What a machine cannot do is listed in the report with the
 //! remedy. Each result is on disk as soon as it is there.
 
-use crate::blender::reference::{ReferenceSettings, reference};
+use crate::blender::reference::{ReferenceSettings, cache_folder, reference};
 use crate::blender::{self, Kernel, Message};
 use crate::cli::explain::describe;
 use crate::compare::{DiffRequest, DisplaySettings, Tolerances, Verdict};
@@ -13,6 +13,8 @@ use crate::error::{Error, Result};
 use crate::field::{self, Domain, Evaluator, domain, slices, suite};
 use crate::files;
 use crate::gpu::Gpu;
+use crate::graph::bounds::Bounds3;
+use crate::graph::bounds_check::Survey;
 use crate::graph::{Program, target};
 use crate::integrate::{self, Backend, MarchSettings};
 use crate::report;
@@ -95,6 +97,7 @@ pub fn run(settings: &Settings, receive: &(dyn Fn(f64, &str) + Sync)) -> Result<
         demo.leave_out("round trip, probe of the field, error of slices, modes", "Python has no module bpy", "make setup");
     }
     demo.timed("slices of the field", |demo| demo.slices(has_bpy))?;
+    demo.timed("bounds of the field", Demo::bounds)?;
     demo.timed("picture", Demo::picture)?;
     let picture = demo.timed("comparison of the pictures", Demo::compare)?;
     if has_bpy && settings.modes {
@@ -238,6 +241,22 @@ impl Demo<'_> {
         }
     }
 
+    /// A small survey of the bounds; `cloudparity bounds` makes a large one.
+    fn bounds(&mut self) -> Result<()> {
+        let program = Program::density(&self.scene)?;
+        let region = domain::region(&program, self.scene.volume.bounds)?;
+        let survey = Survey {
+            layer: Bounds3::new(region.min, region.max),
+            boxes: 1000,
+            samples: 200,
+            grid: 64,
+            cells: 2000,
+            refine: 1,
+            seed: 1,
+        };
+        self.write_json("bounds.json", &survey.run(&program)?)
+    }
+
     /// The scene as the picture shows it.
     fn picture_scene(&self) -> Scene {
         let mut scene = self.scene.clone();
@@ -258,7 +277,8 @@ impl Demo<'_> {
         let reference_path = self.path("reference.exr");
         if self.settings.live {
             let settings = ReferenceSettings { samples: 256, seed: 101, ..ReferenceSettings::default() };
-            let found = reference(&self.picture_scene(), &settings, self.messages("reference in Cycles"))?;
+            let messages = self.messages("reference in Cycles");
+            let found = reference(&self.picture_scene(), &settings, &cache_folder()?, messages)?;
             let bytes = std::fs::read(&found.path)
                 .map_err(|cause| Error::io(&found.path, "the reference in the cache", &cause))?;
             files::write_atomically(&reference_path, &bytes)?;

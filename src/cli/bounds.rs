@@ -65,5 +65,6 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
         report.to_string()
     };
     super::print(&text)?;
-    Ok(if report.violations == 0 { ExitCode::SUCCESS } else { ExitCode::FAILURE })
+    let in_grid = report.grid.as_ref().map_or(0, |grid| grid.violations);
+    Ok(if report.violations + in_grid == 0 { ExitCode::SUCCESS } else { ExitCode::FAILURE })
 }
