@@ -31,13 +31,12 @@ $(ENVIRONMENT): requirements.txt requirements-dev.txt | system
 build: setup
 	cargo build $(CARGO_FLAGS)
 
+# The demo prints the path of its page, and fails where field or picture differ from Cycles.
 demo: build ## render the cloud, compare it with the committed Cycles reference, write out/demo/index.html
 	$(PROGRAM) demo -o out/demo
-	@echo "the report: $(CURDIR)/out/demo/index.html"
 
 demo-live: build ## the same with a fresh Cycles render as reference (needs bpy; minutes)
 	$(PROGRAM) demo --live -o out/demo
-	@echo "the report: $(CURDIR)/out/demo/index.html"
 
 bench: build ## speed of the evaluators against Cycles, as ratios on this machine
 	$(PROGRAM) bench $(SCENE)

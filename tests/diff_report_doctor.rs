@@ -105,7 +105,8 @@ fn doctor_says_what_is_missing_and_what_to_do() {
     let document: Value = serde_json::from_slice(&assert.get_output().stdout).expect("stdout holds JSON alone");
     assert_eq!(document["all_there"], false);
     let checks = document["checks"].as_array().expect("a list of checks");
-    for what in ["graphics adapter", "Python", "bpy", "OpenImageIO", "numpy", "flip-evaluator", "opencolorio", "cache"] {
+    for what in ["graphics adapter", "Python", "bpy", "OpenImageIO", "numpy", "flip-evaluator", "opencolorio", "cache"]
+    {
         let check = checks.iter().find(|check| check["what"] == what).expect(what);
         assert!(check["found"].is_null() && check["problem"]["remedy"].as_str().is_some_and(|text| text.len() > 10));
     }
