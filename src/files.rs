@@ -2,7 +2,7 @@
 
 use crate::error::{Error, Result};
 use sha2::{Digest, Sha256};
-use std::io::Write;
+use std::io::{Read, Write};
 use std::path::Path;
 
 /// Writes `bytes` to `path` through a temporary file in the same folder and a rename, so that a
@@ -48,8 +48,34 @@ pub fn sha256(bytes: &[u8]) -> String {
     Sha256::digest(bytes).iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
+/// Refuses a `.npy` file whose header announces more values than the file has bytes for: the reader
+/// would ask for the memory first, and not getting it ends the program.
+fn check_announced_size(path: &Path) -> Result<()> {
+    let fail = |cause: &std::io::Error| Error::io(path, "a float32 .npy file", cause);
+    let mut file = std::fs::File::open(path).map_err(|cause| fail(&cause))?;
+    let size = file.metadata().map_err(|cause| fail(&cause))?.len();
+    // Longer headers than this belong to structured types, which the reader refuses.
+    let mut start = Vec::new();
+    std::io::Read::take(&mut file, 4096).read_to_end(&mut start).map_err(|cause| fail(&cause))?;
+    let header = String::from_utf8_lossy(&start);
+    let shape = header.split_once("shape").and_then(|(_, rest)| rest.split_once('(')?.1.split_once(')'));
+    let Some((shape, _)) = shape else { return Ok(()) };
+    let lengths = shape.split(',').map(str::trim).filter(|length| !length.is_empty());
+    let values = lengths.map(|length| length.parse::<u64>().unwrap_or(0)).fold(1_u64, u64::saturating_mul);
+    if values.saturating_mul(4) > size {
+        return Err(Error::new(
+            path.display().to_string(),
+            format!("{size} bytes for an array of shape ({shape})"),
+            "as many float32 values as the header announces",
+            "Write the file again; it is cut short or damaged.",
+        ));
+    }
+    Ok(())
+}
+
 /// Reads a float32 `.npy` file of shape `[n, 3]`.
 pub fn read_points(path: &Path) -> Result<Vec<[f32; 3]>> {
+    check_announced_size(path)?;
     let array: ndarray::Array2<f32> = ndarray_npy::read_npy(path).map_err(|cause| {
         Error::new(
             path.display().to_string(),
@@ -80,6 +106,7 @@ pub fn write_values(path: &Path, values: &[f32], components: usize) -> Result<()
 
 /// Reads any float32 `.npy` file as its flat values and shape.
 pub fn read_values(path: &Path) -> Result<(Vec<f32>, Vec<usize>)> {
+    check_announced_size(path)?;
     let array: ndarray::ArrayD<f32> = ndarray_npy::read_npy(path).map_err(|cause| {
         Error::new(path.display().to_string(), cause.to_string(), "a float32 .npy file", "Run the step again.")
     })?;

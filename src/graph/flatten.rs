@@ -174,7 +174,11 @@ impl<'a> Flattener<'a> {
         }
         for identifier in node.inputs.keys() {
             if !group.inputs.iter().any(|socket| socket.identifier == *identifier) {
-                return Err(unknown_input(&place, identifier, group.inputs.iter().map(|socket| socket.identifier.as_str())));
+                return Err(unknown_input(
+                    &place,
+                    identifier,
+                    group.inputs.iter().map(|socket| socket.identifier.as_str()),
+                ));
             }
         }
         self.note(tree, node, "inlined", format!("group \"{name}\""));

@@ -335,12 +335,19 @@ pub fn write(module: &naga::Module, language: Language) -> Result<Vec<u8>> {
             .map_err(|cause| failure(cause.to_string()))?
             .into_bytes(),
         Language::Spirv => {
-            let words = back::spv::write_vec(module, &info, &back::spv::Options::default(), None)
+            let options = back::spv::Options { lang_version: (1, 3), ..Default::default() };
+            let words = back::spv::write_vec(module, &info, &options, None)
                 .map_err(|cause| failure(cause.to_string()))?;
             words.iter().flat_map(|word| word.to_le_bytes()).collect()
         }
         Language::Glsl => {
-            let options = back::glsl::Options { version: back::glsl::Version::Desktop(450), ..Default::default() };
+            // GLSL has no groups; the numbers of the only group stay.
+            let bindings = module.global_variables.iter().filter_map(|(_, variable)| variable.binding);
+            let options = back::glsl::Options {
+                version: back::glsl::Version::Desktop(450),
+                binding_map: bindings.filter_map(|place| Some((place, u8::try_from(place.binding).ok()?))).collect(),
+                ..Default::default()
+            };
             let pipeline = back::glsl::PipelineOptions {
                 shader_stage: naga::ShaderStage::Compute,
                 entry_point: entry,

@@ -9,7 +9,8 @@ pub static TYPE: NodeType = NodeType {
     type_name: "ShaderNodeSeparateXYZ",
     label: "Separate XYZ",
     module: "separate_xyz",
-    shader: include_str!("../../shaders/nodes/separate_xyz.wgsl"),
+    // The compiler names the columns instead of calling anything.
+    shader: "",
     properties: &[],
     inputs: &[InputSocket::vector("Vector", "Vector", &[0.0; 3], always)],
     outputs: &[

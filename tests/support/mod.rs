@@ -4,12 +4,16 @@
 use cloudparity::scene::Scene;
 use std::path::{Path, PathBuf};
 
-/// Whether an optional requirement ("bpy", "vulkan") is there. When it is not, says so and returns
+/// Whether an optional requirement ("bpy", "vulkan", "spirv-tools") is there. When it is not, says so and returns
 /// false; panics instead when `CLOUDPARITY_REQUIRE` names it, so that CI cannot skip by accident.
 pub fn require(what: &str) -> bool {
     let there = match what {
         "bpy" => cloudparity::blender::has_bpy(),
         "vulkan" => cloudparity::gpu::Gpu::open().is_ok(),
+        // Debian packages spirv-tools and glslang-tools.
+        "spirv-tools" => ["spirv-val", "glslangValidator"].iter().all(|program| {
+            std::process::Command::new(program).arg("--version").output().is_ok_and(|output| output.status.success())
+        }),
         other => panic!("unknown requirement {other}"),
     };
     if !there {

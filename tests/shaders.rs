@@ -1,0 +1,338 @@
+//! Generated shaders: every target language, every node in every mode, every file of `shaders/`, and
+//! nothing in a shader that its graph does not use.
+
+mod support;
+
+use assert_cmd::Command;
+use cloudparity::field::suite::{bare_scene, modes};
+use cloudparity::graph::wgsl::{self, Linker};
+use cloudparity::graph::{Program, Target};
+use cloudparity::nodes::{self, Mode, NodeType, Role};
+use cloudparity::scene::Scene;
+use rayon::prelude::*;
+use serde_json::{Map, Value as Json, json};
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
+
+/// Set to renew the committed WGSL of the cloud.
+const RENEW: &str = "CLOUDPARITY_RENEW_SNAPSHOTS";
+
+/// Nodes per generated module: what all modules share is parsed once for this many.
+const NODES_PER_MODULE: usize = 12;
+
+/// Every file below a folder of the project with this ending, sorted.
+fn files_below(folder: &str, ending: &str) -> Vec<PathBuf> {
+    let mut open = vec![support::project(folder)];
+    let mut found = Vec::new();
+    while let Some(folder) = open.pop() {
+        for entry in std::fs::read_dir(&folder).expect("a folder of the project") {
+            let path = entry.expect("an entry").path();
+            if path.is_dir() {
+                open.push(path);
+            } else if path.to_string_lossy().ends_with(ending) {
+                found.push(path);
+            }
+        }
+    }
+    found.sort();
+    assert!(!found.is_empty(), "no {ending} in {folder}");
+    found
+}
+
+/// Validates with all of naga's capabilities (native) and with those of every WebGPU implementation.
+fn validate(what: &str, module: &naga::Module) {
+    for capabilities in [naga::valid::Capabilities::all(), naga::valid::Capabilities::empty()] {
+        let mut validator = naga::valid::Validator::new(naga::valid::ValidationFlags::all(), capabilities);
+        if let Err(cause) = validator.validate(module) {
+            panic!("{what} with {capabilities:?}: {}", cause.into_inner());
+        }
+    }
+}
+
+fn function_names(module: &naga::Module) -> BTreeSet<String> {
+    module.functions.iter().filter_map(|(_, function)| function.name.clone()).collect()
+}
+
+#[test]
+fn every_scene_gives_a_shader_in_every_language() {
+    let tools = support::require("spirv-tools");
+    for scene in files_below("parity/scenes", ".scene.json") {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        for (language, ending, start) in [
+            ("wgsl", "wgsl", ""),
+            ("spirv", "spv", "\u{3}\u{2}#\u{7}"),
+            ("glsl", "comp", "#version 450 core\n"),
+            ("hlsl", "hlsl", ""),
+            ("msl", "metal", "// language: metal2.4\n"),
+        ] {
+            let output = folder.path().join(format!("shader.{ending}"));
+            Command::new(env!("CARGO_BIN_EXE_cloudparity"))
+                .args(["shader".as_ref(), scene.as_os_str(), "--target".as_ref(), language.as_ref(), "-o".as_ref()])
+                .arg(&output)
+                .assert()
+                .success();
+            let bytes = std::fs::read(&output).expect("the shader");
+            assert!(bytes.len() > 100 && bytes.starts_with(start.as_bytes()), "{} {language}", scene.display());
+            let checker = match language {
+                "spirv" => Some(("spirv-val", vec!["--target-env", "vulkan1.1"])),
+                "glsl" => Some(("glslangValidator", vec!["-G", "--target-env", "opengl"])),
+                _ => None,
+            };
+            if let Some((program, arguments)) = checker.filter(|_| tools) {
+                Command::new(program).args(arguments).arg(&output).assert().success();
+            }
+            if language == "wgsl" {
+                // The text is complete and names nothing that WGSL reserves.
+                let text = String::from_utf8(bytes).expect("text");
+                let module = naga::front::wgsl::parse_str(&text)
+                    .unwrap_or_else(|cause| panic!("{}: {}", scene.display(), cause.emit_to_string(&text)));
+                validate(&scene.display().to_string(), &module);
+            }
+        }
+    }
+}
+
+#[test]
+fn the_checkers_refuse_a_damaged_shader() {
+    if !support::require("spirv-tools") {
+        return;
+    }
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let program = Program::density(&support::scene("procedural-clouds")).expect("the cloud compiles");
+    let mut binary = wgsl::standalone(&program, wgsl::Language::Spirv).expect("SPIR-V");
+    binary.truncate(binary.len() - 4);
+    let path = folder.path().join("cut.spv");
+    std::fs::write(&path, binary).expect("a temporary file");
+    Command::new("spirv-val").arg(&path).assert().failure();
+    let text = String::from_utf8(wgsl::standalone(&program, wgsl::Language::Glsl).expect("GLSL")).expect("text");
+    let path = folder.path().join("cut.comp");
+    std::fs::write(&path, text.replacen("float", "flaot", 1)).expect("a temporary file");
+    Command::new("glslangValidator").args(["-G", "--target-env", "opengl"]).arg(&path).assert().failure();
+}
+
+#[test]
+fn the_cloud_is_written_as_committed() {
+    let program = Program::density(&support::scene("procedural-clouds")).expect("the cloud compiles");
+    let text = String::from_utf8(wgsl::standalone(&program, wgsl::Language::Wgsl).expect("WGSL")).expect("text");
+    let path = support::project("parity/snapshots/procedural-clouds.wgsl");
+    if std::env::var_os(RENEW).is_some() {
+        cloudparity::files::write_atomically(&path, text.as_bytes()).expect("the snapshot is written");
+    }
+    let committed = std::fs::read_to_string(&path).unwrap_or_default();
+    let different = text.lines().zip(committed.lines()).position(|(new, old)| new != old);
+    assert!(
+        text == committed,
+        "{} differs from the generated text from line {} on. When the change is meant, run \
+         {RENEW}=1 cargo test --release --test shaders and review the difference.",
+        path.display(),
+        different.map_or_else(|| text.lines().count().min(committed.lines().count()), |line| line) + 1
+    );
+}
+
+#[test]
+fn the_cloud_holds_nothing_that_it_does_not_use() {
+    let scene = support::scene("procedural-clouds");
+    let program = Program::density(&scene).expect("the cloud compiles");
+    let module = linked(&program);
+    let names = function_names(&module);
+    let modules: BTreeSet<&str> = program.instructions.iter().map(|instruction| instruction.node_type.module).collect();
+    for name in &names {
+        assert!(!name.contains("naga_oil"), "a name that nobody can read: {name}");
+        // Modes that the cloud does not have, and nodes that it does not hold.
+        for absent in ["minkowski", "manhattan", "chebychev", "smooth", "edge", "radius", "ridged", "hybrid", "hetero"]
+        {
+            assert!(!name.contains(absent), "{name} is in the cloud's shader");
+        }
+        for node_type in nodes::registry().iter().filter(|node_type| !node_type.shader.is_empty()) {
+            let is_of_node = name
+                .strip_prefix(node_type.module)
+                .is_some_and(|rest| rest.starts_with('_') && rest[1..].starts_with(|c: char| c.is_ascii_digit()));
+            assert!(!is_of_node || modules.contains(node_type.module), "{name} is in the cloud's shader");
+        }
+    }
+    // The same question finds them in a graph that has them.
+    let minkowski = json!({"distance": "MINKOWSKI", "feature": "SMOOTH_F1"});
+    let voronoi = nodes::find("ShaderNodeTexVoronoi").expect("a registered node");
+    let mode = minkowski.as_object().expect("an object").clone();
+    let names = function_names(&linked(&program_of(voronoi, &[mode], Inputs::Linked, None).expect("a program")));
+    assert!(names.iter().any(|name| name.contains("smooth")), "{names:?}");
+}
+
+/// Outputs of Separate XYZ.
+const AXES: [&str; 3] = ["X", "Y", "Z"];
+
+/// What the inputs of a generated node are.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Inputs {
+    /// All linked to something that varies.
+    Linked,
+    /// All but the first are the constant 0, for which modules hold shorter code.
+    Zero,
+}
+
+/// A program of one node per mode, each with all outputs wanted or with the one of this number; none
+/// where no mode has that output.
+fn program_of(
+    node_type: &'static NodeType,
+    modes: &[Map<String, Json>],
+    inputs: Inputs,
+    output: Option<usize>,
+) -> Option<Program> {
+    let mut graph = vec![
+        json!({"name": "Coordinate", "type": "ShaderNodeTexCoord"}),
+        json!({"name": "Separate", "type": "ShaderNodeSeparateXYZ",
+               "inputs": {"Vector": {"node": "Coordinate", "socket": "Object"}}}),
+    ];
+    let mut targets = Vec::new();
+    for (number, properties) in modes.iter().enumerate() {
+        let mode = Mode::read(node_type, properties, node_type.label).expect("a mode of the registry");
+        let mut stored = Map::new();
+        for (index, socket) in node_type.inputs_of(&mode).enumerate() {
+            let is_vector = socket.kind.components() == 3;
+            let value = match (inputs == Inputs::Linked || index == 0, is_vector) {
+                (true, true) => json!({"node": "Coordinate", "socket": "Object"}),
+                (true, false) => json!({"node": "Separate", "socket": AXES[index % 3]}),
+                (false, true) => json!([0.0, 0.0, 0.0]),
+                (false, false) => json!(0.0),
+            };
+            stored.insert(socket.identifier.to_owned(), value);
+        }
+        let name = format!("Node {number}");
+        graph.push(json!({"name": name, "type": node_type.type_name, "properties": properties, "inputs": stored}));
+        let outputs: Vec<_> = node_type.outputs_of(&mode).collect();
+        match output {
+            None => targets.extend(outputs.iter().map(|output| Target::output(&name, output.identifier))),
+            // A mode with a single output was asked for it when all were.
+            Some(wanted) if outputs.len() > 1 => {
+                targets.extend(outputs.get(wanted).map(|output| Target::output(&name, output.identifier)));
+            }
+            Some(_) => {}
+        }
+    }
+    let scene = bare_scene("modes", json!({"material": "Material", "nodes": graph, "groups": []})).expect("a scene");
+    let what = || format!("{} {modes:?} {inputs:?} {output:?}", node_type.label);
+    (!targets.is_empty())
+        .then(|| Program::compile(&scene, &targets).unwrap_or_else(|cause| panic!("{}: {cause}", what())))
+}
+
+/// Links a program to an entry that evaluates it once.
+fn linked(program: &Program) -> naga::Module {
+    let entry = "#import cloudparity::graph\n\
+        @group(0) @binding(0) var<storage, read> position: vec3f;\n\
+        @compute @workgroup_size(1)\n\
+        fn main() { let value = graph::evaluate(position); }\n";
+    Linker::new(program).and_then(|linker| linker.link("test.wgsl", entry)).unwrap_or_else(|cause| {
+        panic!("{cause}\n{}", program.instructions.iter().map(|i| i.label.as_str()).collect::<String>())
+    })
+}
+
+fn evaluated_types() -> impl Iterator<Item = &'static NodeType> {
+    nodes::registry().iter().copied().filter(|node_type| matches!(node_type.role, Role::Evaluated(_)))
+}
+
+/// Every mode of every node, linked and validated; the names of all functions by module of a node.
+fn link_every_mode() -> BTreeSet<String> {
+    let mut work = Vec::new();
+    for node_type in evaluated_types() {
+        let most_outputs = node_type.outputs.len();
+        for chunk in modes(node_type).chunks(NODES_PER_MODULE) {
+            for inputs in [Inputs::Linked, Inputs::Zero] {
+                let single = (0..most_outputs).map(Some);
+                work.extend(
+                    std::iter::once(None).chain(single).map(|output| (node_type, chunk.to_vec(), inputs, output)),
+                );
+            }
+        }
+    }
+    let linked_programs: Vec<BTreeSet<String>> = work
+        .into_par_iter()
+        .filter_map(|(node_type, modes, inputs, output)| {
+            let program = program_of(node_type, &modes, inputs, output)?;
+            let module = linked(&program);
+            validate(&format!("{} {modes:?} {inputs:?} {output:?}", node_type.label), &module);
+            Some(function_names(&module))
+        })
+        .collect();
+    assert!(linked_programs.len() >= 50, "only {} modules", linked_programs.len());
+    linked_programs.into_iter().flatten().collect()
+}
+
+/// A file of `shaders/`.
+struct Shader {
+    /// Below `shaders/`, with slashes.
+    path: String,
+    text: String,
+    import_path: Option<String>,
+    is_entry: bool,
+}
+
+fn shaders() -> BTreeMap<String, Shader> {
+    let root = support::project("shaders");
+    files_below("shaders", ".wgsl")
+        .into_iter()
+        .map(|file| {
+            let below: &Path = file.strip_prefix(&root).expect("a file below the folder");
+            let path = below.iter().map(|part| part.to_string_lossy()).collect::<Vec<_>>().join("/");
+            let text = std::fs::read_to_string(&file).expect("a shader");
+            let import_path =
+                text.lines().find_map(|line| line.strip_prefix("#define_import_path ")).map(str::to_owned);
+            let is_entry = ["@compute", "@vertex", "@fragment"].iter().any(|stage| text.contains(stage));
+            (path.clone(), Shader { path, text, import_path, is_entry })
+        })
+        .collect()
+}
+
+/// Files that `text` imports, directly.
+fn imported<'a>(text: &str, all: &'a BTreeMap<String, Shader>) -> Vec<&'a Shader> {
+    let paths: Vec<&str> = text.lines().filter_map(|line| line.trim().strip_prefix("#import ")).collect();
+    all.values()
+        .filter(|shader| {
+            let Some(import_path) = &shader.import_path else { return false };
+            paths.iter().any(|path| {
+                path.strip_prefix(import_path.as_str())
+                    .is_some_and(|rest| !rest.starts_with(|c: char| c.is_alphanumeric() || c == '_'))
+            })
+        })
+        .collect()
+}
+
+/// Adds what `shader` imports, what that imports first. The linker itself adds the modules of nodes.
+fn add_imports(linker: &mut Linker, shader: &Shader, all: &BTreeMap<String, Shader>, added: &mut BTreeSet<String>) {
+    for import in imported(&shader.text, all) {
+        if import.path.starts_with("nodes/") || !added.insert(import.path.clone()) {
+            continue;
+        }
+        add_imports(linker, import, all, added);
+        linker.add(&import.path, &import.text).unwrap_or_else(|cause| panic!("{}: {cause}", import.path));
+    }
+}
+
+#[test]
+fn every_mode_and_every_file_links_and_validates() {
+    let names = link_every_mode();
+    let all = shaders();
+    let scene: Scene = support::scene("procedural-clouds");
+    let program = Program::density(&scene).expect("the cloud compiles");
+    let mut used: BTreeSet<String> = BTreeSet::new();
+    for shader in all.values().filter(|shader| shader.is_entry) {
+        let mut linker = Linker::new(&program).expect("the cloud links");
+        add_imports(&mut linker, shader, &all, &mut used);
+        let module = linker.link(&shader.path, &shader.text).unwrap_or_else(|cause| panic!("{}: {cause}", shader.path));
+        assert!(!module.entry_points.is_empty(), "{}: no entry point", shader.path);
+        validate(&shader.path, &module);
+        used.insert(shader.path.clone());
+    }
+    for shader in all.values().filter(|shader| shader.path.starts_with("nodes/")) {
+        let stem = Path::new(&shader.path).file_stem().expect("a name").to_string_lossy().into_owned();
+        let prefix = match &shader.import_path {
+            // Shared modules keep their name; a node's module becomes one instance per mode.
+            Some(path) => format!("{}_", path.rsplit("::").next().unwrap_or(path)),
+            None => format!("{stem}_1i_"),
+        };
+        if names.iter().any(|name| name.starts_with(&prefix)) {
+            used.insert(shader.path.clone());
+        }
+    }
+    let unused: Vec<_> = all.keys().filter(|path| !used.contains(*path)).collect();
+    assert!(unused.is_empty(), "linked into no generated module: {unused:?}\nfunctions: {names:?}");
+}
