@@ -97,8 +97,8 @@ fn hash_float2(x: f32, y: f32) -> f32 {
     return unit_from_bits(jenkins2(bitcast<u32>(x), bitcast<u32>(y)));
 }
 
-// PCG in parts: all cells of a row share the linear step of a component, and the last scaling can be merged with a factor
-// of the caller. 31 bits are left, so that the signed conversion, one instruction everywhere, serves.
+// PCG in parts: all cells of a row share the linear step of a component, and the caller may merge the last scaling with
+// a factor of its own. 31 bits are left, so that the signed conversion, one instruction everywhere, serves.
 const PCG_MULTIPLIER: i32 = 1664525;
 const PCG_INCREMENT: i32 = 1013904223;
 const PCG_MASK: i32 = 0x7fffffff;
