@@ -172,7 +172,7 @@ fn emission_meets_its_closed_form_with_and_without_density() {
     scene.film.transparent = true;
     set(&mut scene, "Emission Strength", Input::Number(0.5));
     set(&mut scene, "Color", color([0.0; 3]));
-    for (density, expected) in [(0.0, 1.0), (0.7, 0.5 * (1.0 - (-1.4_f64).exp()) / 0.7)] {
+    for (density, expected) in [(0.0_f64, 1.0), (0.7, 0.5 * (1.0 - (-1.4_f64).exp()) / 0.7)] {
         set(&mut scene, "Density", Input::Number(density as f32));
         let found = render(&scene, &exact());
         close(found[0], expected, 1e-6);

@@ -265,7 +265,9 @@ fn rename(module: &mut naga::Module) {
     }
     let types: Vec<_> = module.types.iter().map(|(handle, kind)| (handle, kind.clone())).collect();
     for (handle, mut kind) in types {
-        if let Some(name) = kind.name.as_deref().map(plain) {
+        // A type that keeps its name stays: the arena refuses to replace one by its equal.
+        let Some(name) = kind.name.as_deref().map(plain) else { continue };
+        if kind.name.as_deref() != Some(name.as_str()) {
             kind.name = Some(name);
             module.types.replace(handle, kind);
         }
