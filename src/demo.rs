@@ -94,7 +94,11 @@ pub fn run(settings: &Settings, receive: &(dyn Fn(f64, &str) + Sync)) -> Result<
         demo.timed("round trip through a .blend", Demo::round_trip)?;
         field = Some(demo.timed("probe of the field", Demo::probe)?);
     } else {
-        demo.leave_out("round trip, probe of the field, error of slices, modes", "Python has no module bpy", "make setup");
+        demo.leave_out(
+            "round trip, probe of the field, error of slices, modes",
+            "Python has no module bpy",
+            "make setup",
+        );
     }
     demo.timed("slices of the field", |demo| demo.slices(has_bpy))?;
     demo.timed("bounds of the field", Demo::bounds)?;
@@ -268,8 +272,7 @@ impl Demo<'_> {
     }
 
     fn picture(&mut self) -> Result<()> {
-        let image =
-            integrate::render(&self.picture_scene(), &MarchSettings::default(), Backend::Cpu, self.receive)?;
+        let image = integrate::render(&self.picture_scene(), &MarchSettings::default(), Backend::Cpu, self.receive)?;
         image.write_exr(&self.path("ours.exr"), false)
     }
 
@@ -328,5 +331,6 @@ fn evaluator_title(evaluator: Evaluator) -> &'static str {
 /// Whether `path` lies on a file system that can be written, before a long run starts.
 pub fn check_writable(path: &Path) -> Result<()> {
     files::write_atomically(&path.join(".cloudparity-write-check"), b"")?;
-    std::fs::remove_file(path.join(".cloudparity-write-check")).map_err(|cause| Error::io(path, "a writable folder", &cause))
+    std::fs::remove_file(path.join(".cloudparity-write-check"))
+        .map_err(|cause| Error::io(path, "a writable folder", &cause))
 }

@@ -48,11 +48,14 @@ fn every_committed_scene_fits_the_schema() {
     }
 }
 
+/// What is wrong, and how to make it so.
+type Mutation = (&'static str, fn(&mut Value));
+
 #[test]
 fn the_schema_refuses_what_the_program_refuses() {
     let validator = jsonschema::validator_for(&committed_schema()).expect("the schema is a JSON Schema");
     let (_, good) = committed_scenes().swap_remove(0);
-    let mutations: [(&str, fn(&mut Value)); 5] = [
+    let mutations: [Mutation; 5] = [
         ("an unknown key", |scene| scene["camera"]["zoom"] = 1.into()),
         ("a missing key", |scene| drop(scene.as_object_mut().expect("an object").remove("film"))),
         ("a word for a number", |scene| scene["camera"]["focal_length"] = "long".into()),

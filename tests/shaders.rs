@@ -125,7 +125,7 @@ fn the_cloud_is_written_as_committed() {
         "{} differs from the generated text from line {} on. When the change is meant, run \
          {RENEW}=1 cargo test --release --test shaders and review the difference.",
         path.display(),
-        different.map_or_else(|| text.lines().count().min(committed.lines().count()), |line| line) + 1
+        different.unwrap_or_else(|| text.lines().count().min(committed.lines().count())) + 1
     );
 }
 

@@ -25,8 +25,7 @@ pub(super) struct Arguments {
 
 pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
     demo::check_writable(&arguments.output)?;
-    let settings =
-        Settings { output: arguments.output.clone(), live: arguments.live, modes: !arguments.without_modes };
+    let settings = Settings { output: arguments.output.clone(), live: arguments.live, modes: !arguments.without_modes };
     let bar = super::progress_bar(1000);
     let report = |done: f64, what: &str| {
         bar.set_position((done * 1000.0) as u64);

@@ -137,12 +137,12 @@ pub struct Request<'a> {
     pub evaluators: &'a [Evaluator],
 }
 
+/// What each of our evaluators found, in the order asked for.
+pub type Comparisons = Vec<(Evaluator, Comparison)>;
+
 /// Compares at the same points for every request, with one Blender process for all of them.
 /// Returns, per request, the evaluators' comparisons in order, and the reference.
-pub fn compare(
-    requests: &[Request<'_>],
-    receive: impl FnMut(Message),
-) -> Result<(Vec<Vec<(Evaluator, Comparison)>>, Reference)> {
+pub fn compare(requests: &[Request<'_>], receive: impl FnMut(Message)) -> Result<(Vec<Comparisons>, Reference)> {
     // What ours cannot do is said before Cycles spends minutes.
     let programs: Vec<Program> = requests
         .iter()
@@ -206,7 +206,7 @@ pub fn probe(
 }
 
 /// Comparisons as figures by evaluator name, with each evaluator's limit.
-pub fn figures(comparisons: Vec<(Evaluator, Comparison)>) -> IndexMap<&'static str, Figures> {
+pub fn figures(comparisons: Comparisons) -> IndexMap<&'static str, Figures> {
     comparisons
         .into_iter()
         .map(|(evaluator, comparison)| (evaluator.name(), comparison.figures(evaluator.limit())))

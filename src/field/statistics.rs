@@ -115,7 +115,7 @@ impl Comparison {
     /// Compares values that hold, point by point, the same number of components.
     pub fn new(positions: &[[f32; 3]], ours: &[f32], theirs: &[f32]) -> Result<Self> {
         let points = positions.len();
-        if ours.len() != theirs.len() || points == 0 || ours.len() % points != 0 {
+        if ours.len() != theirs.len() || points == 0 || !ours.len().is_multiple_of(points) {
             return Err(Error::new(
                 "comparison of values",
                 format!("{} of ours and {} of the reference for {points} points", ours.len(), theirs.len()),

@@ -133,9 +133,8 @@ fn refine(program: &Program, workspace: &mut Workspace, place: &Bounds3, depth: 
     let mut known: Option<Vec<Interval>> = None;
     let mut pending = vec![(*place, whole, depth)];
     while let Some((place, bounds, depth)) = pending.pop() {
-        let inside = |known: &Vec<Interval>| {
-            known.iter().zip(&bounds).all(|(known, bounds)| known.hull(*bounds) == *known)
-        };
+        let inside =
+            |known: &Vec<Interval>| known.iter().zip(&bounds).all(|(known, bounds)| known.hull(*bounds) == *known);
         let point_like = bounds.iter().all(|bounds| bounds.as_point().is_some());
         if known.as_ref().is_some_and(inside) {
             continue;

@@ -242,10 +242,10 @@ fn expression(operands: &[Operand], names: &[String], place: &str) -> Result<Str
     if parts.len() == 1 {
         return Ok(parts[0].clone());
     }
-    if let Some(whole) = parts[0].strip_suffix(".x") {
-        if parts.iter().zip(AXES).all(|(part, axis)| *part == format!("{whole}.{axis}")) {
-            return Ok(whole.to_owned());
-        }
+    if let Some(whole) = parts[0].strip_suffix(".x")
+        && parts.iter().zip(AXES).all(|(part, axis)| *part == format!("{whole}.{axis}"))
+    {
+        return Ok(whole.to_owned());
     }
     Ok(format!("vec3f({})", parts.join(", ")))
 }
@@ -338,8 +338,8 @@ pub fn write(module: &naga::Module, language: Language) -> Result<Vec<u8>> {
             .into_bytes(),
         Language::Spirv => {
             let options = back::spv::Options { lang_version: (1, 3), ..Default::default() };
-            let words = back::spv::write_vec(module, &info, &options, None)
-                .map_err(|cause| failure(cause.to_string()))?;
+            let words =
+                back::spv::write_vec(module, &info, &options, None).map_err(|cause| failure(cause.to_string()))?;
             words.iter().flat_map(|word| word.to_le_bytes()).collect()
         }
         Language::Glsl => {

@@ -158,7 +158,8 @@ impl<R: Real> Fractal<R> {
         let (one, threshold) = (R::of(1.0), R::of(0.001));
         let (mut amplitude, mut value, mut weight) = (one, R::of(0.0), one);
         for _ in 0..=octaves {
-            if !(weight > threshold) {
+            // A NaN weight ends the sum, too.
+            if weight <= threshold || weight.is_nan() {
                 break;
             }
             weight = weight.fmin(one);

@@ -58,6 +58,11 @@ pub trait Real:
     fn fmin(self, other: Self) -> Self;
     /// C `fmax`: the operand that is not NaN.
     fn fmax(self, other: Self) -> Self;
+    /// Whether it is not a number.
+    #[inline(always)]
+    fn is_nan(self) -> bool {
+        self.to_f64().is_nan()
+    }
     /// Truncation to i32; -2^31 for NaN and for magnitudes from 2^31 on, as on x86.
     fn to_int(self) -> i32;
 

@@ -496,9 +496,9 @@ fn parse<T: serde::de::DeserializeOwned>(text: &str, place: &str) -> Result<T> {
 fn check_numbers(value: &serde_json::Value, path: &mut String, place: &str) -> Result<()> {
     let length = path.len();
     match value {
-        serde_json::Value::Number(number) => {
+        serde_json::Value::Number(number)
             // Rounded first: the shortest decimal of the largest f32 lies above it.
-            if !number.as_f64().is_some_and(|value| (value as f32).is_finite()) {
+            if !number.as_f64().is_some_and(|value| (value as f32).is_finite()) => {
                 return Err(Error::new(
                     format!("{place}: {path}"),
                     number.to_string(),
@@ -506,7 +506,6 @@ fn check_numbers(value: &serde_json::Value, path: &mut String, place: &str) -> R
                     "Choose a finite value.",
                 ));
             }
-        }
         serde_json::Value::Array(items) => {
             for (index, item) in items.iter().enumerate() {
                 path.push_str(&format!("[{index}]"));

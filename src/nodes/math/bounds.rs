@@ -100,10 +100,11 @@ fn floored_modulo(a: Interval, b: Interval) -> Interval {
 
 /// `a` brought into [minimum, maximum); `minimum` for an empty range.
 pub(in crate::nodes) fn wrap(a: Interval, maximum: Interval, minimum: Interval) -> Interval {
-    if let (Some(from), Some(to)) = (minimum.as_point(), maximum.as_point()) {
-        if from == to && from.is_finite() {
-            return minimum;
-        }
+    if let (Some(from), Some(to)) = (minimum.as_point(), maximum.as_point())
+        && from == to
+        && from.is_finite()
+    {
+        return minimum;
     }
     let range = maximum - minimum;
     if range.has_zero() {

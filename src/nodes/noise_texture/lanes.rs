@@ -114,7 +114,7 @@ fn fbm<S: Simd, const N: usize>(simd: S, plan: &Plan, p: [S::f32s; N]) -> S::f32
     let (mut total, mut amplitude, mut scale) = (0.0_f32, 1.0_f32, 1.0_f32);
     let mut sum = S::f32s::splat(simd, 0.0);
     for _ in 0..=plan.detail as i32 {
-        sum = sum + signed_noise::<S, N>(simd, p.map(|x| x * scale)) * amplitude;
+        sum += signed_noise::<S, N>(simd, p.map(|x| x * scale)) * amplitude;
         total += amplitude;
         amplitude *= plan.roughness;
         scale *= plan.lacunarity;

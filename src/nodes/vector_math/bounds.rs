@@ -96,9 +96,7 @@ pub(super) fn operation(operation: &str, [a, b, c]: [Vector; 3], scale: Interval
         "MULTIPLY" => each(a, b, |x, y| x * y),
         "DIVIDE" => each(a, b, Interval::safe_divide),
         "MULTIPLY_ADD" => each(each(a, b, |x, y| x * y), c, |x, y| x + y),
-        "CROSS_PRODUCT" => {
-            [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
-        }
+        "CROSS_PRODUCT" => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]],
         "PROJECT" => project(a, b),
         "REFLECT" => reflect(a, b),
         "REFRACT" => refract(a, b, scale),

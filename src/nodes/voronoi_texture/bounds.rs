@@ -150,9 +150,7 @@ impl<const N: usize> Place<N> {
 
     /// Cells in the window of some coordinate: first and last along each axis.
     fn window(&self, radius: i32) -> [[i32; 2]; N] {
-        std::array::from_fn(|axis| {
-            [self.low[axis].floor() as i32 - radius, self.high[axis].floor() as i32 + radius]
-        })
+        std::array::from_fn(|axis| [self.low[axis].floor() as i32 - radius, self.high[axis].floor() as i32 + radius])
     }
 
     fn window_size(&self, radius: i32) -> f64 {
@@ -263,7 +261,7 @@ impl VoronoiTexture {
             return Some(Measure { metric: self.metric, exponent: 1.0 });
         }
         let exponent = f64::from(parameters.exponent.as_point()?);
-        let scanned = EXPONENTS[0] <= exponent && exponent <= EXPONENTS[1];
+        let scanned = (EXPONENTS[0]..=EXPONENTS[1]).contains(&exponent);
         scanned.then_some(Measure { metric: Metric::Minkowski, exponent })
     }
 
@@ -423,9 +421,8 @@ impl VoronoiTexture {
         let scanned = self.scan(&place, measure, 1, second, largest, wants_candidates);
         found.distance = scanned.distance.meet(found.distance);
         if let Some(candidates) = scanned.candidates {
-            let hull_of = |value: &dyn Fn(&CellPoint<N>) -> Interval| {
-                candidates.iter().map(value).reduce(Interval::hull)
-            };
+            let hull_of =
+                |value: &dyn Fn(&CellPoint<N>) -> Interval| candidates.iter().map(value).reduce(Interval::hull);
             for channel in 0..3 {
                 let color = hull_of(&|point| {
                     let color = cell_color(point.cell)[channel];
@@ -434,8 +431,7 @@ impl VoronoiTexture {
                 found.color[channel] = color.map_or(found.color[channel], |color| color.meet(found.color[channel]));
             }
             for axis in 0..N {
-                let position =
-                    hull_of(&|point| Interval::with_error(point.low[axis], point.high[axis], ERROR, false));
+                let position = hull_of(&|point| Interval::with_error(point.low[axis], point.high[axis], ERROR, false));
                 found.position[axis] =
                     position.map_or(found.position[axis], |position| position.meet(found.position[axis]));
             }

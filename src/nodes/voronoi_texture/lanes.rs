@@ -43,9 +43,9 @@ pub(super) fn evaluate(node: &VoronoiTexture, inputs: &[Column<'_, f32>], output
         (_, _) => dispatch!(level, simd => run::<_, 4, CHEBYCHEV>(simd, &plan, inputs, output)),
     }
     for index in 0..output.len() {
-        let far = (0..node.dimensions)
-            .any(|axis| !((inputs[axis].values[index] * plan.largest_factor).abs() < LARGEST_COORDINATE));
-        if far {
+        let near = (0..node.dimensions)
+            .all(|axis| (inputs[axis].values[index] * plan.largest_factor).abs() < LARGEST_COORDINATE);
+        if !near {
             node.evaluate(&columns_at(inputs, index), &mut [&mut output[index..=index]]);
         }
     }
@@ -172,7 +172,7 @@ fn run_vectorized<S: Simd, const N: usize, const METRIC: u8>(
             };
         }
         if let Some(divisor) = plan.divisor {
-            sum = sum / divisor;
+            sum /= divisor;
         }
         let mut values = [0.0; 64];
         sum.store_slice(&mut values[..lanes]);
