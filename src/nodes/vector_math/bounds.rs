@@ -1,7 +1,7 @@
 //! Bounds of the Vector Math node's operations.
 
 use crate::nodes::bounds::Interval;
-use crate::nodes::math::bounds::{modulo, sign, snap, wrap};
+use crate::nodes::math::bounds::{may_overflow, modulo, sign, snap, wrap};
 
 type Vector = [Interval; 3];
 
@@ -140,5 +140,5 @@ fn truncated_modulo(a: Interval, b: Interval) -> Interval {
     if b.as_point() == Some(0.0) {
         return Interval::ZERO;
     }
-    if b.has_zero() || !a.divide(b).is_finite() { Interval::EVERYTHING } else { modulo(a, b) }
+    if b.has_zero() || may_overflow(&[a, b]) || !a.divide(b).is_finite() { Interval::EVERYTHING } else { modulo(a, b) }
 }

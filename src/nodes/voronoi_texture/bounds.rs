@@ -397,7 +397,8 @@ impl VoronoiTexture {
         let radius = if smooth { 2.0 } else { 1.0 };
         let error = if smooth { mixing_error::<N>() } else { ERROR };
         Found {
-            distance: Interval::with_error(-smoothness, largest, error, unfit),
+            // Blending octaves turns an infinite distance into NaN.
+            distance: Interval::with_error(-smoothness, largest, error, unfit || largest.is_infinite()),
             color: [Interval::with_error(-undershoot, 1.0, error, unfit); 3],
             position: x.map(|x| {
                 let place = x.floor() + Interval::with_error(-radius - undershoot, radius + 1.0, error, false);
