@@ -54,8 +54,7 @@ pub fn run(scene: &Scene, settings: &Settings, mut receive: impl FnMut(&str)) ->
             })?),
             None => None,
         };
-        let cycles_rate =
-            if settings.with_cycles { Some(cycles_rate(scene, points, settings.repeats)?) } else { None };
+        let cycles_rate = if settings.with_cycles { Some(cycles_rate(scene, points, settings.repeats)?) } else { None };
         rows.push(BenchRow {
             what: workload.what.to_owned(),
             points: Some(points.len() as u64),
@@ -74,11 +73,12 @@ pub fn run(scene: &Scene, settings: &Settings, mut receive: impl FnMut(&str)) ->
 fn workloads(scene: &Scene, program: &Program, count: usize) -> Result<Vec<Workload>> {
     let (low, high) = active_box(scene, program)?;
     let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(42);
-    let mut point = || -> [f32; 3] {
-        std::array::from_fn(|axis| {
-            if low[axis] < high[axis] { random.random_range(low[axis]..high[axis]) } else { low[axis] }
-        })
-    };
+    let mut point =
+        || -> [f32; 3] {
+            std::array::from_fn(|axis| {
+                if low[axis] < high[axis] { random.random_range(low[axis]..high[axis]) } else { low[axis] }
+            })
+        };
     let scattered: Vec<[f32; 3]> = (0..count).map(|_| point()).collect();
     // A tile is what 8x8 neighbouring pixels of a picture 1024 pixels wide see at one depth.
     let pitch = (high[0] - low[0]).max(high[1] - low[1]) / 1024.0;
@@ -101,10 +101,8 @@ fn workloads(scene: &Scene, program: &Program, count: usize) -> Result<Vec<Workl
         }
     }
     inside.truncate(count);
-    let mut all = vec![
-        Workload { what: "random order", points: scattered },
-        Workload { what: "8x8 tiles", points: tiles },
-    ];
+    let mut all =
+        vec![Workload { what: "random order", points: scattered }, Workload { what: "8x8 tiles", points: tiles }];
     if inside.len() == count {
         all.push(Workload { what: "non-zero points alone", points: inside });
     }

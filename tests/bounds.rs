@@ -132,8 +132,7 @@ fn texture_inputs(node_type: &'static NodeType, mode: &Mode, random: &mut ChaCha
 /// Evaluates a kernel at points and counts the values outside of the bounds.
 fn outside(kernel: &dyn Kernel, inputs: &[Vec<f32>], bounds: &[Interval]) -> (usize, String) {
     let count = inputs.first().map_or(1, Vec::len);
-    let columns: Vec<Column<'_, f32>> =
-        inputs.iter().map(|values| Column { values, uniform: false }).collect();
+    let columns: Vec<Column<'_, f32>> = inputs.iter().map(|values| Column { values, uniform: false }).collect();
     let mut single = vec![vec![0.0_f32; count]; bounds.len()];
     let mut slices: Vec<&mut [f32]> = single.iter_mut().map(Vec::as_mut_slice).collect();
     kernel.evaluate_f32(&columns, &mut slices);
@@ -184,10 +183,8 @@ fn check_mode(node_type: &'static NodeType, mode: &Mode, boxes: usize, samples: 
         };
         let mut bounds = vec![Interval::EVERYTHING; width];
         kernel.bounds(&intervals, &mut bounds);
-        let inputs: Vec<Vec<f32>> = intervals
-            .iter()
-            .map(|&interval| (0..samples).map(|_| value_in(interval, &mut random)).collect())
-            .collect();
+        let inputs: Vec<Vec<f32>> =
+            intervals.iter().map(|&interval| (0..samples).map(|_| value_in(interval, &mut random)).collect()).collect();
         let (found, example) = outside(kernel.as_ref(), &inputs, &bounds);
         if found > 0 {
             failures.push(format!(

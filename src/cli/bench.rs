@@ -37,17 +37,15 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
     if !with_cycles && !arguments.without_cycles {
         eprintln!("warning: bpy is missing: Cycles is not measured, so there are no ratios (make setup installs it)");
     }
-    let settings =
-        Settings { points: arguments.points as usize, repeats: arguments.repeats as usize, with_cycles };
+    let settings = Settings { points: arguments.points as usize, repeats: arguments.repeats as usize, with_cycles };
     let bar = super::progress_bar(3);
     let rows = bench::run(&scene, &settings, |what| {
         bar.set_message(what.to_owned());
         bar.inc(1);
     })?;
     bar.finish_and_clear();
-    let adapter = Gpu::open().map_or(serde_json::Value::Null, |gpu| {
-        serde_json::to_value(gpu.adapter()).expect("an adapter serialises")
-    });
+    let adapter = Gpu::open()
+        .map_or(serde_json::Value::Null, |gpu| serde_json::to_value(gpu.adapter()).expect("an adapter serialises"));
     let result = Bench { adapter, rows };
     let json = serde_json::to_string_pretty(&result).expect("figures serialise") + "\n";
     if let Some(path) = &arguments.output {
@@ -77,5 +75,7 @@ fn table(bench: &Bench) -> String {
         );
     }
     let adapter = bench.adapter["name"].as_str().unwrap_or("none");
-    text + &format!("Adapter: {adapter}. Rates are slopes between two point counts; Cycles' is without what its render costs for an empty graph.\n")
+    text + &format!(
+        "Adapter: {adapter}. Rates are slopes between two point counts; Cycles' is without what its render costs for an empty graph.\n"
+    )
 }

@@ -94,9 +94,8 @@ fn in_cell<const N: usize>(cell: [i64; N], f: [Span; N]) -> Span {
     let middle = f.map(|f| 0.5 * (f[0] + f[1]));
     for corner in 0..1 << N {
         let bit = |axis: usize| (corner >> axis) & 1;
-        let hash = jenkins(std::array::from_fn::<u32, N, _>(|axis| {
-            (cell[axis] as i32 as u32).wrapping_add(bit(axis) as u32)
-        }));
+        let hash =
+            jenkins(std::array::from_fn::<u32, N, _>(|axis| (cell[axis] as i32 as u32).wrapping_add(bit(axis) as u32)));
         let mut value = [0.0; 2];
         let mut middle_value = 0.0;
         for axis in 0..N {
@@ -245,9 +244,7 @@ fn fbm<const N: usize>(parameters: &Parameters, p: [Interval; N], normalize: boo
         }
         let value = normalized(sum, total);
         match noise.get(octaves + 1) {
-            Some(&next) if rest.high > 0.0 => {
-                value.lerp(normalized(sum + next * amplitude, total + amplitude), rest)
-            }
+            Some(&next) if rest.high > 0.0 => value.lerp(normalized(sum + next * amplitude, total + amplitude), rest),
             _ => value,
         }
     })

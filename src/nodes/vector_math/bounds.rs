@@ -28,9 +28,10 @@ pub(super) fn length(a: Vector) -> Interval {
 /// Unit vector, or the vector itself when its length vanishes.
 fn safe_unit(a: Vector) -> Vector {
     let nan = a.iter().any(|x| x.may_be_nan || x.magnitude().is_infinite());
-    if nan || square(a).low < SMALLEST_SQUARE {
+    let norm_square = square(a);
+    if nan || norm_square.low < SMALLEST_SQUARE || norm_square.high.is_infinite() {
         // Rounding of tiny squares lengthens a vector by less than a half: f32 holds the square of
-        // a length that it does not flush to within a factor of 2.
+        // a length that it does not flush to within a factor of 2. An overflowing square gives 0.
         return [Interval::new(-1.5, 1.5).or_nan(nan); 3];
     }
     std::array::from_fn(|axis| {
@@ -96,9 +97,7 @@ pub(super) fn operation(operation: &str, [a, b, c]: [Vector; 3], scale: Interval
         "MULTIPLY" => each(a, b, |x, y| x * y),
         "DIVIDE" => each(a, b, Interval::safe_divide),
         "MULTIPLY_ADD" => each(each(a, b, |x, y| x * y), c, |x, y| x + y),
-        "CROSS_PRODUCT" => {
-            [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
-        }
+        "CROSS_PRODUCT" => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]],
         "PROJECT" => project(a, b),
         "REFLECT" => reflect(a, b),
         "REFRACT" => refract(a, b, scale),
