@@ -49,6 +49,15 @@ impl Workspace {
         Self { registers: vec![Interval::EVERYTHING; program.registers], inputs: Vec::new() }
     }
 
+    /// [`Self::run`], divided `depth` times.
+    pub(crate) fn run_refined(&mut self, program: &Program, place: &Bounds3, depth: u32, results: &mut [Interval]) {
+        if depth == 0 {
+            self.run(program, place, results);
+        } else {
+            refine(program, self, place, depth, results);
+        }
+    }
+
     /// Encloses every output component over `place`.
     pub(crate) fn run(&mut self, program: &Program, place: &Bounds3, results: &mut [Interval]) {
         for instruction in &program.instructions {
@@ -101,13 +110,7 @@ impl Program {
         }
         results.par_chunks_mut(width).zip(boxes).for_each_init(
             || Workspace::new(self),
-            |workspace, (results, place)| {
-                if depth == 0 {
-                    workspace.run(self, place, results);
-                } else {
-                    refine(self, workspace, place, depth, results);
-                }
-            },
+            |workspace, (results, place)| workspace.run_refined(self, place, depth, results),
         );
         Ok(results)
     }

@@ -27,7 +27,7 @@ fn smooth_minimum(a: Interval, b: Interval, k: Interval) -> Interval {
     let plain = a.fmin(b);
     if !a.is_finite() || !b.is_finite() || !k.is_finite() {
         let lowest = plain - Interval::new(0.0, k.high.max(0.0)) * Interval::point(0.2);
-        let nan = plain.may_be_nan || k.may_be_nan || k.high == f32::INFINITY || !plain.is_finite();
+        let nan = plain.may_be_nan || k.may_be_nan || k.magnitude().is_infinite() || !plain.is_finite();
         return Interval::EVERYTHING.meet(Interval { low: lowest.low, high: plain.high, may_be_nan: nan });
     }
     let value = |a: f64, b: f64, k: f64| {
@@ -41,6 +41,11 @@ fn smooth_minimum(a: Interval, b: Interval, k: Interval) -> Interval {
     // Each of the steps rounds relative to its operands.
     let error = 1e-6 * (a.magnitude() + b.magnitude() + k.magnitude());
     Interval::with_error(value(a0, b0, k1), value(a1, b1, k0), error, false)
+}
+
+/// Whether a product that is nearly one of these may exceed f32.
+pub(in crate::nodes) fn may_overflow(operands: &[Interval]) -> bool {
+    operands.iter().any(|operand| !operand.is_finite() || operand.magnitude() > 1e38)
 }
 
 /// The quotient's integer part, if it is the same for the whole box and no rounding can change it.
@@ -87,7 +92,7 @@ fn floored_modulo(a: Interval, b: Interval) -> Interval {
     if b.as_point() == Some(0.0) {
         return Interval::ZERO;
     }
-    if b.has_zero() {
+    if b.has_zero() || may_overflow(&[a, b]) {
         return Interval::EVERYTHING;
     }
     let quotient = a.divide(b);
@@ -107,7 +112,7 @@ pub(in crate::nodes) fn wrap(a: Interval, maximum: Interval, minimum: Interval) 
         return minimum;
     }
     let range = maximum - minimum;
-    if range.has_zero() {
+    if range.has_zero() || may_overflow(&[a, maximum, minimum]) {
         return Interval::EVERYTHING;
     }
     let quotient = (a - minimum).divide(range);

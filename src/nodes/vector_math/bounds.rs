@@ -1,7 +1,7 @@
 //! Bounds of the Vector Math node's operations.
 
 use crate::nodes::bounds::Interval;
-use crate::nodes::math::bounds::{modulo, sign, snap, wrap};
+use crate::nodes::math::bounds::{may_overflow, modulo, sign, snap, wrap};
 
 type Vector = [Interval; 3];
 
@@ -28,9 +28,10 @@ pub(super) fn length(a: Vector) -> Interval {
 /// Unit vector, or the vector itself when its length vanishes.
 fn safe_unit(a: Vector) -> Vector {
     let nan = a.iter().any(|x| x.may_be_nan || x.magnitude().is_infinite());
-    if nan || square(a).low < SMALLEST_SQUARE {
+    let norm_square = square(a);
+    if nan || norm_square.low < SMALLEST_SQUARE || norm_square.high.is_infinite() {
         // Rounding of tiny squares lengthens a vector by less than a half: f32 holds the square of
-        // a length that it does not flush to within a factor of 2.
+        // a length that it does not flush to within a factor of 2. An overflowing square gives 0.
         return [Interval::new(-1.5, 1.5).or_nan(nan); 3];
     }
     std::array::from_fn(|axis| {
@@ -138,5 +139,5 @@ fn truncated_modulo(a: Interval, b: Interval) -> Interval {
     if b.as_point() == Some(0.0) {
         return Interval::ZERO;
     }
-    if b.has_zero() || !a.divide(b).is_finite() { Interval::EVERYTHING } else { modulo(a, b) }
+    if b.has_zero() || may_overflow(&[a, b]) || !a.divide(b).is_finite() { Interval::EVERYTHING } else { modulo(a, b) }
 }

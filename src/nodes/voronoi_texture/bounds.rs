@@ -57,6 +57,9 @@ struct Found<const N: usize> {
 struct Place<const N: usize> {
     low: [f64; N],
     high: [f64; N],
+    /// Cells of the corners.
+    first: [i32; N],
+    last: [i32; N],
     randomness: [f64; 2],
 }
 
@@ -70,47 +73,127 @@ struct CellPoint<const N: usize> {
 
 /// How offsets along the axes join to the quantity that the scan compares: terms are joined, the
 /// root makes a distance of the whole.
-#[derive(Clone, Copy)]
-struct Measure {
-    metric: Metric,
-    exponent: f64,
-}
-
-impl Measure {
-    #[inline(always)]
-    fn term(self, offset: f64) -> f64 {
-        match self.metric {
-            Metric::Euclidean => offset * offset,
-            Metric::Manhattan | Metric::Chebychev => offset,
-            Metric::Minkowski => offset.powf(self.exponent),
-        }
-    }
-
+trait Measure: Copy {
+    /// What an offset along one axis counts.
+    fn term(self, offset: f64) -> f64;
+    /// Two terms together.
     #[inline(always)]
     fn join(self, a: f64, b: f64) -> f64 {
-        if self.metric == Metric::Chebychev { a.max(b) } else { a + b }
+        a + b
     }
+    /// The distance of the joined terms.
+    fn root(self, joined: f64) -> f64;
+    /// Error of a distance.
+    fn error(self) -> f64 {
+        ERROR
+    }
+}
 
+/// Root of the sum of squares.
+#[derive(Clone, Copy)]
+struct Euclidean;
+
+impl Measure for Euclidean {
+    #[inline(always)]
+    fn term(self, offset: f64) -> f64 {
+        offset * offset
+    }
     #[inline(always)]
     fn root(self, joined: f64) -> f64 {
-        match self.metric {
-            Metric::Euclidean => joined.sqrt(),
-            Metric::Minkowski => joined.powf(1.0 / self.exponent),
-            _ => joined,
-        }
+        joined.sqrt()
     }
+}
 
-    fn of<const N: usize>(self, offsets: [f64; N]) -> f64 {
-        offsets.iter().fold(0.0, |joined, &offset| self.join(joined, self.term(offset)))
+/// Sum of magnitudes; also the one axis of 1D.
+#[derive(Clone, Copy)]
+struct Manhattan;
+
+impl Measure for Manhattan {
+    #[inline(always)]
+    fn term(self, offset: f64) -> f64 {
+        offset
     }
+    #[inline(always)]
+    fn root(self, joined: f64) -> f64 {
+        joined
+    }
+}
 
-    /// Error of a distance: flushed powers of small offsets count with large exponents.
+/// Largest magnitude.
+#[derive(Clone, Copy)]
+struct Chebychev;
+
+impl Measure for Chebychev {
+    #[inline(always)]
+    fn term(self, offset: f64) -> f64 {
+        offset
+    }
+    #[inline(always)]
+    fn join(self, a: f64, b: f64) -> f64 {
+        a.max(b)
+    }
+    #[inline(always)]
+    fn root(self, joined: f64) -> f64 {
+        joined
+    }
+}
+
+/// Root of the sum of powers with this exponent, one of [`EXPONENTS`].
+#[derive(Clone, Copy)]
+struct Minkowski(f64);
+
+impl Measure for Minkowski {
+    fn term(self, offset: f64) -> f64 {
+        offset.powf(self.0)
+    }
+    fn root(self, joined: f64) -> f64 {
+        joined.powf(1.0 / self.0)
+    }
+    /// Flushed powers of small offsets count with large exponents.
     fn error(self) -> f64 {
-        if self.metric == Metric::Minkowski { 2e-4 } else { ERROR }
+        2e-4
     }
+}
+
+/// The metric of a mode, with a fixed exponent.
+#[derive(Clone, Copy)]
+enum Shape {
+    Euclidean,
+    Manhattan,
+    Chebychev,
+    Minkowski(f64),
+}
+
+/// Calls the body with the shape's [`Measure`].
+macro_rules! with_measure {
+    ($shape:expr, |$measure:ident| $body:expr) => {
+        match $shape {
+            Shape::Euclidean => {
+                let $measure = Euclidean;
+                $body
+            }
+            Shape::Manhattan => {
+                let $measure = Manhattan;
+                $body
+            }
+            Shape::Chebychev => {
+                let $measure = Chebychev;
+                $body
+            }
+            Shape::Minkowski(exponent) => {
+                let $measure = Minkowski(exponent);
+                $body
+            }
+        }
+    };
 }
 
 impl<const N: usize> Place<N> {
+    fn new(low: [f64; N], high: [f64; N], randomness: [f64; 2]) -> Self {
+        let cell = |x: f64| x.floor() as i32;
+        Self { low, high, first: low.map(cell), last: high.map(cell), randomness }
+    }
+
     fn point(&self, cell: [i32; N]) -> CellPoint<N> {
         let hash: [f64; N] = if N == 1 {
             // One axis hashes the float; the interface hashes -0 as 0 here, see `edge` for the other.
@@ -128,7 +211,7 @@ impl<const N: usize> Place<N> {
 
     /// Least and greatest joined offset between the box and a cell's point.
     #[inline(always)]
-    fn reach(&self, point: &CellPoint<N>, measure: Measure) -> [f64; 2] {
+    fn reach(&self, point: &CellPoint<N>, measure: impl Measure) -> [f64; 2] {
         let mut reach = [0.0; 2];
         for axis in 0..N {
             let (below, above) = (self.low[axis] - point.high[axis], point.low[axis] - self.high[axis]);
@@ -142,15 +225,12 @@ impl<const N: usize> Place<N> {
 
     /// Whether a cell is in the window of every coordinate of the box.
     fn always_sees(&self, cell: [i32; N], radius: i32) -> bool {
-        (0..N).all(|axis| {
-            let (first, last) = (self.low[axis].floor() as i32, self.high[axis].floor() as i32);
-            last - radius <= cell[axis] && cell[axis] <= first + radius
-        })
+        (0..N).all(|axis| self.last[axis] - radius <= cell[axis] && cell[axis] <= self.first[axis] + radius)
     }
 
     /// Cells in the window of some coordinate: first and last along each axis.
     fn window(&self, radius: i32) -> [[i32; 2]; N] {
-        std::array::from_fn(|axis| [self.low[axis].floor() as i32 - radius, self.high[axis].floor() as i32 + radius])
+        std::array::from_fn(|axis| [self.first[axis] - radius, self.last[axis] + radius])
     }
 
     fn window_size(&self, radius: i32) -> f64 {
@@ -173,9 +253,9 @@ struct Axis {
 const MOST_CELLS: usize = 24;
 
 /// The scan's state: the least two of the near and of the far joined offsets.
-struct Scan<'a, const N: usize> {
+struct Scan<'a, M, const N: usize> {
     place: &'a Place<N>,
-    measure: Measure,
+    measure: M,
     axes: [Axis; N],
     radius: i32,
     /// Joined offset below which a point is in every window, whatever its cell.
@@ -190,7 +270,7 @@ struct Scan<'a, const N: usize> {
     candidates: Option<(&'a mut Vec<CellPoint<N>>, f64)>,
 }
 
-impl<const N: usize> Scan<'_, N> {
+impl<M: Measure, const N: usize> Scan<'_, M, N> {
     /// Joined offset from which a cell can change nothing.
     #[inline(always)]
     fn limit(&self) -> f64 {
@@ -228,7 +308,8 @@ impl<const N: usize> Scan<'_, N> {
             return;
         }
         insert(&mut self.near, near);
-        if self.wants_far && (far < self.always_seen || self.place.always_sees(cell, self.radius)) {
+        let improves = self.wants_far && far < self.far[usize::from(self.second)];
+        if improves && (far < self.always_seen || self.place.always_sees(cell, self.radius)) {
             insert(&mut self.far, far);
         }
     }
@@ -253,16 +334,18 @@ struct Scanned<const N: usize> {
 
 impl VoronoiTexture {
     /// The metric with a fixed exponent, if it can be scanned.
-    fn measure<const N: usize>(&self, parameters: &Parameters) -> Option<Measure> {
-        if N == 1 {
-            return Some(Measure { metric: Metric::Manhattan, exponent: 1.0 });
-        }
-        if self.metric != Metric::Minkowski {
-            return Some(Measure { metric: self.metric, exponent: 1.0 });
-        }
-        let exponent = f64::from(parameters.exponent.as_point()?);
-        let scanned = (EXPONENTS[0]..=EXPONENTS[1]).contains(&exponent);
-        scanned.then_some(Measure { metric: Metric::Minkowski, exponent })
+    fn shape<const N: usize>(&self, parameters: &Parameters) -> Option<Shape> {
+        Some(match self.metric {
+            _ if N == 1 => Shape::Manhattan,
+            Metric::Euclidean => Shape::Euclidean,
+            Metric::Manhattan => Shape::Manhattan,
+            Metric::Chebychev => Shape::Chebychev,
+            Metric::Minkowski => {
+                let exponent = f64::from(parameters.exponent.as_point()?);
+                let scanned = EXPONENTS[0] <= exponent && exponent <= EXPONENTS[1];
+                return scanned.then_some(Shape::Minkowski(exponent));
+            }
+        })
     }
 
     /// Largest distance of an offset with these magnitudes, for any exponent of the box.
@@ -282,9 +365,12 @@ impl VoronoiTexture {
                 f64::INFINITY
             };
         }
-        let metric = if N == 1 { Metric::Manhattan } else { self.metric };
-        let measure = Measure { metric, exponent: 1.0 };
-        measure.root(measure.of(offsets)) + ERROR
+        let length = match self.metric {
+            Metric::Chebychev => offsets.iter().copied().fold(0.0, f64::max),
+            Metric::Euclidean if N > 1 => offsets.iter().map(|x| x * x).sum::<f64>().sqrt(),
+            _ => offsets.iter().sum(),
+        };
+        length + ERROR
     }
 
     /// Upper end of the feature's distance, wherever the coordinate is: by the cell's own point for
@@ -302,18 +388,15 @@ impl VoronoiTexture {
         if x.iter().any(|x| !x.is_finite() || x.magnitude() > LARGEST_COORDINATE) {
             return None;
         }
-        Some(Place {
-            low: x.map(|x| x.ends()[0]),
-            high: x.map(|x| x.ends()[1]),
-            randomness: parameters.randomness.ends(),
-        })
+        let ends = x.map(Interval::ends);
+        Some(Place::new(ends.map(|x| x[0]), ends.map(|x| x[1]), parameters.randomness.ends()))
     }
 
     /// Bounds of the least (or second least) distance over a window, with the points that may attain it.
     fn scan<const N: usize>(
         &self,
         place: &Place<N>,
-        measure: Measure,
+        measure: impl Measure,
         radius: i32,
         second: bool,
         largest: f64,
@@ -326,24 +409,31 @@ impl VoronoiTexture {
             return Scanned { distance: Interval::with_error(0.0, largest, error, false), candidates: None };
         }
         let axes = std::array::from_fn(|axis| {
-            let [first, last] = window[axis];
+            let gap = |cell: i32| {
+                let gap = (f64::from(cell) - place.high[axis]).max(place.low[axis] - f64::from(cell + 1));
+                measure.term(gap.max(0.0))
+            };
             let mut cells = [(0, 0.0); MOST_CELLS];
             let mut count = 0;
-            // The cell of the box first, then outwards: in the order of the gaps.
-            let (inner_first, inner_last) = (first + radius, last - radius);
-            let mut push = |cell: i32| {
-                let gap = (f64::from(cell) - place.high[axis]).max(place.low[axis] - f64::from(cell + 1)).max(0.0);
-                cells[count] = (cell, measure.term(gap));
+            // The cells of the box itself have no gap.
+            for cell in place.first[axis]..=place.last[axis] {
+                cells[count].0 = cell;
                 count += 1;
-            };
-            (inner_first..=inner_last).for_each(&mut push);
-            for step in 1..=radius {
-                push(inner_first - step);
-                push(inner_last + step);
             }
-            let mut axis = Axis { cells, count };
-            axis.cells[..count].sort_unstable_by(|a, b| a.1.total_cmp(&b.1));
-            axis
+            // Outwards on both sides, the nearer one first.
+            let (mut below, mut above) = (place.first[axis] - 1, place.last[axis] + 1);
+            for _ in 0..2 * radius {
+                let (gap_below, gap_above) = (gap(below), gap(above));
+                let below_is_next = above > window[axis][1] || (below >= window[axis][0] && gap_below <= gap_above);
+                cells[count] = if below_is_next { (below, gap_below) } else { (above, gap_above) };
+                if below_is_next {
+                    below -= 1;
+                } else {
+                    above += 1;
+                }
+                count += 1;
+            }
+            Axis { cells, count }
         });
         let limit = measure.term(largest + error);
         let mut scan = Scan {
@@ -379,7 +469,7 @@ impl VoronoiTexture {
         let smooth = feature == Feature::SmoothF1;
         if N > 1 && self.metric == Metric::Minkowski {
             unfit |= parameters.exponent.may_be_nan;
-            if smooth && self.measure::<N>(parameters).is_none() {
+            if smooth && self.shape::<N>(parameters).is_none() {
                 // Mixing distances that overflow gives NaN.
                 let nothing = Interval::EVERYTHING;
                 return Found { distance: nothing, color: [nothing; 3], position: [nothing; N] };
@@ -395,7 +485,8 @@ impl VoronoiTexture {
         let radius = if smooth { 2.0 } else { 1.0 };
         let error = if smooth { mixing_error::<N>() } else { ERROR };
         Found {
-            distance: Interval::with_error(-smoothness, largest, error, unfit),
+            // Blending octaves turns an infinite distance into NaN.
+            distance: Interval::with_error(-smoothness, largest, error, unfit || largest.is_infinite()),
             color: [Interval::with_error(-undershoot, 1.0, error, unfit); 3],
             position: x.map(|x| {
                 let place = x.floor() + Interval::with_error(-radius - undershoot, radius + 1.0, error, false);
@@ -412,13 +503,13 @@ impl VoronoiTexture {
         parameters: &Parameters,
     ) -> Found<N> {
         let mut found = self.range(x, feature, parameters);
-        let (Some(place), Some(measure)) = (self.place(x, parameters), self.measure::<N>(parameters)) else {
+        let (Some(place), Some(shape)) = (self.place(x, parameters), self.shape::<N>(parameters)) else {
             return found;
         };
         let second = feature == Feature::F2;
         let wants_candidates = self.color || self.position || self.w;
         let largest = self.largest::<N>(second, parameters);
-        let scanned = self.scan(&place, measure, 1, second, largest, wants_candidates);
+        let scanned = with_measure!(shape, |measure| self.scan(&place, measure, 1, second, largest, wants_candidates));
         found.distance = scanned.distance.meet(found.distance);
         if let Some(candidates) = scanned.candidates {
             let hull_of =
@@ -446,21 +537,31 @@ impl VoronoiTexture {
     /// it has reached the smoothness, because then h = 0.
     fn enclose_smooth<const N: usize>(&self, x: &[Interval; N], parameters: &Parameters) -> Found<N> {
         let mut found = self.range(x, Feature::SmoothF1, parameters);
-        let (Some(place), Some(measure)) = (self.place(x, parameters), self.measure::<N>(parameters)) else {
+        let (Some(place), Some(shape)) = (self.place(x, parameters), self.shape::<N>(parameters)) else {
             return found;
         };
+        with_measure!(shape, |measure| self.smooth(&place, measure, parameters, &mut found));
+        found
+    }
+
+    /// Narrows the distance of smooth F1 for one metric.
+    fn smooth<const N: usize>(
+        &self,
+        place: &Place<N>,
+        measure: impl Measure,
+        parameters: &Parameters,
+        found: &mut Found<N>,
+    ) {
         let error = measure.error() + mixing_error::<N>();
         let smoothness = parameters.smoothness.ends();
         let largest = self.largest::<N>(false, parameters);
-        let scanned = self.scan(&place, measure, 2, false, largest, false);
+        let scanned = self.scan(place, measure, 2, false, largest, false);
         let [near, far] = scanned.distance.ends();
         found.distance = Interval::with_error(near - smoothness[1], far, error, false).meet(found.distance);
-        let one_cell = (0..N).all(|axis| place.low[axis].floor() == place.high[axis].floor());
-        if !one_cell || smoothness[0] != smoothness[1] || smoothness[0] < 1e-6 {
-            return found;
+        if place.first != place.last || smoothness[0] != smoothness[1] || smoothness[0] < 1e-6 {
+            return;
         }
         let width = smoothness[0];
-        let corner: [i32; N] = place.low.map(|x| x.floor() as i32);
         let step = |s: f64, distance: f64| {
             let t = (0.5 + 0.5 * (s - distance) / width).clamp(0.0, 1.0);
             let h = t * t * (3.0 - 2.0 * t);
@@ -468,7 +569,7 @@ impl VoronoiTexture {
         };
         let mut smooth: Option<[f64; 2]> = None;
         for offset in neighbours::<N>(2) {
-            let cell = std::array::from_fn(|axis| corner[axis] + offset[axis]);
+            let cell = std::array::from_fn(|axis| place.first[axis] + offset[axis]);
             let [near, far] = place.reach(&place.point(cell), measure).map(|joined| measure.root(joined));
             smooth = Some(match smooth {
                 None => [near, far],
@@ -478,7 +579,6 @@ impl VoronoiTexture {
         if let Some([low, high]) = smooth {
             found.distance = Interval::with_error(low, high, error, false).meet(found.distance);
         }
-        found
     }
 
     fn enclose_feature<const N: usize>(&self, x: &[Interval; N], parameters: &Parameters) -> Found<N> {
@@ -521,8 +621,7 @@ impl VoronoiTexture {
         if least != most || place.widest_side() > 1.0 {
             return range;
         }
-        let measure = Measure { metric: Metric::Euclidean, exponent: 1.0 };
-        let scanned = self.scan(&place, measure, 1, false, (N as f64).sqrt(), true);
+        let scanned = self.scan(&place, Euclidean, 1, false, (N as f64).sqrt(), true);
         let Some(candidates) = scanned.candidates else { return range };
         let middle: [f64; N] = std::array::from_fn(|axis| 0.5 * (place.low[axis] + place.high[axis]));
         let window = place.window(1);
@@ -568,7 +667,7 @@ impl VoronoiTexture {
     /// One axis: the nearer of the two middles between the own and the neighbouring points.
     fn enclose_edge_1d<const N: usize>(&self, place: &Place<N>) -> Interval {
         let range = Interval::with_error(0.0, 1.5, ERROR, false);
-        let (first, last) = (place.low[0].floor() as i32, place.high[0].floor() as i32);
+        let (first, last) = (place.first[0], place.last[0]);
         if last - first > 4 {
             return range;
         }
@@ -602,23 +701,21 @@ impl VoronoiTexture {
         let widest = if unfit { 2.0 * (N as f64).sqrt() } else { ((N as f64) + 1.25).sqrt() };
         let range = Interval::with_error(0.0, 0.5 * widest, ERROR, false);
         let Some(place) = self.place(x, parameters) else { return range };
-        let metric = if N == 1 { Metric::Manhattan } else { Metric::Euclidean };
-        let measure = Measure { metric, exponent: 1.0 };
         if place.widest_side() > 2.0 {
             return range;
         }
-        let scanned = self.scan(&place, measure, 1, false, (N as f64).sqrt(), true);
+        let scanned = self.scan(&place, Euclidean, 1, false, (N as f64).sqrt(), true);
         let Some(candidates) = scanned.candidates else { return range };
         let mut result: Option<Interval> = None;
         for nearest in &candidates {
-            let from = Place { low: nearest.low, high: nearest.high, randomness: place.randomness };
+            let from = Place::new(nearest.low, nearest.high, place.randomness);
             let mut least = [f64::INFINITY; 2];
             for offset in neighbours::<N>(1).filter(|offset| *offset != [0; N]) {
                 let cell = std::array::from_fn(|axis| nearest.cell[axis].wrapping_add(offset[axis]));
-                let [near, far] = from.reach(&from.point(cell), measure);
+                let [near, far] = from.reach(&from.point(cell), Euclidean);
                 least = [least[0].min(near), least[1].min(far)];
             }
-            let [near, far] = least.map(|joined| 0.5 * measure.root(joined));
+            let [near, far] = least.map(|joined| 0.5 * Euclidean.root(joined));
             let part = Interval::with_error(near, far, ERROR, false);
             result = Some(result.map_or(part, |known| known.hull(part)));
         }
