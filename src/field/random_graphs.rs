@@ -58,7 +58,7 @@ pub struct RandomGraph {
     pub seed: u64,
     /// The graph in a scene.
     pub scene: Scene,
-    /// What is compared.
+    /// What is compared: every output of every node, so that the first difference is where it is born.
     pub targets: Vec<Target>,
     /// Calls the C library somewhere.
     pub library: bool,
@@ -144,8 +144,6 @@ pub fn generate(seed: u64, points: usize) -> Result<RandomGraph> {
     for number in 0..count {
         builder.add(number)?;
     }
-    let chosen = builder.targets.len().saturating_sub(4);
-    let targets = builder.targets.split_off(chosen);
     let random = &mut builder.random;
     let mut draw = || {
         let row: [f32; 3] = std::array::from_fn(|_| {
@@ -158,7 +156,7 @@ pub fn generate(seed: u64, points: usize) -> Result<RandomGraph> {
         (0..ATTRIBUTES).map(|number| (attribute_name(number), (0..points).map(|_| draw()).collect())).collect();
     let graph = json!({"material": "Material", "nodes": builder.nodes, "groups": builder.groups});
     let scene = bare_scene(&format!("random-graph-{seed}"), graph)?;
-    Ok(RandomGraph { seed, scene, targets, library: builder.library, positions, attributes })
+    Ok(RandomGraph { seed, scene, targets: builder.targets, library: builder.library, positions, attributes })
 }
 
 impl Builder {

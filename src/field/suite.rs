@@ -317,7 +317,9 @@ fn ordinary(random: &mut ChaCha8Rng, socket: &str, distorted: bool) -> f32 {
         "Scale" => 5.0,
         "Distortion" if !distorted => 0.0,
         "Exponent" => uniform(random, 0.5, 2.7),
-        "Roughness" | "Smoothness" | "Randomness" | "Offset" | "Gain" | "Distortion" => uniform(random, 0.0, 1.0),
+        // Errors of a distance grow in the weights with 1/Smoothness; the limits were measured at 1.
+        "Smoothness" => uniform(random, 0.5, 1.0),
+        "Roughness" | "Randomness" | "Offset" | "Gain" | "Distortion" => uniform(random, 0.0, 1.0),
         _ => normal(random, DEVIATION),
     }
 }

@@ -22,6 +22,8 @@ pub(super) struct FlatNode {
     pub node_type: &'static NodeType,
     pub mode: Mode,
     pub inputs: Vec<Source>,
+    /// All inputs are constant in the file: Blender evaluates the node itself, by its own rules.
+    pub constant: bool,
 }
 
 /// The flat graph; `nodes` are in evaluation order.
@@ -198,10 +200,16 @@ impl<'a> Flattener<'a> {
         let node = self.find(tree, &target.node, &from)?;
         match (&target.output, &target.input) {
             (Some(output), _) => {
-                let (found, sources) = self.output(tree, node, output)?;
+                let found = self.output(tree, node, output)?;
                 // Asked for from outside, a group's output has its own type again.
-                let declared = self.group_output_kind(node, output).unwrap_or(found);
-                Ok((declared, self.convert(tree, node, found, declared, sources)))
+                let declared = self.group_output_kind(node, output);
+                Ok(match found {
+                    Some((found, sources)) => {
+                        let declared = declared.unwrap_or(found);
+                        (declared, self.convert(tree, node, found, declared, sources))
+                    }
+                    None => (SocketType::Float, vec![Source::Constant(0.0)]),
+                })
             }
             (None, Some(input)) => {
                 let node_type = self.node_type(tree, node)?;
@@ -232,13 +240,14 @@ impl<'a> Flattener<'a> {
         })
     }
 
-    /// The value of an output.
-    fn output(&mut self, tree: usize, node: &'a Node, socket: &str) -> Result<Resolved> {
+    /// The value of an output; none where a muted node or a reroute has nothing to pass on: Blender
+    /// then ignores the link, and what reads the output has the value of an unlinked input.
+    fn output(&mut self, tree: usize, node: &'a Node, socket: &str) -> Result<Option<Resolved>> {
         let key = (tree, node.name.as_str());
         if let Some(&number) = self.done.get(&key) {
             // Met before: no need to follow its links again.
             let node_type = self.flat.nodes[number].node_type;
-            return self.node_output(tree, node, node_type, socket);
+            return self.node_output(tree, node, node_type, socket).map(Some);
         }
         if self.is_open.contains(&key) {
             let first = self.open.iter().position(|known| *known == key).unwrap_or_default();
@@ -270,7 +279,7 @@ impl<'a> Flattener<'a> {
         result
     }
 
-    fn output_unguarded(&mut self, tree: usize, node: &'a Node, socket: &str) -> Result<Resolved> {
+    fn output_unguarded(&mut self, tree: usize, node: &'a Node, socket: &str) -> Result<Option<Resolved>> {
         if node.muted {
             return self.bypassed(tree, node, socket);
         }
@@ -279,14 +288,14 @@ impl<'a> Flattener<'a> {
                 let kind = self.reroute_type(tree, node)?;
                 self.note(tree, node, "inlined", "reroute");
                 match node.inputs.get("Input") {
-                    Some(input) => self.passed(tree, node, "Input", input, kind),
-                    None => Ok((kind, vec![Source::Constant(0.0); kind.components()])),
+                    Some(input) if is_link(input) => self.passed(tree, node, "Input", input, kind),
+                    _ => Ok(None),
                 }
             }
-            "ShaderNodeGroup" => self.group_output(tree, node, socket),
+            "ShaderNodeGroup" => self.group_output(tree, node, socket).map(Some),
             _ => {
                 let node_type = self.node_type(tree, node)?;
-                self.node_output(tree, node, node_type, socket)
+                self.node_output(tree, node, node_type, socket).map(Some)
             }
         }
     }
@@ -306,9 +315,60 @@ impl<'a> Flattener<'a> {
         let end = group.nodes.iter().find(|node| node.kind == "NodeGroupOutput").ok_or_else(|| {
             Error::new(place, format!("no Group Output in \"{}\"", group.name), "one", "Add a Group Output node.")
         })?;
-        match end.inputs.get(socket) {
-            Some(input) => self.passed(inner, end, socket, input, interface.kind),
-            None => Ok((interface.kind, self.interface_default(inner, end, interface)?)),
+        let passed = match end.inputs.get(socket) {
+            Some(input) => self.passed(inner, end, socket, input, interface.kind)?,
+            None => None,
+        };
+        self.at_interface(inner, end, passed, interface)
+    }
+
+    /// What a group's socket hands on: a constant converted to its type, anything else as it is, and
+    /// its default where nothing arrives.
+    fn at_interface(
+        &mut self,
+        tree: usize,
+        node: &Node,
+        passed: Option<Resolved>,
+        interface: &crate::scene::Socket,
+    ) -> Result<Resolved> {
+        match passed {
+            Some((found, sources)) => Ok(self.settled(tree, node, found, interface.kind, sources)),
+            None => Ok((interface.kind, self.interface_default(tree, node, interface)?)),
+        }
+    }
+
+    /// Constants are converted by every socket that they pass; other values by the node that reads
+    /// them, because Blender inlines groups and muted nodes before it converts.
+    fn settled(
+        &mut self,
+        tree: usize,
+        node: &Node,
+        found: SocketType,
+        declared: SocketType,
+        sources: Vec<Source>,
+    ) -> Resolved {
+        if found == declared || !sources.iter().all(|source| self.is_constant(source)) {
+            return (found, sources);
+        }
+        let mut sources = self.convert(tree, node, found, declared, sources);
+        let operation = match declared {
+            SocketType::Integer => "TRUNC",
+            SocketType::Boolean => "GREATER_THAN",
+            _ => return (declared, sources),
+        };
+        if declared == SocketType::Boolean {
+            sources.push(Source::Constant(0.0));
+        }
+        let mut properties = serde_json::Map::new();
+        properties.insert("operation".into(), operation.into());
+        (declared, self.internal(tree, node, &nodes::math::TYPE, &properties, sources, 1))
+    }
+
+    fn is_constant(&self, source: &Source) -> bool {
+        match source {
+            Source::Constant(_) => true,
+            Source::Node(number, _) => self.flat.nodes[*number].constant,
+            Source::Position(_) | Source::Attribute(..) => false,
         }
     }
 
@@ -345,8 +405,8 @@ impl<'a> Flattener<'a> {
         })
     }
 
-    /// A muted node passes on the input that `bypass` names, zero else.
-    fn bypassed(&mut self, tree: usize, node: &'a Node, socket: &str) -> Result<Resolved> {
+    /// A muted node passes on the linked input that `bypass` names.
+    fn bypassed(&mut self, tree: usize, node: &'a Node, socket: &str) -> Result<Option<Resolved>> {
         let kinds = self.socket_kinds(tree, node)?;
         let kind_of = |identifier: &str, is_output: bool| {
             let found = kinds.iter().find(|(name, output, _)| name == identifier && *output == is_output);
@@ -362,16 +422,16 @@ impl<'a> Flattener<'a> {
         };
         let kind = kind_of(socket, true)?;
         let through = node.bypass.as_ref().and_then(|bypass| bypass.get(socket));
-        let Some(through) = through else {
-            self.note(tree, node, "bypassed", "muted, without an internal link: zero");
-            return Ok((kind, vec![Source::Constant(0.0); kind.components()]));
+        let input_kind = through.map(|name| kind_of(name, false)).transpose()?.unwrap_or(kind);
+        let input = through.and_then(|name| node.inputs.get(name.as_str())).filter(|input| is_link(input));
+        let (Some(through), Some(input)) = (through, input) else {
+            self.note(tree, node, "bypassed", "muted, without a link to pass on: what reads it counts as unlinked");
+            return Ok(None);
         };
-        let input_kind = kind_of(through, false)?;
         self.note(tree, node, "bypassed", format!("muted: {socket} is {through}"));
-        match node.inputs.get(through.as_str()) {
-            Some(input) => self.passed(tree, node, through, input, input_kind),
-            None => Ok((input_kind, vec![Source::Constant(0.0); input_kind.components()])),
-        }
+        let Some((found, sources)) = self.passed(tree, node, through, input, input_kind)? else { return Ok(None) };
+        let (found, sources) = self.settled(tree, node, found, input_kind, sources);
+        Ok(Some(self.settled(tree, node, found, kind, sources)))
     }
 
     /// Identifier, whether it is an output, and kind of every socket of a node.
@@ -446,7 +506,8 @@ impl<'a> Flattener<'a> {
         let outputs = node_type.outputs_of(&mode).map(|output| output.identifier).collect();
         let number = self.flat.nodes.len();
         let label = self.label(tree, &node.name);
-        self.flat.nodes.push(FlatNode { label, node_type, mode: mode.with_wanted(outputs), inputs });
+        let constant = inputs.iter().all(|source| self.is_constant(source));
+        self.flat.nodes.push(FlatNode { label, node_type, mode: mode.with_wanted(outputs), inputs, constant });
         self.done.insert((tree, node.name.as_str()), number);
         Ok(number)
     }
@@ -463,31 +524,20 @@ impl<'a> Flattener<'a> {
     }
 
     fn input(&mut self, tree: usize, node: &'a Node, socket: &nodes::InputSocket) -> Result<Vec<Source>> {
-        match node.inputs.get(socket.identifier) {
-            Some(input) if is_link(input) || !socket.generated_when_unlinked => {
-                self.value(tree, node, socket.identifier, input, socket.kind)
+        let given = node.inputs.get(socket.identifier);
+        if let Some(input) = given.filter(|input| is_link(input) || !socket.generated_when_unlinked) {
+            if let Some((found, sources)) = self.passed(tree, node, socket.identifier, input, socket.kind)? {
+                return Ok(self.convert(tree, node, found, socket.kind, sources));
             }
-            _ if socket.generated_when_unlinked => Ok(self.source(tree, node, SourceValue::Generated)),
-            _ => Ok(socket.default.iter().map(|&value| Source::Constant(value)).collect()),
         }
+        if socket.generated_when_unlinked {
+            return Ok(self.source(tree, node, SourceValue::Generated));
+        }
+        Ok(socket.default.iter().map(|&value| Source::Constant(value)).collect())
     }
 
-    /// Resolves a stored value or a link to components of `kind`.
-    fn value(
-        &mut self,
-        tree: usize,
-        node: &'a Node,
-        socket: &str,
-        input: &'a Input,
-        kind: SocketType,
-    ) -> Result<Vec<Source>> {
-        let (found, sources) = self.passed(tree, node, socket, input, kind)?;
-        Ok(self.convert(tree, node, found, kind, sources))
-    }
-
-    /// Resolves a stored value of `kind`, or a link to whatever its source is. Blender inlines groups,
-    /// reroutes and muted nodes before it converts: their sockets have no influence on a linked value,
-    /// and a vector that passes a float socket of a group is still a vector behind it.
+    /// Resolves a stored value of `kind`, or a link to whatever its source is; none where the link leads to
+    /// nothing.
     fn passed(
         &mut self,
         tree: usize,
@@ -495,7 +545,7 @@ impl<'a> Flattener<'a> {
         socket: &str,
         input: &'a Input,
         kind: SocketType,
-    ) -> Result<Resolved> {
+    ) -> Result<Option<Resolved>> {
         let place = format!("{}: input {socket}", self.place(tree, &node.name));
         let wrong = |found: String| {
             Error::new(
@@ -509,22 +559,23 @@ impl<'a> Flattener<'a> {
             )
         };
         match input {
-            Input::Number(value) if kind.components() == 1 => Ok((kind, vec![Source::Constant(*value)])),
+            Input::Number(value) if kind.components() == 1 => Ok(Some((kind, vec![Source::Constant(*value)]))),
             Input::List(values) if kind.components() == 3 && (3..=4).contains(&values.len()) => {
-                Ok((kind, values[..3].iter().map(|&value| Source::Constant(value)).collect()))
+                Ok(Some((kind, values[..3].iter().map(|&value| Source::Constant(value)).collect())))
             }
             Input::Number(value) => Err(wrong(format!("the number {value}"))),
             Input::List(values) => Err(wrong(format!("a list of {} numbers", values.len()))),
             Input::Text(text) => Err(wrong(format!("the text \"{text}\""))),
             Input::Link { node: name, socket: output } => {
                 let from = self.find(tree, name, &place)?;
-                let (found, sources) = self.output(tree, from, output)?;
-                if found == SocketType::Shader || kind == SocketType::Shader {
+                let passed = self.output(tree, from, output)?;
+                let closure = matches!(passed, Some((SocketType::Shader, _)));
+                if closure || kind == SocketType::Shader {
                     return Err(wrong("a closure".into()));
                 }
-                Ok((found, sources))
+                Ok(passed)
             }
-            Input::GroupInput(identifier) => self.group_input(tree, &place, identifier),
+            Input::GroupInput(identifier) => self.group_input(tree, &place, identifier).map(Some),
         }
     }
 
@@ -545,10 +596,11 @@ impl<'a> Flattener<'a> {
                 "Correct the identifier, or export the scene again.",
             )
         })?;
-        match group_node.inputs.get(identifier) {
-            Some(input) => self.passed(parent, group_node, identifier, input, interface.kind),
-            None => Ok((interface.kind, self.interface_default(parent, group_node, interface)?)),
-        }
+        let passed = match group_node.inputs.get(identifier) {
+            Some(input) => self.passed(parent, group_node, identifier, input, interface.kind)?,
+            None => None,
+        };
+        self.at_interface(parent, group_node, passed, interface)
     }
 
     fn convert(
@@ -584,7 +636,8 @@ impl<'a> Flattener<'a> {
         let label = format!("{} {}", self.label(tree, &node.name), node_type.label);
         let mode = Mode::read(node_type, properties, &label).expect("the compiler's own properties are legal");
         let outputs = node_type.outputs_of(&mode).map(|output| output.identifier).collect();
-        self.flat.nodes.push(FlatNode { label, node_type, mode: mode.with_wanted(outputs), inputs });
+        let constant = inputs.iter().all(|source| self.is_constant(source));
+        self.flat.nodes.push(FlatNode { label, node_type, mode: mode.with_wanted(outputs), inputs, constant });
         let number = self.flat.nodes.len() - 1;
         (0..components).map(|component| Source::Node(number, component)).collect()
     }

@@ -45,7 +45,9 @@ pub(super) fn run(flat: Flat) -> Program {
         let constants: Vec<Option<f32>> = inputs.iter().map(as_constant).collect();
         let count = components(node.node_type, &node.mode);
         if let Some(values) = constants.iter().copied().collect::<Option<Vec<f32>>>() {
-            let values = fold(kernel.as_ref(), &values, count);
+            // What only a simplification made constant, Blender has not folded: Cycles evaluates it.
+            let own_rule = if node.constant { kernel.fold(&values) } else { None };
+            let values = own_rule.unwrap_or_else(|| evaluate(kernel.as_ref(), &values, count));
             note("folded", format!("constant inputs: {}", list(&values)));
             replaced.push(values.into_iter().map(Source::Constant).collect());
             continue;
@@ -178,16 +180,14 @@ fn operand(register_of: &[Vec<Option<usize>>], source: &Source) -> Operand {
     }
 }
 
-/// Blender's value for constant inputs: its own rule where it has one, else the evaluation.
-fn fold(kernel: &dyn Kernel, values: &[f32], count: usize) -> Vec<f32> {
-    kernel.fold(values).unwrap_or_else(|| {
-        let columns: Vec<Column<'_, f32>> =
-            values.iter().map(|value| Column { values: std::slice::from_ref(value), uniform: true }).collect();
-        let mut result = vec![0.0; count];
-        let mut slices: Vec<&mut [f32]> = result.iter_mut().map(std::slice::from_mut).collect();
-        kernel.evaluate_f32(&columns, &mut slices);
-        result
-    })
+/// The node's value for constant inputs.
+fn evaluate(kernel: &dyn Kernel, values: &[f32], count: usize) -> Vec<f32> {
+    let columns: Vec<Column<'_, f32>> =
+        values.iter().map(|value| Column { values: std::slice::from_ref(value), uniform: true }).collect();
+    let mut result = vec![0.0; count];
+    let mut slices: Vec<&mut [f32]> = result.iter_mut().map(std::slice::from_mut).collect();
+    kernel.evaluate_f32(&columns, &mut slices);
+    result
 }
 
 fn list(values: &[f32]) -> String {

@@ -196,6 +196,8 @@ struct Found<R, const N: usize> {
     distance: R,
     color: [R; 3],
     position: [R; N],
+    /// Third component of a 2D position: 0, but NaN where the octaves' scale underflows.
+    third: R,
 }
 
 /// A coordinate taken apart: the cell that holds it and its place within.
@@ -281,6 +283,7 @@ impl VoronoiTexture {
             distance: if N == 1 { smallest } else { self.metric.distance(v, parameters.exponent) },
             color: cell.color(target),
             position: std::array::from_fn(|axis| nearest[axis] + cell.floor[axis]),
+            third: R::of(0.0),
         }
     }
 
@@ -303,13 +306,15 @@ impl VoronoiTexture {
             distance: second.0,
             color: cell.color(second.2),
             position: std::array::from_fn(|axis| second.1[axis] + cell.floor[axis]),
+            third: R::of(0.0),
         }
     }
 
     fn smooth_f1<R: Real, const N: usize>(&self, x: [R; N], parameters: &Parameters<R>) -> Found<R, N> {
         let cell = Cell::of(x);
         let (half, one, smoothness) = (R::of(0.5), R::of(1.0), parameters.smoothness);
-        let mut found = Found { distance: R::of(0.0), color: [R::of(0.0); 3], position: [R::of(0.0); N] };
+        let mut found =
+            Found { distance: R::of(0.0), color: [R::of(0.0); 3], position: [R::of(0.0); N], third: R::of(0.0) };
         for (count, offset) in neighbours::<N>(2).enumerate() {
             let point = cell.point(offset, parameters.randomness);
             let v: [R; N] = std::array::from_fn(|axis| point[axis] - cell.local[axis]);
@@ -417,7 +422,7 @@ impl VoronoiTexture {
         let whole = parameters.detail.floor().to_int();
         let rest = parameters.detail - parameters.detail.floor();
         let (mut amplitude, mut total, mut scale) = (one, zero, one);
-        let mut sum = Found { distance: zero, color: [zero; 3], position: [zero; N] };
+        let mut sum = Found { distance: zero, color: [zero; 3], position: [zero; N], third: zero };
         for octave in 0..=parameters.detail.ceil().to_int() {
             let found = self.feature(q.map(|x| (x * scale).round_coordinate()), parameters);
             if single {
@@ -434,6 +439,7 @@ impl VoronoiTexture {
                 for axis in 0..N {
                     sum.position[axis] = sum.position[axis].lerp(found.position[axis] * inverse, amplitude);
                 }
+                sum.third = sum.third.lerp(found.third * inverse, amplitude);
                 scale = (scale * parameters.lacunarity).round_coordinate();
                 amplitude = amplitude * parameters.roughness;
             } else if rest != zero {
@@ -447,6 +453,8 @@ impl VoronoiTexture {
                     let next = sum.position[axis].lerp(found.position[axis] * inverse, amplitude);
                     sum.position[axis] = sum.position[axis].lerp(next, rest);
                 }
+                let next = sum.third.lerp(found.third * inverse, amplitude);
+                sum.third = sum.third.lerp(next, rest);
             }
         }
         if self.normalize {
@@ -455,7 +463,9 @@ impl VoronoiTexture {
             sum.color = sum.color.map(|x| x * inverse);
         }
         let inverse = if parameters.scale != zero { one / parameters.scale } else { zero };
-        sum.position = sum.position.map(|x| if parameters.scale != zero { x * inverse } else { zero });
+        let unscaled = |x: R| if parameters.scale != zero { x * inverse } else { zero };
+        sum.position = sum.position.map(unscaled);
+        sum.third = unscaled(sum.third);
         sum
     }
 
@@ -550,7 +560,7 @@ impl VoronoiTexture {
         }
         if self.position {
             for axis in 0..3 {
-                put(if axis < N { found.position[axis] } else { R::of(0.0) });
+                put(if axis < N { found.position[axis] } else { found.third });
             }
         }
         if self.w {
