@@ -525,10 +525,10 @@ impl<'a> Flattener<'a> {
 
     fn input(&mut self, tree: usize, node: &'a Node, socket: &nodes::InputSocket) -> Result<Vec<Source>> {
         let given = node.inputs.get(socket.identifier);
-        if let Some(input) = given.filter(|input| is_link(input) || !socket.generated_when_unlinked) {
-            if let Some((found, sources)) = self.passed(tree, node, socket.identifier, input, socket.kind)? {
-                return Ok(self.convert(tree, node, found, socket.kind, sources));
-            }
+        if let Some(input) = given.filter(|input| is_link(input) || !socket.generated_when_unlinked)
+            && let Some((found, sources)) = self.passed(tree, node, socket.identifier, input, socket.kind)?
+        {
+            return Ok(self.convert(tree, node, found, socket.kind, sources));
         }
         if socket.generated_when_unlinked {
             return Ok(self.source(tree, node, SourceValue::Generated));
