@@ -74,7 +74,7 @@ fn inside(bounds: &Bounds, random: &mut ChaCha8Rng) -> [f32; 3] {
     })
 }
 
-/// The part of `bounds` outside of which every output is provably constant, with [`MARGIN`].
+/// The part of `bounds` outside of which every output is provably constant, with `MARGIN`.
 /// All of `bounds` where nothing can be cut off.
 pub fn region(program: &Program, bounds: Bounds) -> Result<Bounds> {
     let constant = |low: [f32; 3], high: [f32; 3]| -> Result<bool> {

@@ -1,7 +1,7 @@
 //! From the node graph of a scene file to a program that evaluates.
 //!
-//! [`flatten`] inlines groups, follows reroutes and muted nodes and inserts conversions; the passes
-//! in [`passes`] fold constants by Blender's rules, merge equal nodes and drop what the targets do
+//! `flatten` inlines groups, follows reroutes and muted nodes and inserts conversions; the passes
+//! in `passes` fold constants by Blender's rules, merge equal nodes and drop what the targets do
 //! not reach; [`Program`] is what is left, in evaluation order. [`evaluate`] runs it on the CPU,
 //! [`wgsl`] writes it as a shader, [`bounds`] encloses it over a box.
 

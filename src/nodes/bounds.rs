@@ -2,7 +2,7 @@
 //!
 //! An enclosure holds for every evaluator: f32 in Cycles' order, f64, and WGSL with its liberties.
 //! It rests on induction: if all operands lie in their intervals, the result of one operation lies
-//! in the interval computed here. Ends are computed in f64 and widened by [`PAD`]:
+//! in the interval computed here. Ends are computed in f64 and widened by `PAD`:
 //!
 //! * f32 rounds to nearest: relative error 2^-24 per operation;
 //! * WGSL: division 2.5 ulp, square root through `inverseSqrt` and a division 4.5 ulp (an ulp is at
@@ -57,7 +57,7 @@ impl Interval {
         Self { low, high, may_be_nan: false }
     }
 
-    /// From `low` to `high` after an operation: widened by [`PAD`].
+    /// From `low` to `high` after an operation: widened by `PAD`.
     #[inline]
     pub fn outward(low: f64, high: f64, may_be_nan: bool) -> Self {
         Self::stored(low - PAD * low.abs(), high + PAD * high.abs(), may_be_nan)
@@ -164,7 +164,7 @@ impl Interval {
         Self { may_be_nan: self.may_be_nan || flag, ..self }
     }
 
-    /// Image under a non-decreasing function, computed in f64 and widened by `error` beside [`PAD`].
+    /// Image under a non-decreasing function, computed in f64 and widened by `error` beside `PAD`.
     pub fn increasing(self, function: impl Fn(f64) -> f64, error: f64) -> Self {
         let [low, high] = self.ends();
         Self::with_error(function(low), function(high), error, self.may_be_nan)
