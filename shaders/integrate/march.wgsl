@@ -88,7 +88,7 @@ fn incident(local: vec3f, position: vec3f, direction: vec3f, ray: u32) -> vec3f 
     var corners: array<u32, 8>;
     var weights: array<f32, 8>;
     for (var corner = 0u; corner < 8u; corner++) {
-        let up = vec3u(corner & 1u, corner >> 1u & 1u, corner >> 2u);
+        let up = vec3u(corner & 1u, (corner >> 1u) & 1u, corner >> 2u);
         let vertex = base + up;
         corners[corner] = (vertex.z * stage.grid_size.y + vertex.y) * stage.grid_size.x + vertex.x;
         let weight = select(1.0 - fraction, fraction, up == vec3u(1u));
