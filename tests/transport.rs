@@ -281,10 +281,9 @@ fn the_adapter_renders_the_cloud_as_the_cpu_does() {
     let ours = picture(&scene, Backend::Gpu);
     let twin = picture(&scene, Backend::Cpu);
     let brightest = twin.iter().flatten().copied().fold(0.0_f32, f32::max);
-    // A ray adds up 200 steps in f32: 200 roundings of 6e-8 are 1.2e-5. Positions of f32 differ by
-    // an ulp (1.2e-7) from the twin's, over which a density of slope 1e3 per unit changes by 1e-4,
-    // at random from step to step.
-    let tolerance = 2e-4 * brightest;
+    // A ray adds up 200 steps in f32: 200 roundings of 6e-8 are 1.2e-5 at worst, and the adapter's
+    // exp errs by a few ulps more.
+    let tolerance = 5e-5 * brightest;
     for (index, (ours, twin)) in ours.iter().zip(&twin).enumerate() {
         for channel in 0..4 {
             let error = (ours[channel] - twin[channel]).abs();
