@@ -303,15 +303,13 @@ impl Builder {
             .iter()
             .map(|(index, _)| {
                 let kind = kinds[self.random.random_range(0..kinds.len())];
-                json!({"identifier": format!("Socket_{}", index + 20), "name": format!("In {index}"), "type": kind})
+                interface_socket(format!("Socket_{}", index + 20), format!("In {index}"), kind)
             })
             .collect();
         let output_sockets: Vec<Json> = outputs
             .iter()
             .enumerate()
-            .map(|(index, (_, kind))| {
-                json!({"identifier": format!("Socket_{index}"), "name": format!("Out {index}"), "type": kind})
-            })
+            .map(|(index, (_, kind))| interface_socket(format!("Socket_{index}"), format!("Out {index}"), *kind))
             .collect();
         let mut inner = entry;
         for (index, (identifier, _)) in &links {
@@ -350,6 +348,16 @@ impl Builder {
             inner_outputs.into_iter().zip(outputs).map(|(socket, (_, kind))| (socket, *kind)).collect();
         self.publish(inner_name, &outputs, varies);
     }
+}
+
+/// A socket of a group's interface; what reads it has the default where a link leads to nothing.
+fn interface_socket(identifier: String, name: String, kind: SocketType) -> Json {
+    let default = match kind {
+        SocketType::Color => json!([0.25, 0.5, 0.75, 1.0]),
+        SocketType::Vector => json!([0.25, 0.5, 0.75]),
+        _ => json!(0.25),
+    };
+    json!({"identifier": identifier, "name": name, "type": kind, "default": default})
 }
 
 /// Linked Details of hundreds would cost minutes and say no more.
