@@ -593,7 +593,11 @@ fn cycles_simplifies_the_same_constants() {
     {
         for constant in [0.0, 1.0, -1.0, 2.0] {
             for (a, b) in [(varying("X"), json!(constant)), (json!(constant), varying("X"))] {
-                let nodes = vec![math("M", operation, json!({"Value": a, "Value_001": b, "Value_002": 0.0}))];
+                let mut inputs = json!({"Value": a, "Value_001": b});
+                if matches!(operation, "MULTIPLY_ADD" | "COMPARE") {
+                    inputs["Value_002"] = 0.0.into();
+                }
+                let nodes = vec![math("M", operation, inputs)];
                 cases.add(format!("{operation} {a} {b}"), nodes, vec![], "M", "Value", 0.0);
             }
         }
@@ -602,7 +606,11 @@ fn cycles_simplifies_the_same_constants() {
     {
         for constant in [[0.0; 3], [1.0; 3], [0.0, 1.0, 0.0], [2.0, 2.0, 2.0]] {
             for (a, b) in [(varying_vector(), json!(constant)), (json!(constant), varying_vector())] {
-                let nodes = vec![vector_math("M", operation, json!({"Vector": a, "Vector_001": b}))];
+                let mut inputs = json!({"Vector": a, "Vector_001": b});
+                if operation == "MULTIPLY_ADD" {
+                    inputs["Vector_002"] = json!([0.0, 0.0, 0.0]);
+                }
+                let nodes = vec![vector_math("M", operation, inputs)];
                 let output = if operation == "DOT_PRODUCT" { "Value" } else { "Vector" };
                 cases.add(format!("vector {operation} {a} {b}"), nodes, vec![], "M", output, 0.0);
             }
@@ -647,18 +655,44 @@ fn cycles_resolves_links_the_same_way() {
     let constant = || node("C", "CombineXYZ", json!({}), json!({"X": 0.3, "Y": -1.2, "Z": 2.7}));
     cases.add("constant vector to float", vec![constant(), read(link("C", "Vector"))], vec![], "M", "Value", 5e-7);
 
-    // Reroutes.
-    for kind in ["float", "vector", "color"] {
-        let nodes = vec![reroute("R", kind, varying_vector()), read(link("R", "Output"))];
-        cases.add(format!("vector through a {kind} reroute to float"), nodes, vec![], "M", "Value", 0.0);
-        let nodes = vec![reroute("R", kind, varying("X")), read_vector(link("R", "Output"))];
-        cases.add(format!("float through a {kind} reroute to vector"), nodes, vec![], "M", "Vector", 0.0);
-        let nodes = vec![
-            reroute("R", kind, varying_vector()),
-            reroute("Q", kind, link("R", "Output")),
-            read_vector(link("Q", "Output")),
+    // Reroutes. Blender gives a reroute the type of what feeds it.
+    for (kind, input, source) in [
+        ("float", varying("X"), None),
+        ("vector", varying_vector(), None),
+        ("color", link("V", "Color"), Some(voronoi("V"))),
+    ] {
+        let nodes = |reader: Json| {
+            let reroutes = [reroute("R", kind, input.clone()), reroute("Q", kind, link("R", "Output"))];
+            source.iter().cloned().chain(reroutes).chain([reader]).collect::<Vec<_>>()
+        };
+        let label = format!("{kind} through two reroutes");
+        cases.add(format!("{label} to float"), nodes(read(link("Q", "Output"))), vec![], "M", "Value", 0.0);
+        cases.add(format!("{label} to vector"), nodes(read_vector(link("Q", "Output"))), vec![], "M", "Vector", 0.0);
+    }
+
+    // Links that lead to nothing: the reading socket has its own value, which is another one in each.
+    let dead = || muted(node("D", "TexCoord", json!({}), json!({})), json!({}));
+    let unfed = || json!({"name": "D", "type": "NodeReroute", "socket_type": "float", "inputs": {}});
+    let stored = || muted(math("D", "ADD", json!({"Value": 3.0, "Value_001": 4.0})), json!({"Value": "Value"}));
+    let clamp = |input: Json| node("M", "Clamp", json!({}), json!({"Value": input, "Min": -9.0, "Max": 9.0}));
+    let range = |input: Json| node("M", "MapRange", json!({}), json!({"Value": varying("X"), "To Max": input}));
+    for (what, source, output) in
+        [("muted node", dead(), "Object"), ("reroute", unfed(), "Output"), ("muted constant", stored(), "Value")]
+    {
+        let readers = [
+            ("Math", read(link("D", output)), "Value"),
+            ("Clamp", clamp(link("D", output)), "Result"),
+            ("Map Range", range(link("D", output)), "Result"),
+            ("Vector Math", read_vector(link("D", output)), "Vector"),
         ];
-        cases.add(format!("vector through two {kind} reroutes"), nodes, vec![], "M", "Vector", 0.0);
+        for (reader, node, socket) in readers {
+            cases.add(format!("{what} to {reader}"), vec![source.clone(), node], vec![], "M", socket, 0.0);
+        }
+        let pass =
+            group("G", &[("Socket_1", "float", json!(0.75))], &[("Socket_2", "float", inner("Socket_1"))], vec![]);
+        let user = use_of("U", "G", json!({"Socket_1": link("D", output)}));
+        let nodes = vec![source, user, clamp(link("U", "Socket_2"))];
+        cases.add(format!("{what} to a group"), nodes, vec![pass], "M", "Result", 0.0);
     }
 
     // Muted nodes.
@@ -740,8 +774,18 @@ fn cycles_resolves_links_the_same_way() {
             cases.add(label, nodes(json!({"Socket_1": input})), vec![through.clone()], "M", "Vector", 0.0);
         }
         let label = format!("default through a group from {outer} to {within}");
-        cases.add(label, nodes(json!({"Socket_1": zero(outer)})), vec![through], "M", "Vector", 5e-7);
+        cases.add(label, nodes(json!({"Socket_1": zero(outer)})), vec![through.clone()], "M", "Vector", 5e-7);
+        let mut nodes = nodes(json!({"Socket_1": link("C", "Vector")}));
+        nodes.push(constant());
+        let label = format!("constant vector through a group from {outer} to {within}");
+        cases.add(label, nodes, vec![through], "M", "Vector", 5e-7);
     }
+    let mute_constant = vec![
+        constant(),
+        muted(math("N", "ADD", json!({"Value": link("C", "Vector")})), json!({"Value": "Value"})),
+        read_vector(link("N", "Value")),
+    ];
+    cases.add("constant vector through a muted Math", mute_constant, vec![], "M", "Vector", 5e-7);
     let double = || {
         group(
             "Double",
