@@ -36,7 +36,7 @@ struct World {
 @group(0) @binding(3) var<storage, read_write> light: array<f32>;
 @group(0) @binding(4) var<uniform> world: World;
 
-fn depth_at(column: i32, cell: u32, slice: u32, whole: i32) -> f32 {
+fn table_at(column: i32, cell: u32, slice: u32, whole: i32) -> f32 {
     let row = u32(column - whole - sweep.first_row);
     let index = (row * sweep.size.z + slice) * (sweep.size.x + 1u) + cell;
     return table[min(index, arrayLength(&table) - 1u)];
@@ -50,10 +50,10 @@ fn main(@builtin(global_invocation_id) invocation: vec3u) {
     let offset = offsets[slice];
     let column = i32(invocation.y);
     let cell = invocation.x;
-    let above = depth_at(column, cell + 1u, slice, offset.whole.y);
-    let near = above + offset.fraction.x * (depth_at(column, cell, slice, offset.whole.y) - above);
-    let below = depth_at(column - 1, cell + 1u, slice, offset.whole.y);
-    let far = below + offset.fraction.x * (depth_at(column - 1, cell, slice, offset.whole.y) - below);
+    let above = table_at(column, cell + 1u, slice, offset.whole.y);
+    let near = above + offset.fraction.x * (table_at(column, cell, slice, offset.whole.y) - above);
+    let below = table_at(column - 1, cell + 1u, slice, offset.whole.y);
+    let far = below + offset.fraction.x * (table_at(column - 1, cell, slice, offset.whole.y) - below);
     let depth = near + offset.fraction.y * (far - near);
     let vertex = dot(invocation, sweep.strides);
     if world.extinctions == 0u {

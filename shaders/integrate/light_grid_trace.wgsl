@@ -45,7 +45,7 @@ fn part_inside(place: vec2f, way: f32) -> f32 {
     return part;
 }
 
-fn density_at(place: vec2i, slice: u32) -> f32 {
+fn table_at(place: vec2i, slice: u32) -> f32 {
     let limited = vec2u(clamp(place, vec2i(0), vec2i(sweep.size.xy) - 1));
     return density[limited.x * sweep.strides.x + limited.y * sweep.strides.y + slice * sweep.strides.z];
 }
@@ -73,10 +73,10 @@ fn main(@builtin(global_invocation_id) invocation: vec3u) {
         var value = 0.0;
         if now {
             let level = select(slice, sweep.size.z - 1u - slice, sweep.rising != 0u);
-            let lower = density_at(cell, level);
-            let upper = density_at(cell + vec2i(0, 1), level);
-            let near = lower + offset.fraction.x * (density_at(cell + vec2i(1, 0), level) - lower);
-            let far = upper + offset.fraction.x * (density_at(cell + vec2i(1, 1), level) - upper);
+            let lower = table_at(cell, level);
+            let upper = table_at(cell + vec2i(0, 1), level);
+            let near = lower + offset.fraction.x * (table_at(cell + vec2i(1, 0), level) - lower);
+            let far = upper + offset.fraction.x * (table_at(cell + vec2i(1, 1), level) - upper);
             value = near + offset.fraction.y * (far - near);
         }
         if slice > 0u {

@@ -588,12 +588,17 @@ impl Evaluate for VoronoiTexture {
     }
 
     fn fold_constants(&self, inputs: &[f32]) -> Option<Vec<f32>> {
-        // Blender folds without clamping Detail: a negative one leaves no octave at all.
+        // Blender folds without clamping Detail: a negative one leaves no octave at all, and a normalised
+        // distance is 0 / 0 then.
         let detail = inputs[self.parameter_columns()[1]?];
         if detail >= 0.0 {
             return None;
         }
-        let empty = if self.feature == Feature::DistanceToEdge { 8.0 } else { 0.0 };
+        let empty = match (self.feature, self.normalize) {
+            (Feature::DistanceToEdge, _) => 8.0,
+            (_, true) => f32::NAN,
+            (_, false) => 0.0,
+        };
         let color = usize::from(self.color) * 3;
         let position = usize::from(self.position) * 3;
         let mut values = vec![0.0; usize::from(self.distance) + color + position + usize::from(self.w)];

@@ -1,0 +1,862 @@
+struct hash_JenkinsState {
+    a: u32,
+    b: u32,
+    c: u32,
+}
+
+struct noise_texture_1i_Outputs {
+    fac: f32,
+}
+
+struct noise_texture_1i_Fractal {
+    octaves: i32,
+    rest: f32,
+    roughness: f32,
+    lacunarity: f32,
+    offset: f32,
+    gain: f32,
+}
+
+struct voronoi_texture_1i_Outputs {
+    distance: f32,
+}
+
+struct voronoi_texture_1i_Parameters {
+    randomness: f32,
+    smoothness: f32,
+    exponent: f32,
+    one: f32,
+}
+
+struct voronoi_texture_1i_Fractal {
+    detail: f32,
+    roughness: f32,
+    lacunarity: f32,
+}
+
+struct voronoi_texture_1i_Octave {
+    distance: f32,
+}
+
+struct voronoi_texture_1i_Site {
+    corner: vec4<f32>,
+    local: vec4<f32>,
+    cell: vec4<i32>,
+}
+
+struct voronoi_texture_1i_Search {
+    nearest: f32,
+    nearest_rank: f32,
+    second: f32,
+    second_rank: f32,
+}
+
+struct voronoi_texture_1i_Axes {
+    local: vec4<f32>,
+    hash: vec4<i32>,
+    hash_step: vec4<i32>,
+    near: vec4<f32>,
+    near_bound: vec4<f32>,
+    far_bound: vec4<f32>,
+    jitter: f32,
+    exponent: f32,
+    one: f32,
+}
+
+const hash_JENKINS_SEED_ONE: u32 = 3735928576u;
+const hash_JENKINS_SEED_TWO: u32 = 3735928580u;
+const hash_JENKINS_SEED_THREE: u32 = 3735928584u;
+const hash_JENKINS_SEED_FOUR: u32 = 3735928588u;
+const gradient_noise_PERIOD: f32 = 100000f;
+const gradient_noise_COARSE: f32 = 1000000f;
+const gradient_noise_INVERSE_PERIOD: f32 = 0.00001f;
+const numeric_SMALLEST_NORMAL: f32 = 0.000000000000000000000000000000000000011754944f;
+const numeric_LN_TWO: f32 = 0.6931472f;
+const numeric_QUARTER_PI: f32 = 0.7853982f;
+const numeric_HALF_PI: f32 = 1.5707964f;
+const numeric_PI: f32 = 3.1415927f;
+const hash_PCG_MULTIPLIER: i32 = 1664525i;
+const hash_PCG_INCREMENT: i32 = 1013904223i;
+const hash_PCG_UNIT: f32 = 0.0000000004656613f;
+const numeric_LARGEST: f32 = 340282350000000000000000000000000000000f;
+
+@group(0) @binding(0) 
+var<storage> points: array<f32>;
+@group(0) @binding(1) 
+var<storage, read_write> densities: array<f32>;
+
+fn map_range_1i_factor(value: f32, from_min: f32, from_max: f32, steps: f32) -> f32 {
+    return ((value - from_min) / (from_max - from_min));
+}
+
+fn map_range_1i_map(value_1: f32, from_min_1: f32, from_max_1: f32, to_min: f32, to_max: f32, steps_1: f32) -> f32 {
+    let _e4 = map_range_1i_factor(value_1, from_min_1, from_max_1, steps_1);
+    let inside = (to_min + (_e4 * (to_max - to_min)));
+    let result = select(inside, 0f, (from_min_1 == from_max_1));
+    return clamp(result, min(to_min, to_max), max(to_min, to_max));
+}
+
+fn map_range_1i_evaluate(value_2: f32, from_min_2: f32, from_max_2: f32, to_min_1: f32, to_max_1: f32) -> f32 {
+    let _e6 = map_range_1i_map(value_2, from_min_2, from_max_2, to_min_1, to_max_1, 0f);
+    return _e6;
+}
+
+fn map_range_2i_factor(value_3: f32, from_min_3: f32, from_max_3: f32, steps_2: f32) -> f32 {
+    return ((value_3 - from_min_3) / (from_max_3 - from_min_3));
+}
+
+fn map_range_2i_map(value_4: f32, from_min_4: f32, from_max_4: f32, to_min_2: f32, to_max_2: f32, steps_3: f32) -> f32 {
+    let _e4 = map_range_2i_factor(value_4, from_min_4, from_max_4, steps_3);
+    let inside_1 = (to_min_2 + (_e4 * (to_max_2 - to_min_2)));
+    let result_1 = select(inside_1, 0f, (from_min_4 == from_max_4));
+    return clamp(result_1, min(to_min_2, to_max_2), max(to_min_2, to_max_2));
+}
+
+fn map_range_2i_evaluate(value_5: f32, from_min_5: f32, from_max_5: f32, to_min_3: f32, to_max_3: f32) -> f32 {
+    let _e6 = map_range_2i_map(value_5, from_min_5, from_max_5, to_min_3, to_max_3, 0f);
+    return _e6;
+}
+
+fn numeric_to_int(x: f32) -> i32 {
+    return select(i32(-2147483648), i32(x), (abs(x) < 2147483600f));
+}
+
+fn numeric_mix_linear(a: f32, b: f32, t: f32) -> f32 {
+    return (a + (t * (b - a)));
+}
+
+fn hash_rotate_left(x_1: u32, k: u32) -> u32 {
+    return ((x_1 << k) | (x_1 >> (32u - k)));
+}
+
+fn hash_jenkins_final(start: hash_JenkinsState) -> u32 {
+    var a_1: u32;
+    var b_1: u32;
+    var c: u32;
+
+    a_1 = start.a;
+    b_1 = start.b;
+    c = start.c;
+    let _e7 = c;
+    let _e8 = b_1;
+    c = (_e7 ^ _e8);
+    let _e10 = c;
+    let _e11 = b_1;
+    let _e13 = hash_rotate_left(_e11, 14u);
+    c = (_e10 - _e13);
+    let _e15 = a_1;
+    let _e16 = c;
+    a_1 = (_e15 ^ _e16);
+    let _e18 = a_1;
+    let _e19 = c;
+    let _e21 = hash_rotate_left(_e19, 11u);
+    a_1 = (_e18 - _e21);
+    let _e23 = b_1;
+    let _e24 = a_1;
+    b_1 = (_e23 ^ _e24);
+    let _e26 = b_1;
+    let _e27 = a_1;
+    let _e29 = hash_rotate_left(_e27, 25u);
+    b_1 = (_e26 - _e29);
+    let _e31 = c;
+    let _e32 = b_1;
+    c = (_e31 ^ _e32);
+    let _e34 = c;
+    let _e35 = b_1;
+    let _e37 = hash_rotate_left(_e35, 16u);
+    c = (_e34 - _e37);
+    let _e39 = a_1;
+    let _e40 = c;
+    a_1 = (_e39 ^ _e40);
+    let _e42 = a_1;
+    let _e43 = c;
+    let _e45 = hash_rotate_left(_e43, 4u);
+    a_1 = (_e42 - _e45);
+    let _e47 = b_1;
+    let _e48 = a_1;
+    b_1 = (_e47 ^ _e48);
+    let _e50 = b_1;
+    let _e51 = a_1;
+    let _e53 = hash_rotate_left(_e51, 14u);
+    b_1 = (_e50 - _e53);
+    let _e55 = c;
+    let _e56 = b_1;
+    c = (_e55 ^ _e56);
+    let _e58 = c;
+    let _e59 = b_1;
+    let _e61 = hash_rotate_left(_e59, 24u);
+    c = (_e58 - _e61);
+    let _e63 = c;
+    return _e63;
+}
+
+fn hash_jenkins_mix(start_1: hash_JenkinsState) -> hash_JenkinsState {
+    var a_2: u32;
+    var b_2: u32;
+    var c_1: u32;
+
+    a_2 = start_1.a;
+    b_2 = start_1.b;
+    c_1 = start_1.c;
+    let _e7 = a_2;
+    let _e8 = c_1;
+    a_2 = (_e7 - _e8);
+    let _e10 = a_2;
+    let _e11 = c_1;
+    let _e13 = hash_rotate_left(_e11, 4u);
+    a_2 = (_e10 ^ _e13);
+    let _e15 = c_1;
+    let _e16 = b_2;
+    c_1 = (_e15 + _e16);
+    let _e18 = b_2;
+    let _e19 = a_2;
+    b_2 = (_e18 - _e19);
+    let _e21 = b_2;
+    let _e22 = a_2;
+    let _e24 = hash_rotate_left(_e22, 6u);
+    b_2 = (_e21 ^ _e24);
+    let _e26 = a_2;
+    let _e27 = c_1;
+    a_2 = (_e26 + _e27);
+    let _e29 = c_1;
+    let _e30 = b_2;
+    c_1 = (_e29 - _e30);
+    let _e32 = c_1;
+    let _e33 = b_2;
+    let _e35 = hash_rotate_left(_e33, 8u);
+    c_1 = (_e32 ^ _e35);
+    let _e37 = b_2;
+    let _e38 = a_2;
+    b_2 = (_e37 + _e38);
+    let _e40 = a_2;
+    let _e41 = c_1;
+    a_2 = (_e40 - _e41);
+    let _e43 = a_2;
+    let _e44 = c_1;
+    let _e46 = hash_rotate_left(_e44, 16u);
+    a_2 = (_e43 ^ _e46);
+    let _e48 = c_1;
+    let _e49 = b_2;
+    c_1 = (_e48 + _e49);
+    let _e51 = b_2;
+    let _e52 = a_2;
+    b_2 = (_e51 - _e52);
+    let _e54 = b_2;
+    let _e55 = a_2;
+    let _e57 = hash_rotate_left(_e55, 19u);
+    b_2 = (_e54 ^ _e57);
+    let _e59 = a_2;
+    let _e60 = c_1;
+    a_2 = (_e59 + _e60);
+    let _e62 = c_1;
+    let _e63 = b_2;
+    c_1 = (_e62 - _e63);
+    let _e65 = c_1;
+    let _e66 = b_2;
+    let _e68 = hash_rotate_left(_e66, 4u);
+    c_1 = (_e65 ^ _e68);
+    let _e70 = b_2;
+    let _e71 = a_2;
+    b_2 = (_e70 + _e71);
+    let _e73 = a_2;
+    let _e74 = b_2;
+    let _e75 = c_1;
+    return hash_JenkinsState(_e73, _e74, _e75);
+}
+
+fn hash_jenkins4_(x_2: u32, y: u32, z: u32, w: u32) -> u32 {
+    let _e10 = hash_jenkins_mix(hash_JenkinsState((hash_JENKINS_SEED_FOUR + x_2), (hash_JENKINS_SEED_FOUR + y), (hash_JENKINS_SEED_FOUR + z)));
+    let _e17 = hash_jenkins_final(hash_JenkinsState((_e10.a + w), _e10.b, _e10.c));
+    return _e17;
+}
+
+fn gradient_noise_signed_by(x_3: f32, flag: u32) -> f32 {
+    return select(x_3, -(x_3), (flag != 0u));
+}
+
+fn gradient_noise_fade(f: f32) -> f32 {
+    return ((f * f) * (f * ((f * ((f * 6f) - 15f)) + 10f)));
+}
+
+fn gradient_noise_wrap_rounded(p: vec4<f32>) -> vec4<f32> {
+    let wrapped = (p - (trunc((p * gradient_noise_INVERSE_PERIOD)) * gradient_noise_PERIOD));
+    return select(wrapped, (wrapped + vec4(0.5f)), (abs(p) >= vec4(1000000f)));
+}
+
+fn gradient_noise_gradient_4d(hash: u32, x_4: f32, y_1: f32, z_1: f32, w_1: f32) -> f32 {
+    let h_1 = (hash & 31u);
+    let u_2 = select(y_1, x_4, (h_1 < 24u));
+    let v_3 = select(z_1, y_1, (h_1 < 16u));
+    let s_7 = select(w_1, z_1, (h_1 < 8u));
+    let _e18 = gradient_noise_signed_by(u_2, (h_1 & 1u));
+    let _e21 = gradient_noise_signed_by(v_3, (h_1 & 2u));
+    let _e25 = gradient_noise_signed_by(s_7, (h_1 & 4u));
+    return ((_e18 + _e21) + _e25);
+}
+
+fn gradient_noise_perlin_4d_edge(x_5: u32, y_2: u32, z_2: u32, w_2: u32, f_1: vec4<f32>, u: f32) -> f32 {
+    let _e4 = hash_jenkins4_(x_5, y_2, z_2, w_2);
+    let _e10 = gradient_noise_gradient_4d(_e4, f_1.x, f_1.y, f_1.z, f_1.w);
+    let _e13 = hash_jenkins4_((x_5 + 1u), y_2, z_2, w_2);
+    let _e20 = gradient_noise_gradient_4d(_e13, (f_1.x - 1f), f_1.y, f_1.z, f_1.w);
+    let _e22 = numeric_mix_linear(_e10, _e20, u);
+    return _e22;
+}
+
+fn gradient_noise_perlin_4d_cube(x_6: u32, y_3: u32, z_3: u32, w_3: u32, f_2: vec4<f32>, u_1: f32, v: f32, t_1: f32) -> f32 {
+    let g = (f_2 - vec4(1f));
+    let _e9 = gradient_noise_perlin_4d_edge(x_6, y_3, z_3, w_3, f_2, u_1);
+    let _e17 = gradient_noise_perlin_4d_edge(x_6, (y_3 + 1u), z_3, w_3, vec4<f32>(f_2.x, g.y, f_2.z, f_2.w), u_1);
+    let _e19 = numeric_mix_linear(_e9, _e17, v);
+    let _e27 = gradient_noise_perlin_4d_edge(x_6, y_3, (z_3 + 1u), w_3, vec4<f32>(f_2.x, f_2.y, g.z, f_2.w), u_1);
+    let _e37 = gradient_noise_perlin_4d_edge(x_6, (y_3 + 1u), (z_3 + 1u), w_3, vec4<f32>(f_2.x, g.y, g.z, f_2.w), u_1);
+    let _e38 = numeric_mix_linear(_e27, _e37, v);
+    let _e40 = numeric_mix_linear(_e19, _e38, t_1);
+    return _e40;
+}
+
+fn gradient_noise_perlin_4d(p_1: vec4<f32>) -> f32 {
+    let cell = floor(p_1);
+    let f_7 = (p_1 - cell);
+    let _e4 = numeric_to_int(cell.x);
+    let x_15 = bitcast<u32>(_e4);
+    let _e7 = numeric_to_int(cell.y);
+    let y_5 = bitcast<u32>(_e7);
+    let _e10 = numeric_to_int(cell.z);
+    let z_5 = bitcast<u32>(_e10);
+    let _e13 = numeric_to_int(cell.w);
+    let w_7 = bitcast<u32>(_e13);
+    let _e16 = gradient_noise_fade(f_7.x);
+    let _e18 = gradient_noise_fade(f_7.y);
+    let _e20 = gradient_noise_fade(f_7.z);
+    let _e21 = gradient_noise_perlin_4d_cube(x_15, y_5, z_5, w_7, f_7, _e16, _e18, _e20);
+    let _e29 = gradient_noise_perlin_4d_cube(x_15, y_5, z_5, (w_7 + 1u), vec4<f32>(f_7.xyz, (f_7.w - 1f)), _e16, _e18, _e20);
+    let _e31 = gradient_noise_fade(f_7.w);
+    let _e32 = numeric_mix_linear(_e21, _e29, _e31);
+    return _e32;
+}
+
+fn gradient_noise_snoise_4d(p_2: vec4<f32>) -> f32 {
+    let _e1 = gradient_noise_wrap_rounded(p_2);
+    let _e2 = gradient_noise_perlin_4d(_e1);
+    return (0.8344f * _e2);
+}
+
+fn noise_texture_1i_distort(p_3: vec4<f32>, distortion: f32) -> vec4<f32> {
+    return p_3;
+}
+
+fn noise_texture_1i_snoise(p_4: vec4<f32>) -> f32 {
+    let _e1 = gradient_noise_snoise_4d(p_4);
+    return _e1;
+}
+
+fn noise_texture_1i_one_octave(noise: f32, offset: f32) -> f32 {
+    return ((0.5f * noise) + 0.5f);
+}
+
+fn noise_texture_1i_fractal(p_5: vec4<f32>, f_3: noise_texture_1i_Fractal) -> f32 {
+    let _e1 = noise_texture_1i_snoise(p_5);
+    let _e4 = noise_texture_1i_one_octave(_e1, f_3.offset);
+    return _e4;
+}
+
+fn noise_texture_1i_evaluate(vector: vec3<f32>, w_4: f32, scale: f32, detail: f32, roughness: f32, lacunarity: f32, distortion_1: f32) -> noise_texture_1i_Outputs {
+    var f_4: noise_texture_1i_Fractal;
+    var outputs: noise_texture_1i_Outputs;
+
+    let coordinates = (vec4<f32>(vector, w_4) * scale);
+    let d = clamp(detail, 0f, 15f);
+    f_4.octaves = i32(d);
+    f_4.rest = (d - floor(d));
+    f_4.roughness = max(roughness, 0f);
+    f_4.lacunarity = lacunarity;
+    let _e22 = noise_texture_1i_distort(coordinates, distortion_1);
+    let _e25 = f_4;
+    let _e26 = noise_texture_1i_fractal(_e22, _e25);
+    outputs.fac = _e26;
+    let _e27 = outputs;
+    return _e27;
+}
+
+fn math_1i_finish(x_7: f32) -> f32 {
+    return clamp(x_7, 0f, 1f);
+}
+
+fn math_1i_evaluate(a_3: f32, b_3: f32) -> f32 {
+    let _e3 = math_1i_finish((a_3 * b_3));
+    return _e3;
+}
+
+fn hash_pcg4_rounds(linear: vec4<i32>) -> vec4<f32> {
+    var x_8: i32;
+    var y_4: i32;
+    var z_4: i32;
+    var w_5: i32;
+
+    x_8 = linear.x;
+    y_4 = linear.y;
+    z_4 = linear.z;
+    w_5 = linear.w;
+    let _e9 = x_8;
+    let _e10 = y_4;
+    let _e11 = w_5;
+    x_8 = (_e9 + (_e10 * _e11));
+    let _e14 = y_4;
+    let _e15 = z_4;
+    let _e16 = x_8;
+    y_4 = (_e14 + (_e15 * _e16));
+    let _e19 = z_4;
+    let _e20 = x_8;
+    let _e21 = y_4;
+    z_4 = (_e19 + (_e20 * _e21));
+    let _e24 = w_5;
+    let _e25 = y_4;
+    let _e26 = z_4;
+    w_5 = (_e24 + (_e25 * _e26));
+    let _e29 = x_8;
+    let _e30 = x_8;
+    x_8 = (_e29 ^ (_e30 >> 16u));
+    let _e34 = y_4;
+    let _e35 = y_4;
+    y_4 = (_e34 ^ (_e35 >> 16u));
+    let _e39 = z_4;
+    let _e40 = z_4;
+    z_4 = (_e39 ^ (_e40 >> 16u));
+    let _e44 = w_5;
+    let _e45 = w_5;
+    w_5 = (_e44 ^ (_e45 >> 16u));
+    let _e49 = x_8;
+    let _e50 = y_4;
+    let _e51 = w_5;
+    x_8 = (_e49 + (_e50 * _e51));
+    let _e54 = y_4;
+    let _e55 = z_4;
+    let _e56 = x_8;
+    y_4 = (_e54 + (_e55 * _e56));
+    let _e59 = z_4;
+    let _e60 = x_8;
+    let _e61 = y_4;
+    z_4 = (_e59 + (_e60 * _e61));
+    let _e64 = w_5;
+    let _e65 = y_4;
+    let _e66 = z_4;
+    w_5 = (_e64 + (_e65 * _e66));
+    let _e69 = x_8;
+    let _e70 = y_4;
+    let _e71 = z_4;
+    let _e72 = w_5;
+    return vec4<f32>((vec4<i32>(_e69, _e70, _e71, _e72) & vec4(2147483647i)));
+}
+
+fn voronoi_texture_1i_site_of(x_9: vec4<f32>) -> voronoi_texture_1i_Site {
+    let corner = floor(x_9);
+    let _e3 = numeric_to_int(corner.x);
+    let _e5 = numeric_to_int(corner.y);
+    let _e7 = numeric_to_int(corner.z);
+    let _e9 = numeric_to_int(corner.w);
+    let cell_1 = vec4<i32>(_e3, _e5, _e7, _e9);
+    return voronoi_texture_1i_Site(corner, (x_9 - corner), cell_1);
+}
+
+fn voronoi_texture_1i_terms(v_1: vec4<f32>, exponent: f32) -> vec4<f32> {
+    return (v_1 * v_1);
+}
+
+fn voronoi_texture_1i_bound_terms(axis_distance: vec4<f32>, exponent_1: f32) -> vec4<f32> {
+    let _e2 = voronoi_texture_1i_terms(axis_distance, exponent_1);
+    return _e2;
+}
+
+fn voronoi_texture_1i_jitter(p_6: voronoi_texture_1i_Parameters) -> f32 {
+    return (p_6.randomness * hash_PCG_UNIT);
+}
+
+fn voronoi_texture_1i_rounds(linear_1: vec4<i32>) -> vec4<f32> {
+    let _e1 = hash_pcg4_rounds(linear_1);
+    return _e1;
+}
+
+fn voronoi_texture_1i_join(a_4: f32, b_4: f32) -> f32 {
+    return (a_4 + b_4);
+}
+
+fn voronoi_texture_1i_combine(t_2: vec4<f32>, one: f32) -> f32 {
+    let _e3 = voronoi_texture_1i_join(t_2.x, t_2.y);
+    let _e6 = voronoi_texture_1i_join(t_2.z, t_2.w);
+    let _e9 = voronoi_texture_1i_join(_e3, (_e6 * one));
+    return _e9;
+}
+
+fn voronoi_texture_1i_comparable(measure: f32, exponent_2: f32) -> f32 {
+    return measure;
+}
+
+fn voronoi_texture_1i_visit_nearest(s: ptr<function, voronoi_texture_1i_Search>, measure_1: f32) {
+    let _e4 = (*s).nearest;
+    (*s).nearest = min(_e4, measure_1);
+    return;
+}
+
+fn voronoi_texture_1i_visit(s_1: ptr<function, voronoi_texture_1i_Search>, a_5: voronoi_texture_1i_Axes, o: vec4<f32>, hash_1: vec4<i32>) {
+    let _e1 = voronoi_texture_1i_rounds(hash_1);
+    let v_4 = ((o + (_e1 * a_5.jitter)) - a_5.local);
+    let _e10 = voronoi_texture_1i_terms(v_4, a_5.exponent);
+    let _e12 = voronoi_texture_1i_combine(_e10, a_5.one);
+    let _e14 = voronoi_texture_1i_comparable(_e12, a_5.exponent);
+    voronoi_texture_1i_visit_nearest(s_1, _e14);
+    return;
+}
+
+fn voronoi_texture_1i_hopeless(s_2: ptr<function, voronoi_texture_1i_Search>, a_6: voronoi_texture_1i_Axes, bounds: vec4<f32>) -> bool {
+    let _e3 = voronoi_texture_1i_combine(bounds, a_6.one);
+    let _e5 = voronoi_texture_1i_comparable(_e3, a_6.exponent);
+    let _e8 = (*s_2).nearest;
+    return (_e5 >= _e8);
+}
+
+fn voronoi_texture_1i_scan_y(s_3: ptr<function, voronoi_texture_1i_Search>, a_7: voronoi_texture_1i_Axes, o_1: vec4<f32>, hash_2: vec4<i32>, bounds_1: vec4<f32>) {
+    var o_y: f32 = 0f;
+    var hash_y: i32;
+    var bound_y: f32 = 0f;
+    var place: i32 = 0i;
+
+    hash_y = a_7.hash.y;
+    loop {
+        let _e8 = o_y;
+        let _e15 = hash_y;
+        voronoi_texture_1i_visit(s_3, a_7, vec4<f32>(0f, _e8, o_1.zw), vec4<i32>(a_7.hash.x, _e15, hash_2.zw));
+        let _e21 = o_y;
+        let _e29 = hash_y;
+        voronoi_texture_1i_visit(s_3, a_7, vec4<f32>(a_7.near.x, _e21, o_1.zw), vec4<i32>((a_7.hash.x + a_7.hash_step.x), _e29, hash_2.zw));
+        let _e36 = bound_y;
+        let _e39 = voronoi_texture_1i_hopeless(s_3, a_7, vec4<f32>(a_7.far_bound.x, _e36, bounds_1.zw));
+        if !(_e39) {
+            let _e44 = o_y;
+            let _e52 = hash_y;
+            voronoi_texture_1i_visit(s_3, a_7, vec4<f32>(-(a_7.near.x), _e44, o_1.zw), vec4<i32>((a_7.hash.x - a_7.hash_step.x), _e52, hash_2.zw));
+        }
+        continuing {
+            let _e56 = place;
+            place = (_e56 + 1i);
+            let _e64 = place;
+            o_y = select(-(a_7.near.y), a_7.near.y, (_e64 == 1i));
+            let _e75 = place;
+            hash_y = (a_7.hash.y + select(-(a_7.hash_step.y), a_7.hash_step.y, (_e75 == 1i)));
+            let _e84 = place;
+            bound_y = select(a_7.far_bound.y, a_7.near_bound.y, (_e84 == 1i));
+            let _e88 = place;
+            let _e91 = bound_y;
+            let _e95 = voronoi_texture_1i_hopeless(s_3, a_7, vec4<f32>(0f, _e91, bounds_1.zw));
+            break if ((_e88 > 2i) | _e95);
+        }
+    }
+    return;
+}
+
+fn voronoi_texture_1i_scan_z(s_4: ptr<function, voronoi_texture_1i_Search>, a_8: voronoi_texture_1i_Axes, o_2: vec4<f32>, hash_3: vec4<i32>, bounds_2: vec4<f32>) {
+    var o_z: f32 = 0f;
+    var hash_z: i32;
+    var bound_z: f32 = 0f;
+    var place_1: i32 = 0i;
+
+    hash_z = a_8.hash.z;
+    loop {
+        let _e8 = o_z;
+        let _e16 = hash_z;
+        let _e21 = bound_z;
+        voronoi_texture_1i_scan_y(s_4, a_8, vec4<f32>(0f, 0f, _e8, o_2.w), vec4<i32>(a_8.hash.xy, _e16, hash_3.w), vec4<f32>(0f, 0f, _e21, bounds_2.w));
+        continuing {
+            let _e28 = place_1;
+            place_1 = (_e28 + 1i);
+            let _e36 = place_1;
+            o_z = select(-(a_8.near.z), a_8.near.z, (_e36 == 1i));
+            let _e47 = place_1;
+            hash_z = (a_8.hash.z + select(-(a_8.hash_step.z), a_8.hash_step.z, (_e47 == 1i)));
+            let _e56 = place_1;
+            bound_z = select(a_8.far_bound.z, a_8.near_bound.z, (_e56 == 1i));
+            let _e60 = place_1;
+            let _e63 = bound_z;
+            let _e68 = voronoi_texture_1i_hopeless(s_4, a_8, vec4<f32>(0f, 0f, _e63, bounds_2.w));
+            break if ((_e60 > 2i) | _e68);
+        }
+    }
+    return;
+}
+
+fn voronoi_texture_1i_scan_w(s_5: ptr<function, voronoi_texture_1i_Search>, a_9: voronoi_texture_1i_Axes) {
+    var o_w: f32 = 0f;
+    var hash_w: i32;
+    var bound_w: f32 = 0f;
+    var place_2: i32 = 0i;
+
+    hash_w = a_9.hash.w;
+    loop {
+        let _e7 = o_w;
+        let _e14 = hash_w;
+        let _e17 = bound_w;
+        voronoi_texture_1i_scan_z(s_5, a_9, vec4<f32>(0f, 0f, 0f, _e7), vec4<i32>(a_9.hash.xyz, _e14), vec4<f32>(0f, 0f, 0f, _e17));
+        continuing {
+            let _e24 = place_2;
+            place_2 = (_e24 + 1i);
+            let _e32 = place_2;
+            o_w = select(-(a_9.near.w), a_9.near.w, (_e32 == 1i));
+            let _e43 = place_2;
+            hash_w = (a_9.hash.w + select(-(a_9.hash_step.w), a_9.hash_step.w, (_e43 == 1i)));
+            let _e52 = place_2;
+            bound_w = select(a_9.far_bound.w, a_9.near_bound.w, (_e52 == 1i));
+            let _e56 = place_2;
+            let _e59 = bound_w;
+            let _e64 = voronoi_texture_1i_hopeless(s_5, a_9, vec4<f32>(0f, 0f, 0f, _e59));
+            break if ((_e56 > 2i) | _e64);
+        }
+    }
+    return;
+}
+
+fn voronoi_texture_1i_search(site: voronoi_texture_1i_Site, p_7: voronoi_texture_1i_Parameters) -> voronoi_texture_1i_Search {
+    var a_10: voronoi_texture_1i_Axes;
+    var s_6: voronoi_texture_1i_Search = voronoi_texture_1i_Search(340282350000000000000000000000000000000f, 0f, 340282350000000000000000000000000000000f, 0f);
+
+    let upper = (site.local >= vec4(0.5f));
+    let rest = (vec4(1f) - site.local);
+    a_10.local = site.local;
+    a_10.hash = ((site.cell * hash_PCG_MULTIPLIER) + vec4(1013904223i));
+    a_10.hash_step = select(vec4(-1664525i), vec4(1664525i), upper);
+    a_10.near = select(vec4(-1f), vec4(1f), upper);
+    let _e39 = voronoi_texture_1i_bound_terms(select(site.local, rest, upper), p_7.exponent);
+    a_10.near_bound = _e39;
+    let _e44 = voronoi_texture_1i_bound_terms(select(rest, site.local, upper), p_7.exponent);
+    a_10.far_bound = _e44;
+    let _e46 = voronoi_texture_1i_jitter(p_7);
+    a_10.jitter = _e46;
+    a_10.exponent = p_7.exponent;
+    a_10.one = p_7.one;
+    let _e51 = a_10;
+    voronoi_texture_1i_scan_w((&s_6), _e51);
+    let _e53 = s_6;
+    return _e53;
+}
+
+fn voronoi_texture_1i_offset_of(rank: f32) -> vec4<i32> {
+    let r = u32((rank + 40f));
+    return (vec4<i32>(vec4<u32>((r % 3u), ((r / 3u) % 3u), ((r / 9u) % 3u), (r / 27u))) - vec4(1i));
+}
+
+fn voronoi_texture_1i_root(measure_2: f32, exponent_3: f32) -> f32 {
+    return sqrt(measure_2);
+}
+
+fn voronoi_texture_1i_octave_at(site_1: voronoi_texture_1i_Site, o_3: vec4<i32>, distance_: f32, p_8: voronoi_texture_1i_Parameters) -> voronoi_texture_1i_Octave {
+    var octave: voronoi_texture_1i_Octave;
+
+    octave.distance = distance_;
+    let _e3 = octave;
+    return _e3;
+}
+
+fn voronoi_texture_1i_first_feature(x_10: vec4<f32>, p_9: voronoi_texture_1i_Parameters) -> voronoi_texture_1i_Octave {
+    let _e1 = voronoi_texture_1i_site_of(x_10);
+    let _e3 = voronoi_texture_1i_search(_e1, p_9);
+    let _e5 = voronoi_texture_1i_offset_of(_e3.nearest_rank);
+    let _e8 = voronoi_texture_1i_root(_e3.nearest, p_9.exponent);
+    let _e9 = voronoi_texture_1i_octave_at(_e1, _e5, _e8, p_9);
+    return _e9;
+}
+
+fn voronoi_texture_1i_feature(x_11: vec4<f32>, p_10: voronoi_texture_1i_Parameters) -> voronoi_texture_1i_Octave {
+    let _e2 = voronoi_texture_1i_first_feature(x_11, p_10);
+    return _e2;
+}
+
+fn voronoi_texture_1i_distance_of(v_2: vec4<f32>, p_11: voronoi_texture_1i_Parameters) -> f32 {
+    let _e3 = voronoi_texture_1i_terms(v_2, p_11.exponent);
+    let _e5 = voronoi_texture_1i_combine(_e3, p_11.one);
+    let _e7 = voronoi_texture_1i_root(_e5, p_11.exponent);
+    return _e7;
+}
+
+fn voronoi_texture_1i_corner_distance(h: f32, p_12: voronoi_texture_1i_Parameters) -> f32 {
+    let _e5 = voronoi_texture_1i_distance_of(vec4<f32>(h, max(h, 0.5f), h, h), p_12);
+    return _e5;
+}
+
+fn voronoi_texture_1i_unit_distance(p_13: voronoi_texture_1i_Parameters) -> f32 {
+    let _e6 = voronoi_texture_1i_corner_distance((0.5f + (0.5f * p_13.randomness)), p_13);
+    return _e6;
+}
+
+fn voronoi_texture_1i_octave_sum(q: vec4<f32>, f_5: voronoi_texture_1i_Fractal, p_14: voronoi_texture_1i_Parameters) -> voronoi_texture_1i_Octave {
+    var sum: voronoi_texture_1i_Octave;
+    var weights: f32 = 0f;
+    var longer: voronoi_texture_1i_Octave;
+    var longer_weights: f32 = 0f;
+    var amplitude: f32 = 1f;
+    var scale_1: f32 = 1f;
+    var i: i32 = 0i;
+
+    let last = select(i32(ceil(f_5.detail)), 0i, (f_5.roughness == 0f));
+    loop {
+        let _e13 = i;
+        if (_e13 < 16i) {
+        } else {
+            break;
+        }
+        {
+            let _e16 = i;
+            if (_e16 > last) {
+                break;
+            }
+            let _e20 = scale_1;
+            let _e23 = voronoi_texture_1i_feature((q * _e20), p_14);
+            let _e26 = weights;
+            let _e27 = amplitude;
+            longer_weights = (_e26 + _e27);
+            let _e34 = sum.distance;
+            let _e36 = amplitude;
+            longer.distance = (_e34 + (_e23.distance * _e36));
+            let _e39 = i;
+            if (f32(_e39) <= f_5.detail) {
+                let _e43 = longer_weights;
+                weights = _e43;
+                let _e44 = longer;
+                sum = _e44;
+            }
+            let _e45 = scale_1;
+            scale_1 = (_e45 * f_5.lacunarity);
+            let _e48 = amplitude;
+            amplitude = (_e48 * f_5.roughness);
+        }
+        continuing {
+            let _e52 = i;
+            i = (_e52 + 1i);
+        }
+    }
+    if (f32(last) > f_5.detail) {
+        let rest_1 = (f_5.detail - floor(f_5.detail));
+        let _e61 = weights;
+        let _e62 = longer_weights;
+        let _e63 = weights;
+        weights = (_e61 + (rest_1 * (_e62 - _e63)));
+        let _e69 = sum.distance;
+        let _e71 = longer.distance;
+        let _e73 = sum.distance;
+        sum.distance = (_e69 + (rest_1 * (_e71 - _e73)));
+    }
+    let _e79 = sum.distance;
+    let _e80 = weights;
+    let _e81 = voronoi_texture_1i_unit_distance(p_14);
+    sum.distance = (_e79 / (_e80 * _e81));
+    let _e84 = sum;
+    return _e84;
+}
+
+fn voronoi_texture_1i_fractal(q_1: vec4<f32>, f_6: voronoi_texture_1i_Fractal, p_15: voronoi_texture_1i_Parameters) -> voronoi_texture_1i_Octave {
+    let _e3 = voronoi_texture_1i_octave_sum(q_1, f_6, p_15);
+    return _e3;
+}
+
+fn voronoi_texture_1i_outputs_of(sum_1: voronoi_texture_1i_Octave, scale_2: f32) -> voronoi_texture_1i_Outputs {
+    var outputs_1: voronoi_texture_1i_Outputs;
+
+    outputs_1.distance = sum_1.distance;
+    let inverse = select(0f, (1f / scale_2), (scale_2 != 0f));
+    let _e11 = outputs_1;
+    return _e11;
+}
+
+fn voronoi_texture_1i_evaluate(vector_1: vec3<f32>, w_6: f32, scale_3: f32, detail_1: f32, roughness_1: f32, lacunarity_1: f32, randomness: f32) -> voronoi_texture_1i_Outputs {
+    var p_16: voronoi_texture_1i_Parameters;
+
+    let q_2 = (vec4<f32>(vector_1, w_6) * scale_3);
+    p_16.randomness = clamp(randomness, 0f, 1f);
+    let sign_ = select(-1f, 1f, (scale_3 > 0f));
+    p_16.one = (sign_ * sign_);
+    let f_8 = voronoi_texture_1i_Fractal(clamp(detail_1, 0f, 15f), clamp(roughness_1, 0f, 1f), lacunarity_1);
+    let _e28 = p_16;
+    let _e29 = voronoi_texture_1i_fractal(q_2, f_8, _e28);
+    let _e30 = voronoi_texture_1i_outputs_of(_e29, scale_3);
+    return _e30;
+}
+
+fn math_2i_finish(x_12: f32) -> f32 {
+    return clamp(x_12, 0f, 1f);
+}
+
+fn math_2i_evaluate(a_11: f32, b_5: f32) -> f32 {
+    let _e3 = math_2i_finish((a_11 + b_5));
+    return _e3;
+}
+
+fn math_3i_finish(x_13: f32) -> f32 {
+    return clamp(x_13, 0f, 1f);
+}
+
+fn math_3i_evaluate(a_12: f32, b_6: f32) -> f32 {
+    let _e3 = math_3i_finish((a_12 - b_6));
+    return _e3;
+}
+
+fn map_range_3i_factor(value_6: f32, from_min_6: f32, from_max_6: f32, steps_4: f32) -> f32 {
+    return ((value_6 - from_min_6) / (from_max_6 - from_min_6));
+}
+
+fn map_range_3i_map(value_7: f32, from_min_7: f32, from_max_7: f32, to_min_4: f32, to_max_4: f32, steps_5: f32) -> f32 {
+    let _e4 = map_range_3i_factor(value_7, from_min_7, from_max_7, steps_5);
+    let inside_2 = (to_min_4 + (_e4 * (to_max_4 - to_min_4)));
+    let result_2 = select(inside_2, 0f, (from_min_7 == from_max_7));
+    return clamp(result_2, min(to_min_4, to_max_4), max(to_min_4, to_max_4));
+}
+
+fn map_range_3i_evaluate(value_8: f32, from_min_8: f32, from_max_8: f32, to_min_5: f32, to_max_5: f32) -> f32 {
+    let _e6 = map_range_3i_map(value_8, from_min_8, from_max_8, to_min_5, to_max_5, 0f);
+    return _e6;
+}
+
+fn math_4i_finish(x_14: f32) -> f32 {
+    return x_14;
+}
+
+fn math_4i_evaluate(a_13: f32, b_7: f32) -> f32 {
+    let _e3 = math_4i_finish((a_13 * b_7));
+    return _e3;
+}
+
+fn graph_evaluate(position: vec3<f32>) -> f32 {
+    let _e6 = map_range_1i_evaluate(position.z, 0.5f, 0f, 0f, 1f);
+    let _e12 = map_range_2i_evaluate(position.z, 0f, 0.1f, 0.8f, 1f);
+    let _e19 = noise_texture_1i_evaluate(position, 0f, 2f, 0f, 0f, 0f, 0f);
+    let _e21 = math_1i_evaluate(_e12, _e19.fac);
+    let _e28 = voronoi_texture_1i_evaluate(position, 0f, 5f, 1f, 0.5f, 3f, 1f);
+    let _e34 = map_range_2i_evaluate(_e28.distance, 0f, 0.75f, -0.4f, 1f);
+    let _e36 = math_1i_evaluate(_e34, 0.5f);
+    let _e37 = math_2i_evaluate(_e21, _e36);
+    let _e44 = voronoi_texture_1i_evaluate(position, 0f, 2f, 5f, 0.75f, 2.5f, 1f);
+    let _e50 = map_range_2i_evaluate(_e44.distance, 0f, 1f, -0.25f, 1f);
+    let _e51 = math_2i_evaluate(_e37, _e50);
+    let _e52 = math_3i_evaluate(_e6, _e51);
+    let _e54 = math_3i_evaluate(_e52, 0.19999999f);
+    let _e60 = map_range_3i_evaluate(position.z, 0f, 0.5f, 0f, 1f);
+    let _e62 = math_4i_evaluate(500f, _e60);
+    let _e63 = math_4i_evaluate(_e54, _e62);
+    return _e63;
+}
+
+fn density(position_1: vec3<f32>) -> f32 {
+    let _e1 = graph_evaluate(position_1);
+    return _e1;
+}
+
+@compute @workgroup_size(64, 1, 1) 
+fn main(@builtin(global_invocation_id) invocation: vec3<u32>) {
+    let index = invocation.x;
+    if (index >= arrayLength((&densities))) {
+        return;
+    }
+    let _e11 = points[(3u * index)];
+    let _e18 = points[((3u * index) + 1u)];
+    let _e25 = points[((3u * index) + 2u)];
+    let _e27 = density(vec3<f32>(_e11, _e18, _e25));
+    densities[index] = _e27;
+    return;
+}
