@@ -342,7 +342,7 @@ impl VoronoiTexture {
             Metric::Chebychev => Shape::Chebychev,
             Metric::Minkowski => {
                 let exponent = f64::from(parameters.exponent.as_point()?);
-                let scanned = EXPONENTS[0] <= exponent && exponent <= EXPONENTS[1];
+                let scanned = (EXPONENTS[0]..=EXPONENTS[1]).contains(&exponent);
                 return scanned.then_some(Shape::Minkowski(exponent));
             }
         })
