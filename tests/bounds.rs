@@ -7,7 +7,8 @@ mod support;
 
 use cloudparity::graph::Program;
 use cloudparity::graph::bounds::Bounds3;
-use cloudparity::graph::bounds_check::{Survey, layer, violations};
+use cloudparity::graph::bounds_check::{Survey, layer, points_in, violations};
+use cloudparity::graph::evaluate::{Arithmetic, Points};
 use cloudparity::nodes::{Column, Interval, Kernel, Mode, NodeType, Oracle, PropertyValues, Role, registry};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -245,6 +246,32 @@ fn values_of_the_cloud_lie_within_its_bounds() {
 }
 
 #[test]
+fn values_of_the_shader_lie_within_the_clouds_bounds() {
+    if !support::require("vulkan") {
+        return;
+    }
+    let scene = support::scene("procedural-clouds");
+    let program = Program::density(&scene).expect("the cloud compiles");
+    let gpu = cloudparity::gpu::Gpu::open().expect("an adapter");
+    let kernel = gpu.field(&program).expect("the cloud's shader");
+    let mut random = ChaCha8Rng::seed_from_u64(11);
+    let places: Vec<Bounds3> = (0..64)
+        .map(|_| {
+            let side = 0.5_f32.powf(random.random_range(3.0..9.0));
+            let low = [random.random_range(-1.0..0.8), random.random_range(-1.0..0.8), random.random_range(0.0..0.3)];
+            Bounds3::new(low, low.map(|x| x + side))
+        })
+        .collect();
+    let points: Vec<[f32; 3]> = places.iter().flat_map(|place| points_in(place, 100, &mut random)).collect();
+    let values = kernel.evaluate(Points::new(&points)).expect("values");
+    let bounds = program.bounds_many(&places).expect("bounds");
+    for ((bounds, values), place) in bounds.iter().zip(values.chunks(100)).zip(&places) {
+        let values: Vec<f64> = values.iter().copied().map(f64::from).collect();
+        assert_eq!(violations(std::slice::from_ref(bounds), &values), 0, "{place:?}: {bounds:?}");
+    }
+}
+
+#[test]
 fn refined_bounds_are_narrower_and_still_hold() {
     let scene = support::scene("procedural-clouds");
     let program = Program::density(&scene).expect("the cloud compiles");
@@ -253,9 +280,8 @@ fn refined_bounds_are_narrower_and_still_hold() {
     let refined = program.bounds_refined(&[place], 2).expect("bounds")[0];
     assert!(refined.high <= plain.high && refined.low >= plain.low, "{refined:?} {plain:?}");
     let mut random = ChaCha8Rng::seed_from_u64(3);
-    let points = cloudparity::graph::bounds_check::points_in(&place, 2_000, &mut random);
-    let points = cloudparity::graph::evaluate::Points::new(&points);
-    let values = program.evaluate(points, cloudparity::graph::evaluate::Arithmetic::Single).expect("values");
+    let points = points_in(&place, 2_000, &mut random);
+    let values = program.evaluate(Points::new(&points), Arithmetic::Single).expect("values");
     assert_eq!(violations(&[refined], &values), 0);
 }
 

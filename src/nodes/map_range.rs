@@ -155,8 +155,9 @@ impl MapRange {
         let smoother = |t: f64| t * t * t * (t * (t * 6.0 - 15.0) + 10.0);
         let unit = Interval::new(-2e-5, 1.0 + 2e-5);
         let rising = |function: &dyn Fn(f64) -> f64| {
-            if !linear.is_finite() {
-                // A NaN takes either end, by the direction of the range, or passes through.
+            if !linear.is_finite() || !width.is_finite() {
+                // A NaN takes either end, by the direction of the range, or passes through; a width
+                // that overflows makes its own quotient 0, mirrored or not.
                 return unit.or_nan(linear.may_be_nan);
             }
             linear.saturate().increasing(function, 1e-5).meet(unit)

@@ -55,12 +55,12 @@ fn whole_quotient(quotient: Interval, integer: impl Fn(f64) -> f64) -> Option<f6
     (whole == integer(high + REMAINDER_ERROR * high.abs()) && quotient.is_finite()).then_some(whole)
 }
 
-/// `a - n b` for a known n.
-fn remainder(a: Interval, b: Interval, whole: f64) -> Interval {
+/// `a - n b` for a known n, by way of other terms up to `detour`.
+fn remainder(a: Interval, b: Interval, whole: f64, detour: f64) -> Interval {
     let ([a0, a1], [b0, b1]) = (a.ends(), b.ends());
     let products = [whole * b0, whole * b1];
     let (low, high) = (a0 - products[0].max(products[1]), a1 - products[0].min(products[1]));
-    Interval::with_error(low, high, REMAINDER_ERROR * (a.magnitude() + products[0].abs()), a.may_be_nan)
+    Interval::with_error(low, high, REMAINDER_ERROR * (a.magnitude() + products[0].abs() + detour), a.may_be_nan)
 }
 
 /// Remainder with the sign of a; 0 for b = 0.
@@ -75,7 +75,7 @@ pub(in crate::nodes) fn modulo(a: Interval, b: Interval) -> Interval {
         return wide;
     }
     match whole_quotient(a.divide(b), f64::trunc) {
-        Some(whole) => remainder(a, b, whole).meet(wide),
+        Some(whole) => remainder(a, b, whole, 0.0).meet(wide),
         None => wide,
     }
 }
@@ -100,15 +100,12 @@ fn floored_modulo(a: Interval, b: Interval) -> Interval {
         return Interval::EVERYTHING;
     }
     let wide = between(Interval::ZERO, b, a);
-    whole_quotient(quotient, f64::floor).map_or(wide, |whole| remainder(a, b, whole).meet(wide))
+    whole_quotient(quotient, f64::floor).map_or(wide, |whole| remainder(a, b, whole, 0.0).meet(wide))
 }
 
 /// `a` brought into [minimum, maximum); `minimum` for an empty range.
 pub(in crate::nodes) fn wrap(a: Interval, maximum: Interval, minimum: Interval) -> Interval {
-    if let (Some(from), Some(to)) = (minimum.as_point(), maximum.as_point())
-        && from == to
-        && from.is_finite()
-    {
+    if minimum.is_finite() && minimum.as_point().is_some() && minimum.as_point() == maximum.as_point() {
         return minimum;
     }
     let range = maximum - minimum;
@@ -120,7 +117,9 @@ pub(in crate::nodes) fn wrap(a: Interval, maximum: Interval, minimum: Interval) 
         return Interval::EVERYTHING;
     }
     let wide = between(minimum, maximum, a);
-    whole_quotient(quotient, f64::floor).map_or(wide, |whole| remainder(a, range, whole).meet(wide))
+    // The vectors' version subtracts the minimum first and adds it again.
+    let detour = minimum.magnitude();
+    whole_quotient(quotient, f64::floor).map_or(wide, |whole| remainder(a, range, whole, detour).meet(wide))
 }
 
 /// The multiple of b at or below a.
