@@ -280,12 +280,17 @@ fn far_points(
     node.inputs.insert("Detail".into(), Input::Number(0.0));
     let distance = Target { groups, node: name, output: Some("Distance".into()), input: None };
     let program = Program::compile(&plain, &[distance])?;
-    let candidates = uniform(region, 64 * count, random);
+    // About one point in a thousand has its nearest cell point farther than 1 in 4D.
+    let candidates = uniform(region, (64 * count).max(1 << 16), random);
     let values = program.evaluate_single(Points::new(&candidates))?;
     let mut order: Vec<usize> = (0..candidates.len()).collect();
     order.sort_by(|&a, &b| values[b].total_cmp(&values[a]));
-    // Random among those beyond 1, not only the most extreme corner of the field.
-    let beyond = order.iter().take_while(|&&index| values[index] > 1.0).count().max(count);
+    // Random among those beyond 1, not only the most extreme corner of the field; where none is
+    // (fewer dimensions, low Randomness), the farthest there are.
+    let beyond = match order.iter().take_while(|&&index| values[index] > 1.0).count() {
+        0 => count,
+        found => found,
+    };
     Ok((0..count).map(|_| candidates[order[random.random_range(0..beyond)]]).collect())
 }
 
