@@ -48,12 +48,33 @@ def is_available(socket):
 
 def live_links(tree):
     """Return the links that carry a value, as {(node name, input identifier): link}. A muted link, and a link
-    at a socket of another mode, carries none."""
-    return {
+    at a socket of another mode, carries none; nor does one from muted nodes or reroutes that nothing feeds:
+    Blender then uses the value that the reading socket stores."""
+    links = {
         (link.to_node.name, link.to_socket.identifier): link
         for link in tree.links
         if not link.is_muted and is_available(link.from_socket) and is_available(link.to_socket)
     }
+    return {key: link for key, link in links.items() if _is_fed(link.from_socket, links)}
+
+
+def _is_fed(source, links):
+    """Whether a value arrives at the output `source` of a node, `links` being those of its tree."""
+    for _ in range(len(links) + 1):
+        node = source.node
+        if node.mute:
+            inside = next(
+                (link.from_socket for link in node.internal_links if link.to_socket == source), None
+            )
+        elif node.bl_idname == "NodeReroute":
+            inside = node.inputs[0]
+        else:
+            return True
+        link = None if inside is None else links.get((node.name, inside.identifier))
+        if link is None:
+            return False
+        source = link.from_socket
+    return False  # a ring of reroutes
 
 
 def active_group_output(tree):

@@ -232,6 +232,33 @@ def test_texture_mapping_other_than_identity_is_refused(cube):
         exported(saved(path))
 
 
+def test_a_link_that_nothing_feeds_leaves_the_stored_value(cube, tmp_path):
+    path, tree = cube
+    density = tree.nodes["Principled Volume"].inputs["Density"]
+    density.default_value = 0.75
+    muted = tree.nodes.new("ShaderNodeMath")
+    muted.mute = True
+    reroute = tree.nodes.new("NodeReroute")
+    tree.links.new(reroute.inputs[0], muted.outputs[0])
+    tree.links.new(density, reroute.outputs[0])
+    document, _ = exported(saved(path))
+    inputs = {item["name"]: item["inputs"] for item in document["graph"]["nodes"]}
+    assert inputs["Principled Volume"]["Density"] == 0.75
+    assert_round_trip(document, tmp_path)
+
+
+def test_a_link_through_a_muted_node_that_is_fed_stays(cube, tmp_path):
+    path, tree = cube
+    muted, value = tree.nodes.new("ShaderNodeMath"), tree.nodes.new("ShaderNodeValue")
+    muted.mute = True
+    tree.links.new(muted.inputs[0], value.outputs[0])
+    tree.links.new(tree.nodes["Principled Volume"].inputs["Density"], muted.outputs[0])
+    document, _ = exported(saved(path))
+    inputs = {item["name"]: item["inputs"] for item in document["graph"]["nodes"]}
+    assert inputs["Principled Volume"]["Density"] == link("Math", "Value")
+    assert_round_trip(document, tmp_path)
+
+
 def test_sky_is_refused_by_name_and_no_world_is_black(cube):
     path, _ = cube
     tree = bpy.context.scene.world.node_tree
