@@ -58,8 +58,13 @@ impl Region {
         let mut enter = f64::NEG_INFINITY;
         let mut leave = f64::INFINITY;
         for axis in 0..3 {
-            // A ray within a slab it is parallel to gives infinities of the right signs; only one
-            // that runs exactly in a face gives NaN, which min and max ignore.
+            // A ray that runs in a face is inside; the division below would make it NaN.
+            if direction[axis] == 0.0 {
+                if (self.low[axis]..=self.high[axis]).contains(&origin[axis]) {
+                    continue;
+                }
+                return None;
+            }
             let first = (self.low[axis] - origin[axis]) / direction[axis];
             let second = (self.high[axis] - origin[axis]) / direction[axis];
             enter = enter.max(first.min(second));
@@ -200,13 +205,13 @@ mod tests {
     #[test]
     fn the_phase_function_integrates_to_one() {
         for anisotropy in [0.0, 0.6, -0.3, 0.9] {
-            let count = 20000;
+            let count = 100_000;
             let sum: f64 = (0..count)
                 .map(|index| henyey_greenstein(anisotropy, -1.0 + 2.0 * (f64::from(index) + 0.5) / f64::from(count)))
                 .sum();
-            // Midpoint rule: error h^2/24 times the largest change of slope, below 1e-5 at g = 0.9.
+            // Midpoint rule: h^2/24 times the change of slope between the ends, 4e-7 at g = 0.9.
             let integral = sum * 4.0 * std::f64::consts::PI / f64::from(count);
-            assert!((integral - 1.0).abs() < 1e-5, "g = {anisotropy}: {integral}");
+            assert!((integral - 1.0).abs() < 1e-6, "g = {anisotropy}: {integral}");
         }
     }
 
@@ -216,5 +221,6 @@ mod tests {
         assert_eq!(region.segment(DVec3::new(0.0, -5.0, 0.0), DVec3::Y), Some((4.0, 6.0)));
         assert_eq!(region.segment(DVec3::new(0.0, -5.0, 2.0), DVec3::Y), None);
         assert_eq!(region.segment(DVec3::ZERO, DVec3::Z * 2.0), Some((-0.5, 0.5)));
+        assert_eq!(region.segment(DVec3::new(1.0, 0.0, -5.0), DVec3::Z), Some((4.0, 6.0)));
     }
 }
