@@ -16,6 +16,9 @@ use std::path::Path;
 /// Begins the names of the attributes that say how a picture was made.
 pub const ATTRIBUTE_PREFIX: &str = "cloudparity:";
 
+/// What files declare as their colour space, in the attribute colorInteropID: as Blender does.
+const COLOR_SPACE: &str = "lin_rec709_scene";
+
 /// A scene-linear RGBA picture.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Image {
@@ -75,9 +78,10 @@ impl Image {
         };
         let layer = Layer::new((self.width, self.height), LayerAttributes::default(), encoding, channels);
         let mut image = exr::image::Image::from_layer(layer);
+        // Attribute text is bytes; UTF-8 is what OpenImageIO reads and writes there.
+        let text = |text: &str| Text::from_bytes_unchecked(text.bytes().collect());
+        image.layer_data.attributes.other.insert(text("colorInteropID"), AttributeValue::Text(text(COLOR_SPACE)));
         for (name, value) in &self.provenance {
-            // Attribute text is bytes; UTF-8 is what OpenImageIO reads and writes there.
-            let text = |text: &str| Text::from_bytes_unchecked(text.bytes().collect());
             let name = text(&format!("{ATTRIBUTE_PREFIX}{name}"));
             image.layer_data.attributes.other.insert(name, AttributeValue::Text(text(value)));
         }

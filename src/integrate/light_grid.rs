@@ -523,31 +523,67 @@ mod tests {
         }
     }
 
+    const CUBE: super::super::medium::Region = super::super::medium::Region { low: DVec3::ZERO, high: DVec3::ONE };
+
+    /// Length from a vertex to where a ray leaves the cube, and the axis of the face there.
+    fn way_out(place: DVec3, direction: DVec3) -> (f64, usize) {
+        let length = CUBE.segment(place, direction).map_or(0.0, |(_, leave)| leave.max(0.0));
+        let end = (place + direction * length - 0.5).abs();
+        let axis = (0..3).max_by(|&a, &b| end[a].total_cmp(&end[b])).expect("three axes");
+        (length, axis)
+    }
+
+    #[test]
+    fn depths_are_exact_where_no_edge_of_the_grid_casts_a_kink() {
+        let grid = grid(|_| 2.0);
+        let mut compared = 0;
+        for direction in sphere_directions(60) {
+            let found = grid.depth_towards(DMat3::from_diagonal(1.0 / grid.step) * direction);
+            for (index, depth) in found.iter().enumerate() {
+                let place = vertex(index, grid.size, DVec3::ZERO, grid.step);
+                let (length, axis) = way_out(place, direction);
+                // Depth is linear in the position among rays that leave by the same face.
+                let neighbours = (0..27).map(|number| {
+                    let shift = [number % 3, number / 3 % 3, number / 9].map(|part| f64::from(part) - 1.0);
+                    place + DVec3::from(shift) * grid.step * 1.01
+                });
+                let smooth = neighbours.clone().all(|near| {
+                    near.cmpgt(DVec3::ZERO).all() && near.cmplt(DVec3::ONE).all() && way_out(near, direction).1 == axis
+                });
+                if smooth {
+                    compared += 1;
+                    // Sums over 40 slices in f32, and fractions of cells of about 40 in f32.
+                    assert!((f64::from(*depth) - 2.0 * length).abs() < 1e-4, "{place}, {direction}: {depth}");
+                }
+            }
+        }
+        assert!(compared > 1_000_000, "only {compared} vertices were compared");
+    }
+
     #[test]
     fn depths_through_a_linear_density_are_its_integral() {
         let slope = DVec3::new(0.5, -0.25, 1.0);
         let grid = grid(|place| 1.0 + slope.dot(place));
         let to_cells = DMat3::from_diagonal(1.0 / grid.step);
-        let box_region = super::super::medium::Region { low: DVec3::ZERO, high: DVec3::ONE };
         let mut directions = sphere_directions(60);
         directions.extend([DVec3::X, DVec3::NEG_Y, DVec3::Z]);
         for direction in directions {
             let found = grid.depth_towards(to_cells * direction);
-            let mut worst = 0.0_f64;
-            let mut sum = 0.0;
-            for (index, depth) in found.iter().enumerate() {
-                let place = vertex(index, grid.size, DVec3::ZERO, grid.step);
-                let length = box_region.segment(place, direction).map_or(0.0, |(_, leave)| leave.max(0.0));
-                let truth = length * (1.0 + slope.dot(place + direction * (length / 2.0)));
-                let error = (f64::from(*depth) - truth).abs();
-                sum += error;
-                // Away from the kinks that the edges of the box cast, only rounding is left; on the
-                // kinks the error is bounded by a cell times the largest density.
-                worst = worst.max(error);
-            }
-            assert!(worst < 2.75 * 2.0 / 24.0, "{direction}: worst {worst}");
+            let sum: f64 = found
+                .iter()
+                .enumerate()
+                .map(|(index, depth)| {
+                    let place = vertex(index, grid.size, DVec3::ZERO, grid.step);
+                    let (length, _) = way_out(place, direction);
+                    (f64::from(*depth) - length * (1.0 + slope.dot(place + direction * (length / 2.0)))).abs()
+                })
+                .sum();
             let mean = sum / found.len() as f64;
-            assert!(mean < 4e-3, "{direction}: mean error {mean}");
+            // Along an axis nothing is interpolated and the trapezoid rule is exact. Else about one
+            // vertex in seven lies at a face or on a kink, where depth changes by 0.2 per cell and
+            // interpolation misses a sixth of that: 5e-3, allowed twice.
+            let tolerance = if direction.abs().max_element() == 1.0 { 1e-5 } else { 1e-2 };
+            assert!(mean < tolerance, "{direction}: mean error {mean}");
         }
     }
 
@@ -556,11 +592,10 @@ mod tests {
         let grid = grid(|_| 2.0);
         let target = DVec3::splat(3.0);
         let found = grid.depth_to_cell(target / grid.step, DMat3::from_diagonal(grid.step));
-        let region = super::super::medium::Region { low: DVec3::ZERO, high: DVec3::ONE };
         for (index, depth) in found.iter().enumerate() {
             let place = vertex(index, grid.size, DVec3::ZERO, grid.step);
             let way = target - place;
-            let truth = region.segment(place, way).map_or(0.0, |(_, leave)| leave.max(0.0)) * way.length() * 2.0;
+            let truth = CUBE.segment(place, way).map_or(0.0, |(_, leave)| leave.max(0.0)) * way.length() * 2.0;
             assert!((f64::from(*depth) - truth).abs() < 1e-5, "{place}: {depth} is not {truth}");
         }
     }

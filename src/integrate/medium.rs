@@ -58,13 +58,12 @@ impl Region {
         let mut enter = f64::NEG_INFINITY;
         let mut leave = f64::INFINITY;
         for axis in 0..3 {
-            // A ray parallel to a slab is in it for good or never; dividing would give NaN for one
-            // that runs exactly in a face.
+            // A ray that runs in a face is inside; the division below would make it NaN.
             if direction[axis] == 0.0 {
-                if !(self.low[axis]..=self.high[axis]).contains(&origin[axis]) {
-                    return None;
+                if (self.low[axis]..=self.high[axis]).contains(&origin[axis]) {
+                    continue;
                 }
-                continue;
+                return None;
             }
             let first = (self.low[axis] - origin[axis]) / direction[axis];
             let second = (self.high[axis] - origin[axis]) / direction[axis];
@@ -206,13 +205,13 @@ mod tests {
     #[test]
     fn the_phase_function_integrates_to_one() {
         for anisotropy in [0.0, 0.6, -0.3, 0.9] {
-            let count = 40000;
+            let count = 100_000;
             let sum: f64 = (0..count)
                 .map(|index| henyey_greenstein(anisotropy, -1.0 + 2.0 * (f64::from(index) + 0.5) / f64::from(count)))
                 .sum();
-            // Midpoint rule: error h^2/24 times the largest change of slope, below 3e-6 at g = 0.9.
+            // Midpoint rule: h^2/24 times the change of slope between the ends, 4e-7 at g = 0.9.
             let integral = sum * 4.0 * std::f64::consts::PI / f64::from(count);
-            assert!((integral - 1.0).abs() < 1e-5, "g = {anisotropy}: {integral}");
+            assert!((integral - 1.0).abs() < 1e-6, "g = {anisotropy}: {integral}");
         }
     }
 
@@ -222,5 +221,6 @@ mod tests {
         assert_eq!(region.segment(DVec3::new(0.0, -5.0, 0.0), DVec3::Y), Some((4.0, 6.0)));
         assert_eq!(region.segment(DVec3::new(0.0, -5.0, 2.0), DVec3::Y), None);
         assert_eq!(region.segment(DVec3::ZERO, DVec3::Z * 2.0), Some((-0.5, 0.5)));
+        assert_eq!(region.segment(DVec3::new(1.0, 0.0, -5.0), DVec3::Z), Some((4.0, 6.0)));
     }
 }
