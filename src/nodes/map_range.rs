@@ -145,7 +145,8 @@ impl MapRange {
         let width = from[1] - from[0];
         let empty = from[0].as_point().is_some() && from[0].as_point() == from[1].as_point();
         let may_be_empty = empty || (from[0].low <= from[1].high && from[1].low <= from[0].high);
-        let linear = match (self.vector, empty) {
+        let linear = match (self.vector, empty && from[0].is_finite()) {
+            // (The difference of equal infinities is NaN, not 0.)
             (_, true) => Interval::ZERO.or_nan(value.may_be_nan),
             (true, false) => (value - from[0]).safe_divide(width),
             (false, false) => (value - from[0]).divide(width),
@@ -158,7 +159,7 @@ impl MapRange {
             if !linear.is_finite() || !width.is_finite() {
                 // A NaN takes either end, by the direction of the range, or passes through; a width
                 // that overflows makes its own quotient 0, mirrored or not.
-                return unit.or_nan(linear.may_be_nan);
+                return unit.or_nan(linear.may_be_nan || !width.is_finite());
             }
             linear.saturate().increasing(function, 1e-5).meet(unit)
         };

@@ -138,6 +138,9 @@ pub(in crate::nodes) fn snap(a: Interval, b: Interval) -> Interval {
 
 /// Triangle wave between 0 and |b|.
 fn pingpong(a: Interval, b: Interval) -> Interval {
+    if may_overflow(&[a, b]) {
+        return Interval { low: 0.0, ..Interval::EVERYTHING };
+    }
     let two = Interval::point(2.0);
     let quotient = if b.has_zero() { Interval::EVERYTHING } else { (a - b).divide(b * two) };
     let wave = ((quotient.fraction() * b) * two - b).abs();

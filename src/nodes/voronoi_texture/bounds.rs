@@ -476,8 +476,8 @@ impl VoronoiTexture {
             }
         }
         let mut largest = self.largest::<N>(second, parameters);
-        if second && unfit {
-            // Nothing is nearer than the start value.
+        if unfit && (second || (N == 1 && !smooth)) {
+            // Nothing is nearer than the start value, which F2 and the one axis keep.
             largest = f64::from(f32::MAX);
         }
         let smoothness = if smooth { parameters.smoothness.magnitude() } else { 0.0 };
