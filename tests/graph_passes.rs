@@ -458,10 +458,10 @@ impl Cases {
                 let points = Points { positions: &positions, attributes: &attributes };
                 let ours = program.evaluate_single(points).expect("values");
                 assert_eq!(ours.len(), theirs.len(), "{}", case.label);
-                let differs = |(ours, theirs): (&f32, &f32)| {
-                    !equal(*ours, *theirs) && !((ours - theirs).abs() <= case.limit * theirs.abs().max(1.0))
+                let agrees = |ours: f32, theirs: f32| {
+                    equal(ours, theirs) || (ours - theirs).abs() <= case.limit * theirs.abs().max(1.0)
                 };
-                if let Some(at) = ours.iter().zip(theirs).position(differs) {
+                if let Some(at) = ours.iter().zip(theirs).position(|(ours, theirs)| !agrees(*ours, *theirs)) {
                     found.push(format!("{}: value {at} is {:?}, Cycles has {:?}", case.label, ours[at], theirs[at]));
                 }
             }

@@ -124,7 +124,7 @@ fn pingpong<R: Real>(a: R, b: R) -> R {
 }
 
 /// `a` brought into [minimum, maximum).
-fn wrap<R: Real>(a: R, maximum: R, minimum: R) -> R {
+pub(super) fn wrap<R: Real>(a: R, maximum: R, minimum: R) -> R {
     let range = maximum - minimum;
     if range != R::of(0.0) { a - range * ((a - minimum) / range).floor() } else { minimum }
 }
@@ -216,9 +216,11 @@ impl Evaluate for Math {
     }
 
     fn fold_constants(&self, inputs: &[f32]) -> Option<Vec<f32>> {
-        // Blender's own power knows no special case for a zero base.
+        // Blender's own power knows no special case for a zero base; its angles convert in f64.
         let value = match self.operation {
             "POWER" if inputs[0] == 0.0 && inputs[1] < 0.0 => f32::INFINITY,
+            "RADIANS" => (f64::from(inputs[0]) * (std::f64::consts::PI / 180.0)) as f32,
+            "DEGREES" => (f64::from(inputs[0]) * (180.0 / std::f64::consts::PI)) as f32,
             _ => return None,
         };
         Some(vec![if self.clamp { value.saturate() } else { value }])

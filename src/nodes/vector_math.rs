@@ -95,15 +95,27 @@ fn cross<R: Real>(a: [R; 3], b: [R; 3]) -> [R; 3] {
     [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
+/// Unit vector as Blender folds it: divided by the length, 0 where that is hardly a number.
+fn folded_unit(v: [f32; 3]) -> [f32; 3] {
+    let square = dot(v, v);
+    if square > 1e-35 { v.map(|x| x / square.sqrt()) } else { [0.0; 3] }
+}
+
 fn reflect<R: Real>(a: [R; 3], b: [R; 3]) -> [R; 3] {
-    let normal = safe_unit(b);
+    reflect_at(a, safe_unit(b))
+}
+
+fn reflect_at<R: Real>(a: [R; 3], normal: [R; 3]) -> [R; 3] {
     let product = dot(a, normal);
     each(a, normal, |x, n| x - (R::of(2.0) * n) * product)
 }
 
 fn refract<R: Real>(a: [R; 3], b: [R; 3], eta: R) -> [R; 3] {
+    refract_at(a, safe_unit(b), eta)
+}
+
+fn refract_at<R: Real>(a: [R; 3], normal: [R; 3], eta: R) -> [R; 3] {
     let one = R::of(1.0);
-    let normal = safe_unit(b);
     let cosine = dot(normal, a);
     let k = one - (eta * eta) * (one - cosine * cosine);
     if k < R::of(0.0) {
@@ -226,12 +238,23 @@ impl Evaluate for VectorMath {
     }
 
     fn fold_constants(&self, inputs: &[f32]) -> Option<Vec<f32>> {
+        let vector = |first: usize| [inputs[first], inputs[first + 1], inputs[first + 2]];
         let special =
             |function: fn(f32, f32) -> f32| Some((0..3).map(|axis| function(inputs[axis], inputs[3 + axis])).collect());
         match self.operation {
             "POWER" => special(|a, b| if a == 0.0 && b < 0.0 { f32::INFINITY } else { a.safe_power(b) }),
             // Blender folds with the exact remainder, NaN for a zero divisor.
             "MODULO" => special(|a, b| a % b),
+            // Units by division, cross products in f64, and Math's form of the wrap.
+            "NORMALIZE" => Some(folded_unit(vector(0)).to_vec()),
+            "REFLECT" => Some(reflect_at(vector(0), folded_unit(vector(3))).to_vec()),
+            "REFRACT" => Some(refract_at(vector(0), folded_unit(vector(3)), inputs[6]).to_vec()),
+            "CROSS_PRODUCT" => {
+                Some(cross(vector(0).map(f64::from), vector(3).map(f64::from)).map(|x| x as f32).to_vec())
+            }
+            "WRAP" => {
+                Some((0..3).map(|axis| super::math::wrap(inputs[axis], inputs[3 + axis], inputs[6 + axis])).collect())
+            }
             _ => None,
         }
     }
