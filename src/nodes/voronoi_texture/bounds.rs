@@ -865,7 +865,10 @@ impl VoronoiTexture {
                     found.color.into_iter().for_each(&mut put);
                 }
                 if self.position {
-                    (0..3).for_each(|axis| put(if axis < N { found.position[axis] } else { Interval::ZERO }));
+                    // The third component of 2D is 0, or NaN where a Lacunarity of 0 makes the scale 0.
+                    let unbounded = |x: &Interval| x.may_be_nan || !x.low.is_finite() || !x.high.is_finite();
+                    let third = Interval { may_be_nan: found.position.iter().any(unbounded), ..Interval::ZERO };
+                    (0..3).for_each(|axis| put(if axis < N { found.position[axis] } else { third }));
                 }
                 if self.w {
                     put(found.position[N - 1]);
