@@ -159,7 +159,7 @@ impl Demo<'_> {
         self.run.versions = [
             ("cloudparity", env!("CARGO_PKG_VERSION").to_owned()),
             ("Blender (bpy)", version("bpy", "bpy.app.version_string")),
-            ("OpenImageIO", version("OpenImageIO", "OpenImageIO.__version__")),
+            ("OpenImageIO", version("OpenImageIO", "OpenImageIO.VERSION_STRING")),
         ]
         .into_iter()
         .map(|(name, version)| (name.to_owned(), Json::from(version)))
