@@ -7,12 +7,12 @@
 
 use crate::blender::{self, Kernel, probe};
 use crate::error::{Error, Result};
+use crate::field::domain;
 use crate::gpu::Gpu;
 use crate::graph::evaluate::Points;
 use crate::graph::{Program, target};
-use crate::nodes::Interval;
 use crate::report::inputs::BenchRow;
-use crate::scene::{Input, Scene};
+use crate::scene::{Bounds, Input, Scene};
 use rand::{Rng as _, SeedableRng as _};
 use std::time::Instant;
 
@@ -71,7 +71,7 @@ pub fn run(scene: &Scene, settings: &Settings, mut receive: impl FnMut(&str)) ->
 /// Points of the layer where the field is not provably constant: in random order, as coherent 8x8
 /// tiles, and those alone where the density is not zero.
 fn workloads(scene: &Scene, program: &Program, count: usize) -> Result<Vec<Workload>> {
-    let (low, high) = active_box(scene, program)?;
+    let Bounds { min: low, max: high } = domain::region(program, scene.volume.bounds)?;
     let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(42);
     let mut point =
         || -> [f32; 3] {
@@ -107,23 +107,6 @@ fn workloads(scene: &Scene, program: &Program, count: usize) -> Result<Vec<Workl
         all.push(Workload { what: "non-zero points alone", points: inside });
     }
     Ok(all)
-}
-
-/// The part of the volume's bounds, in 64 slabs along z, where the field is not provably constant.
-fn active_box(scene: &Scene, program: &Program) -> Result<([f32; 3], [f32; 3])> {
-    const SLABS: usize = 64;
-    let (low, high) = (scene.volume.bounds.min, scene.volume.bounds.max);
-    let edge = |slab: usize| low[2] + (high[2] - low[2]) * slab as f32 / SLABS as f32;
-    let mut active: Option<(f32, f32)> = None;
-    for slab in 0..SLABS {
-        let (bottom, top) = (edge(slab), edge(slab + 1));
-        let bounds = program.bounds([low[0], low[1], bottom], [high[0], high[1], top])?;
-        if bounds.iter().any(|Interval { low, high, may_be_nan }| low != high || *may_be_nan) {
-            active = Some((active.map_or(bottom, |(first, _)| first), top));
-        }
-    }
-    let (bottom, top) = active.unwrap_or((low[2], high[2]));
-    Ok(([low[0], low[1], bottom], [high[0], high[1], top]))
 }
 
 /// Points per second by the slope between a fifth of the points and all of them; median of the

@@ -10,7 +10,8 @@ use crate::blender::{self, Kernel, Message};
 use crate::cli::explain::describe;
 use crate::compare::{DiffRequest, DisplaySettings, Tolerances, Verdict};
 use crate::error::{Error, Result};
-use crate::field::{self, Domain, Evaluator, domain, slices, suite};
+use crate::field::suite::Selection;
+use crate::field::{self, Domain, Evaluator, Sampling, domain, slices, suite};
 use crate::files;
 use crate::gpu::Gpu;
 use crate::graph::bounds::Bounds3;
@@ -145,7 +146,6 @@ impl Demo<'_> {
 
     /// Scene, explanation, versions and adapter.
     fn open(&mut self) -> Result<()> {
-        files::write_atomically(&self.path("procedural-clouds.scene.json"), SCENE.as_bytes())?;
         files::write_atomically(&self.path("scene.json"), SCENE.as_bytes())?;
         let program = Program::density(&self.scene)?;
         files::write_atomically(&self.path("explain.txt"), describe(&program).as_bytes())?;
@@ -205,7 +205,8 @@ impl Demo<'_> {
         for domain in [Domain::Box, Domain::Wide, Domain::Adversarial] {
             let target = target::density(&self.scene)?;
             let messages = self.messages("probe of the field");
-            probes.push(field::probe(&self.scene, target, domain, (POINTS, 1), self.evaluators(), messages)?);
+            let sampling = Sampling { domain, points: POINTS, seed: 1, rounding_bound: false };
+            probes.push(field::probe(&self.scene, target, sampling, self.evaluators(), messages)?);
         }
         self.write_json("probe.json", &probes)?;
         let figures = probes.iter().flat_map(|probe| probe.evaluators.values());
@@ -308,8 +309,8 @@ impl Demo<'_> {
     }
 
     fn modes(&mut self) -> Result<bool> {
-        let cases = suite::cases(SUITE_POINTS, 1, None)?;
-        let outcome = suite::run(&cases, self.gpu.as_ref(), self.messages("every mode of every node"))?;
+        let cases = suite::cases(SUITE_POINTS, 1, None, Selection::Everything)?;
+        let outcome = suite::run(&cases, self.gpu.as_ref(), false, self.messages("every mode of every node"))?;
         self.write_json("modes.json", &outcome.rows)?;
         Ok(outcome.rows.iter().all(|row| row.pass))
     }

@@ -3,6 +3,7 @@
 
 mod support;
 
+use cloudparity::field::suite::Selection;
 use cloudparity::field::{self, Domain, Evaluator, Figures, suite};
 use cloudparity::field::{domain, random_graphs, settings};
 use cloudparity::graph::{Program, Target, target};
@@ -59,6 +60,7 @@ fn the_cloud_equals_cycles_bit_for_bit() {
             target: target.clone(),
             positions,
             evaluators: &[Evaluator::Cpu],
+            rounding_bound: false,
         })
         .collect();
     for ((_, target, _), found) in cases.iter().zip(compare(&requests)) {
@@ -85,6 +87,7 @@ fn a_planted_difference_is_found() {
         target: density(&planted),
         positions: &positions,
         evaluators: &[Evaluator::Cpu],
+        rounding_bound: false,
     };
     // Both sides get the planted scene and agree; then ours gets the other one and must not.
     let (agreeing, _) = field::compare(std::slice::from_ref(&request), |_| {}).expect("Cycles answers");
@@ -108,12 +111,43 @@ fn a_planted_difference_is_found() {
 }
 
 #[test]
+fn wgsl_is_within_its_rounding_bound_and_a_planted_difference_is_not() {
+    if !support::require("vulkan") {
+        return;
+    }
+    let gpu = cloudparity::gpu::Gpu::open().expect("an adapter");
+    let scene = support::scene("procedural-clouds");
+    let program = Program::density(&scene).expect("the scene compiles");
+    for domain in [Domain::Box, Domain::Wide, Domain::Adversarial] {
+        let positions = points(&scene, domain, 3);
+        let at = cloudparity::graph::evaluate::Points::new(&positions);
+        let evaluated = |program: &Program, evaluator, gpu| {
+            field::evaluate(program, at, evaluator, gpu).expect("the program evaluates").0
+        };
+        let cpu = evaluated(&program, Evaluator::Cpu, None);
+        let bounds = program.rounding_bounds(at).expect("bounds");
+        let judged = |ours: &[f32]| {
+            let mut found = field::Comparison::new(&positions, ours, &cpu).expect("equal lengths");
+            found.bound(&bounds);
+            found.figures(Evaluator::Gpu.limit()).rounding_bound.expect("asked for")
+        };
+        let found = judged(&evaluated(&program, Evaluator::Gpu, Some(&gpu)));
+        assert_eq!(found.beyond, 0, "{domain:?}: {found:?}");
+        let mut planted = scene.clone();
+        planted.set("Medium Noise/Scale=1.001").expect("an input of the group");
+        let changed = Program::density(&planted).expect("the scene compiles");
+        let found = judged(&evaluated(&changed, Evaluator::Cpu, None));
+        assert!(found.beyond > 0, "{domain:?}: the bound explains a changed constant: {found:?}");
+    }
+}
+
+#[test]
 fn every_mode_of_every_node_is_within_its_limit() {
     if !support::require("bpy") {
         return;
     }
-    let cases = suite::cases(MODE_POINTS, 1, None).expect("the suite");
-    let outcome = suite::run(&cases, None, |_| {}).expect("Cycles answers");
+    let cases = suite::cases(MODE_POINTS, 1, None, Selection::Everything).expect("the suite");
+    let outcome = suite::run(&cases, None, false, |_| {}).expect("Cycles answers");
     let wrong: Vec<String> = outcome.rows.iter().filter(|row| !row.pass).map(|row| format!("{row:?}")).collect();
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
     assert!(outcome.rows.len() > 400, "every output has a row: {}", outcome.rows.len());
@@ -126,8 +160,8 @@ fn wgsl_is_within_its_limit_on_arithmetic() {
     }
     let gpu = cloudparity::gpu::Gpu::open().expect("an adapter");
     for label in ["Math", "Vector Math", "Map Range", "Clamp"] {
-        let cases = suite::cases(MODE_POINTS, 1, Some(label)).expect("the suite");
-        let outcome = suite::run(&cases, Some(&gpu), |_| {}).expect("Cycles answers");
+        let cases = suite::cases(MODE_POINTS, 1, Some(label), Selection::Everything).expect("the suite");
+        let outcome = suite::run(&cases, Some(&gpu), false, |_| {}).expect("Cycles answers");
         let wrong: Vec<String> = outcome.rows.iter().filter(|row| !row.pass).map(|row| format!("{row:?}")).collect();
         assert!(wrong.is_empty(), "{}", wrong.join("\n"));
     }

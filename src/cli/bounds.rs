@@ -42,10 +42,7 @@ pub(super) struct Arguments {
 }
 
 pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
-    let mut scene = Scene::load(&arguments.scene)?;
-    for assignment in &arguments.set {
-        scene.set(assignment)?;
-    }
+    let scene = Scene::load_with(&arguments.scene, &arguments.set)?;
     let program = Program::density(&scene)?;
     let mut layer = bounds_check::layer(&scene, arguments.altitude);
     layer.low[2] = layer.low[2].max(0.0).min(layer.high[2]);

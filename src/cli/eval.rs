@@ -1,6 +1,7 @@
 //! `cloudparity eval`: values of the field, or of an inner output, at given points.
 
 use crate::error::{Error, Result};
+use crate::field::{self, Evaluator};
 use crate::files;
 use crate::graph::evaluate::{Arithmetic, Points};
 use crate::graph::{Program, Target, target};
@@ -20,8 +21,8 @@ pub(super) struct Arguments {
     #[arg(short, long)]
     output_file: PathBuf,
     /// The arithmetic.
-    #[arg(long, value_enum, default_value_t = super::Evaluator::Cpu)]
-    evaluator: super::Evaluator,
+    #[arg(long, value_enum, default_value_t = Evaluator::Cpu)]
+    evaluator: Evaluator,
     /// With --evaluator oracle: f64 throughout, without the f32 coordinates that define the field.
     #[arg(long)]
     unrounded: bool,
@@ -34,15 +35,12 @@ pub(super) struct Arguments {
 }
 
 pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
-    let mut scene = Scene::load(&arguments.scene)?;
-    for assignment in &arguments.set {
-        scene.set(assignment)?;
-    }
+    let scene = Scene::load_with(&arguments.scene, &arguments.set)?;
     let target = match &arguments.output {
         Some(name) => Target::parse(name, scene.graph())?,
         None => target::density(&scene)?,
     };
-    if arguments.unrounded && arguments.evaluator != super::Evaluator::Oracle {
+    if arguments.unrounded && arguments.evaluator != Evaluator::Oracle {
         return Err(Error::new(
             "--unrounded",
             "another evaluator than the oracle",
@@ -53,13 +51,10 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
     let program = Program::compile(&scene, &[target])?;
     let positions = files::read_points(&arguments.points)?;
     let points = Points::new(&positions);
-    let values: Vec<f32> = match arguments.evaluator {
-        super::Evaluator::Cpu => program.evaluate_single(points)?,
-        super::Evaluator::Gpu => crate::gpu::Gpu::open()?.field(&program)?.evaluate(points)?,
-        super::Evaluator::Oracle => {
-            let arithmetic = if arguments.unrounded { Arithmetic::Unrounded } else { Arithmetic::Oracle };
-            program.evaluate(points, arithmetic)?.into_iter().map(|value| value as f32).collect()
-        }
+    let values: Vec<f32> = if arguments.unrounded {
+        program.evaluate(points, Arithmetic::Unrounded)?.into_iter().map(|value| value as f32).collect()
+    } else {
+        field::evaluate(&program, points, arguments.evaluator, None)?.0
     };
     files::write_values(&arguments.output_file, &values, program.output_components())?;
     Ok(ExitCode::SUCCESS)

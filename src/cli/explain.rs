@@ -21,10 +21,7 @@ pub(super) struct Arguments {
 }
 
 pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
-    let mut scene = Scene::load(&arguments.scene)?;
-    for assignment in &arguments.set {
-        scene.set(assignment)?;
-    }
+    let scene = Scene::load_with(&arguments.scene, &arguments.set)?;
     let program = Program::density(&scene)?;
     let text = if arguments.json {
         serde_json::to_string_pretty(&document(&program)).expect("JSON serialises") + "\n"

@@ -54,17 +54,6 @@ enum Command {
     Shader(shader::Arguments),
 }
 
-/// Which evaluator.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
-pub(crate) enum Evaluator {
-    /// f32 on the CPU, equal to Cycles bit for bit.
-    Cpu,
-    /// WGSL on the adapter.
-    Gpu,
-    /// f64 on the CPU.
-    Oracle,
-}
-
 /// Exit status of a command that could not do its work.
 const COULD_NOT: u8 = 2;
 

@@ -2,7 +2,7 @@
 
 use crate::error::Result;
 use crate::field::random_graphs;
-use crate::field::suite::{self, Row};
+use crate::field::suite::{self, Row, Selection};
 use crate::files;
 use crate::gpu::Gpu;
 use std::fmt::Write;
@@ -23,6 +23,12 @@ pub(super) struct Arguments {
     /// Only this node, by Blender's label: "Math", "Voronoi Texture".
     #[arg(long, value_name = "NAME")]
     node: Option<String>,
+    /// Only modes with outputs that jump (Voronoi Color and Position, Snap), at ordinary points.
+    #[arg(long)]
+    jumping: bool,
+    /// Also measure how far Cycles' own AVX2 kernel is from its SSE4.2 kernel at the same points.
+    #[arg(long)]
+    avx2: bool,
     /// Leave the WGSL out.
     #[arg(long)]
     cpu_only: bool,
@@ -42,11 +48,17 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
     if let Some(count) = arguments.graphs {
         return run_graphs(arguments, count);
     }
-    let cases = suite::cases(arguments.points, arguments.seed, arguments.node.as_deref())?;
+    let selection = if arguments.jumping { Selection::Jumping } else { Selection::Everything };
+    let cases = suite::cases(arguments.points, arguments.seed, arguments.node.as_deref(), selection)?;
     let gpu = if arguments.cpu_only { None } else { Some(Gpu::open()) };
+    let opened = gpu.as_ref().and_then(|found| found.as_ref().ok());
     let bar = super::progress_bar(1000);
-    let outcome =
-        suite::run(&cases, gpu.as_ref().and_then(|found| found.as_ref().ok()), crate::blender::report_to(&bar))?;
+    let mut outcome = suite::Outcome { rows: Vec::new(), blender: String::new() };
+    for part in cases.chunks((POINTS_TOGETHER / arguments.points.max(1)).max(1)) {
+        let found = suite::run(part, opened, arguments.avx2, crate::blender::report_to(&bar))?;
+        outcome.rows.extend(found.rows);
+        outcome.blender = found.blender;
+    }
     bar.finish_and_clear();
     let json = serde_json::to_string_pretty(&outcome.rows).expect("rows serialise") + "\n";
     if let Some(path) = &arguments.output {
@@ -62,6 +74,9 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
         _ => ExitCode::SUCCESS,
     })
 }
+
+/// Points of all modes that one Blender process evaluates: bounds its memory.
+const POINTS_TOGETHER: usize = 8_000_000;
 
 /// Points per random graph.
 const GRAPH_POINTS: usize = 256;
@@ -110,7 +125,8 @@ fn describe(rows: &[Row], blender: &str) -> String {
          {failed} beyond their limits\n",
         rows.len()
     );
-    for row in rows.iter().filter(|row| !row.pass || row.cpu_differing > 0) {
+    let notable = |row: &&Row| !row.pass || row.cpu_differing > 0 || row.wgsl_beyond.unwrap_or(0) > 0;
+    for row in rows.iter().filter(notable) {
         write!(
             text,
             "  {} {} [{}] {}: cpu {} of {} differ, error {:.2e}, limit {:.1e}",
@@ -125,8 +141,17 @@ fn describe(rows: &[Row], blender: &str) -> String {
         )
         .expect("writing to a string cannot fail");
         if let (Some(error), Some(ulp), Some(beyond)) = (row.wgsl_max_error, row.wgsl_max_ulp, row.wgsl_beyond) {
-            write!(text, "; WGSL error {error:.2e}, {ulp} ulp, {beyond} beyond {}", row.wgsl_limit)
-                .expect("writing to a string cannot fail");
+            let (points, explained) = (row.wgsl_points.unwrap_or(0), row.wgsl_explained.unwrap_or(0));
+            write!(
+                text,
+                "; WGSL error {error:.2e}, {ulp} ulp, {beyond} of {points} beyond {} ({explained} of them within their \
+                 rounding bound)",
+                row.wgsl_limit
+            )
+            .expect("writing to a string cannot fail");
+        }
+        if let Some(error) = row.avx2_max_error {
+            write!(text, "; Cycles' AVX2 kernel {error:.2e}").expect("writing to a string cannot fail");
         }
         text.push('\n');
         for worst in [&row.cpu_worst, &row.wgsl_worst].into_iter().flatten() {

@@ -30,10 +30,7 @@ pub(super) struct PictureArguments {
 impl PictureArguments {
     /// Loads the scene and applies the changes.
     pub(super) fn load(&self) -> Result<Scene> {
-        let mut scene = Scene::load(&self.scene)?;
-        for assignment in &self.set {
-            scene.set(assignment)?;
-        }
+        let mut scene = Scene::load_with(&self.scene, &self.set)?;
         if let Some(text) = &self.resolution {
             scene.film.resolution = parse_resolution(text)?;
             scene.film.resolution_percentage = 100;

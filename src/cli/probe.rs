@@ -2,7 +2,7 @@
 
 use crate::blender;
 use crate::error::{Error, Result};
-use crate::field::{self, Comparison, Domain, Evaluator, Figures, Reference, Request, domain, settings};
+use crate::field::{self, Comparison, Domain, Evaluator, Figures, Reference, Request, Sampling, domain, settings};
 use crate::files;
 use crate::graph::evaluate::Points;
 use crate::graph::{Program, Target, target};
@@ -17,7 +17,8 @@ use std::process::ExitCode;
 
 /// Compare field values with live Cycles (SSE4.2 kernel) at the same points.
 ///
-/// Exit status 0: cpu equals Cycles at every point and gpu is within 3e-6; 1: not so; 2: could not
+/// Exit status 0: cpu equals Cycles at every point and gpu is within 3e-6 (or, with
+/// --rounding-bound, within its bound at every point); 1: not so; 2: could not
 /// tell.
 #[derive(clap::Args)]
 pub(super) struct Arguments {
@@ -35,6 +36,10 @@ pub(super) struct Arguments {
     /// Which of our evaluators.
     #[arg(long, value_enum, default_value_t = Choice::Cpu)]
     evaluator: Choice,
+    /// Also compare the WGSL with its own rounding bound at every point (running error analysis), which is what an
+    /// adapter that fuses is judged by.
+    #[arg(long)]
+    rounding_bound: bool,
     /// Change a stored value: "Large Noise/Scale=2". May be given several times.
     #[arg(long = "set", value_name = "NAME=VALUE")]
     set: Vec<String>,
@@ -91,10 +96,7 @@ struct Settings {
 }
 
 pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
-    let mut scene = Scene::load(&arguments.scene)?;
-    for assignment in &arguments.set {
-        scene.set(assignment)?;
-    }
+    let scene = Scene::load_with(&arguments.scene, &arguments.set)?;
     let target = match &arguments.output {
         Some(name) => Target::parse(name, scene.graph())?,
         None => target::density(&scene)?,
@@ -104,9 +106,13 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
     let bar = super::progress_bar(1000);
     let (text, json, found) = match arguments.random_settings {
         None => {
-            let points = (arguments.points, arguments.seed);
-            let report = blender::report_to(&bar);
-            let probe = field::probe(&scene, target, arguments.domain, points, &evaluators, report)?;
+            let sampling = Sampling {
+                domain: arguments.domain,
+                points: arguments.points,
+                seed: arguments.seed,
+                rounding_bound: arguments.rounding_bound,
+            };
+            let probe = field::probe(&scene, target, sampling, &evaluators, blender::report_to(&bar))?;
             let text = describe(&probe.reference, &probe.target, probe.domain, &probe.evaluators);
             (text, to_json(&probe), probe.evaluators)
         }
@@ -175,7 +181,13 @@ fn random_settings(
     }
     let requests: Vec<Request<'_>> = drawn
         .iter()
-        .map(|(scene, _, positions)| Request { scene, target: target.clone(), positions, evaluators })
+        .map(|(scene, _, positions)| Request {
+            scene,
+            target: target.clone(),
+            positions,
+            evaluators,
+            rounding_bound: arguments.rounding_bound,
+        })
         .collect();
     let (found, reference) = field::compare(&requests, blender::report_to(bar))?;
     let mut totals: IndexMap<Evaluator, Comparison> = IndexMap::new();
@@ -258,6 +270,14 @@ fn describe(reference: &Reference, target: &str, domain: &str, evaluators: &Inde
             found.seconds,
         )
         .expect("writing to a string cannot fail");
+        if let Some(bound) = &found.rounding_bound {
+            writeln!(
+                text,
+                "    rounding bound: median {:.2e}, p99.9 {:.2e}, max {:.2e}; {} points beyond their own",
+                bound.median, bound.p999, bound.max, bound.beyond
+            )
+            .expect("writing to a string cannot fail");
+        }
     }
     text
 }

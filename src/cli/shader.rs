@@ -24,10 +24,7 @@ pub(super) struct Arguments {
 }
 
 pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
-    let mut scene = Scene::load(&arguments.scene)?;
-    for assignment in &arguments.set {
-        scene.set(assignment)?;
-    }
+    let scene = Scene::load_with(&arguments.scene, &arguments.set)?;
     let program = Program::density(&scene)?;
     files::write_atomically(&arguments.output, &wgsl::standalone(&program, arguments.target)?)?;
     Ok(ExitCode::SUCCESS)

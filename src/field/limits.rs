@@ -107,7 +107,6 @@ fn is_minkowski(mode: &Mode) -> bool {
 const EXACT: &str = "exact in WGSL";
 const DIVISION: &str = "WGSL divides with 2.5 ulp and takes square roots through inverseSqrt";
 const TRANSCENDENTAL: &str = "own elementary functions of the shader modules";
-const POWERS: &str = "distances with the shader modules' pow, up to 5 ulp off, in the weights of 5^n colours";
 const KERNELS: &str = "what Cycles' SSE4.2 and AVX2 kernels differ by: fused operations";
 
 /// The limit of WGSL on ordinary points; `distorted` is the noise variant with distortion, fractional
@@ -166,7 +165,6 @@ fn voronoi(mode: &Mode, output: &str) -> Limit {
         ("N_SPHERE_RADIUS", _) => jumping(1.2e-7, KERNELS),
         (_, "Distance") if smooth => limit(4.8e-7, KERNELS),
         (_, "Distance") => limit(7.2e-7, KERNELS),
-        (_, "Color") if smooth && is_minkowski(mode) => limit(2.4e-6, POWERS),
         (_, "Color") if smooth => limit(7.2e-7, KERNELS),
         (_, "Color") => jumping(if is_minkowski(mode) { 6.0e-7 } else { 2.4e-7 }, KERNELS),
         (_, _) if smooth => limit(9.5e-7, KERNELS),

@@ -27,16 +27,17 @@ use serde::Serialize;
 use std::time::Instant;
 
 /// Largest error of the generated WGSL against Cycles that counts as agreement, relative to
-/// max(1, max |Cycles|): WGSL may contract multiplications and additions as Cycles' own AVX2 kernel
-/// does, and the two kernels of Cycles differ by up to 7.2e-7 per Voronoi texture and 1.7e-6 per
-/// undistorted Noise texture, which this scene adds up.
+/// max(1, max |Cycles|), on an adapter that rounds every operation or fuses as Cycles' own AVX2 kernel
+/// does: the two kernels of Cycles differ by up to 7.2e-7 per Voronoi texture and 1.7e-6 per
+/// undistorted Noise texture, which this scene adds up. What else WGSL permits is bounded point by
+/// point by [`Program::rounding_bounds`].
 pub const GPU_LIMIT: f64 = 3e-6;
 
 /// Points per job. Several jobs show progress and keep Cycles' buffers small.
 const CHUNK: usize = 1 << 18;
 
 /// One of our evaluators.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, clap::ValueEnum)]
 pub enum Evaluator {
     /// f32 on the CPU, equal to Cycles bit for bit.
     Cpu,
@@ -135,6 +136,22 @@ pub struct Request<'a> {
     pub positions: &'a [[f32; 3]],
     /// Which of ours.
     pub evaluators: &'a [Evaluator],
+    /// Whether the WGSL is also compared with its own rounding bound at every point, for adapters
+    /// that fuse: [`Program::rounding_bounds`].
+    pub rounding_bound: bool,
+}
+
+/// The points of a probe and how it judges.
+#[derive(Debug, Clone, Copy)]
+pub struct Sampling {
+    /// Where the points lie.
+    pub domain: Domain,
+    /// How many.
+    pub points: usize,
+    /// Seed of the points.
+    pub seed: u64,
+    /// See [`Request::rounding_bound`].
+    pub rounding_bound: bool,
 }
 
 /// What each of our evaluators found, in the order asked for.
@@ -173,6 +190,9 @@ pub fn compare(requests: &[Request<'_>], receive: impl FnMut(Message)) -> Result
             let (ours, seconds) = evaluate(program, Points::new(request.positions), evaluator, gpu.as_ref())?;
             let mut comparison = Comparison::new(request.positions, &ours, &theirs)?;
             comparison.seconds = seconds;
+            if request.rounding_bound && evaluator == Evaluator::Gpu {
+                comparison.bound(&program.rounding_bounds(Points::new(request.positions))?);
+            }
             comparisons.push((evaluator, comparison));
         }
         found.push(comparisons);
@@ -180,19 +200,19 @@ pub fn compare(requests: &[Request<'_>], receive: impl FnMut(Message)) -> Result
     Ok((found, reference))
 }
 
-/// Compares one socket of a scene at `count` points of a domain.
+/// Compares one socket of a scene at points of a domain.
 pub fn probe(
     scene: &Scene,
     target: Target,
-    domain: Domain,
-    (count, seed): (usize, u64),
+    sampling: Sampling,
     evaluators: &[Evaluator],
     receive: impl FnMut(Message),
 ) -> Result<Probe> {
     let program = Program::density(scene)?;
-    let positions = domain::points(domain, scene, &program, count, seed)?;
+    let Sampling { domain, points, seed, rounding_bound } = sampling;
+    let positions = domain::points(domain, scene, &program, points, seed)?;
     let name = target.name();
-    let request = Request { scene, target, positions: &positions, evaluators };
+    let request = Request { scene, target, positions: &positions, evaluators, rounding_bound };
     let (mut found, reference) = compare(&[request], receive)?;
     Ok(Probe {
         scene: scene.name.clone(),

@@ -31,7 +31,11 @@ pub fn ulp_distance(ours: f32, theirs: f32) -> u32 {
 pub struct Comparison {
     /// Seconds of our evaluation.
     pub seconds: f64,
+    /// max(1, max |theirs|).
+    scale: f64,
     errors: Vec<f64>,
+    bounds: Vec<f64>,
+    beyond_bounds: usize,
     points: usize,
     differing: usize,
     nonzero: usize,
@@ -98,15 +102,34 @@ pub struct Figures {
     /// Largest error that agrees, if there is one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub limit: Option<f64>,
+    /// What rounding explains, where it was asked for.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub rounding_bound: Option<RoundingBound>,
     /// The differing points with the largest errors; those with one finite side first.
     pub worst: Vec<WorstPoint>,
 }
 
+/// The derived bound on what two conforming evaluations may differ by, over all points, in the
+/// unit of the errors.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct RoundingBound {
+    /// Median.
+    pub median: f64,
+    /// 99.9th percentile.
+    pub p999: f64,
+    /// Largest; serialises as null where some point has none.
+    pub max: f64,
+    /// Points whose error is beyond their own bound.
+    pub beyond: usize,
+}
+
 impl Figures {
-    /// Whether this agrees with the reference; none where there is no limit to judge by.
+    /// Whether this agrees with the reference; none where there is no limit to judge by. An adapter
+    /// that fuses may go beyond the limit if every point stays within its own rounding bound.
     pub fn agrees(&self) -> Option<bool> {
         let limit = self.limit?;
-        let within = if limit == 0.0 { self.differing == 0 } else { self.max_error <= limit };
+        let explained = self.rounding_bound.as_ref().is_some_and(|bound| bound.beyond == 0);
+        let within = if limit == 0.0 { self.differing == 0 } else { self.max_error <= limit || explained };
         Some(within && self.one_sided_nonfinite == 0)
     }
 }
@@ -126,7 +149,7 @@ impl Comparison {
         let width = ours.len() / points;
         let largest = theirs.iter().filter(|value| value.is_finite()).fold(0.0_f64, |m, v| m.max(f64::from(v.abs())));
         let scale = largest.max(1.0);
-        let mut found = Self { points, errors: Vec::with_capacity(points), ..Self::default() };
+        let mut found = Self { points, scale, errors: Vec::with_capacity(points), ..Self::default() };
         for ((point, ours), theirs) in positions.iter().zip(ours.chunks(width)).zip(theirs.chunks(width)) {
             let pairs = || ours.iter().copied().zip(theirs.iter().copied());
             found.nonzero += usize::from(theirs.iter().any(|value| *value != 0.0));
@@ -156,6 +179,15 @@ impl Comparison {
         Ok(found)
     }
 
+    /// Compares every point's error with the largest one that rounding explains: `bounds` holds as
+    /// many components per point as the values.
+    pub fn bound(&mut self, bounds: &[f64]) {
+        let width = (bounds.len() / self.points.max(1)).max(1);
+        let scale = self.scale;
+        self.bounds = bounds.chunks(width).map(|point| point.iter().copied().fold(0.0, f64::max) / scale).collect();
+        self.beyond_bounds = self.errors.iter().zip(&self.bounds).filter(|(error, bound)| error > bound).count();
+    }
+
     fn keep_worst(&mut self) {
         let rank = |point: &WorstPoint| point.error.unwrap_or(f64::INFINITY);
         self.worst.sort_by(|a, b| rank(b).total_cmp(&rank(a)));
@@ -165,6 +197,8 @@ impl Comparison {
     /// Adds another comparison's points.
     pub fn join(&mut self, other: Self) {
         self.errors.extend(other.errors);
+        self.bounds.extend(other.bounds);
+        self.beyond_bounds += other.beyond_bounds;
         self.points += other.points;
         self.differing += other.differing;
         self.nonzero += other.nonzero;
@@ -182,19 +216,30 @@ impl Comparison {
     /// Reduces to figures; `limit` is the largest error that agrees.
     pub fn figures(mut self, limit: Option<f64>) -> Figures {
         self.errors.sort_by(f64::total_cmp);
+        self.bounds.sort_by(f64::total_cmp);
         let count = self.errors.len().max(1) as f64;
-        let rank = (0.999 * count).ceil() as usize;
+        let percentile = |sorted: &[f64], share: f64| {
+            let rank = (share * sorted.len() as f64).ceil() as usize;
+            sorted.get(rank.saturating_sub(1)).copied().unwrap_or(0.0)
+        };
+        let rounding_bound = (!self.bounds.is_empty()).then(|| RoundingBound {
+            median: percentile(&self.bounds, 0.5),
+            p999: percentile(&self.bounds, 0.999),
+            max: percentile(&self.bounds, 1.0),
+            beyond: self.beyond_bounds,
+        });
         Figures {
             points: self.points,
             differing: self.differing,
             max_error: self.errors.last().copied().unwrap_or(0.0),
-            p999_error: self.errors.get(rank.saturating_sub(1)).copied().unwrap_or(0.0),
+            p999_error: percentile(&self.errors, 0.999),
             rms_error: (self.errors.iter().map(|error| error * error).sum::<f64>() / count).sqrt(),
             mean_error: self.errors.iter().sum::<f64>() / count,
             nonzero_share: self.nonzero as f64 / count,
             one_sided_nonfinite: self.one_sided,
             seconds: self.seconds,
             limit,
+            rounding_bound,
             worst: self.worst,
         }
     }

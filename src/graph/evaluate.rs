@@ -2,7 +2,7 @@
 
 use super::{Operand, Program};
 use crate::error::{Error, Result};
-use crate::nodes::{Column, Kernel, Oracle, Real};
+use crate::nodes::{Column, Kernel, Oracle, Real, RunningError};
 use rayon::prelude::*;
 
 /// Points per batch: registers of a batch stay in the caches.
@@ -59,6 +59,12 @@ impl Evaluation for f64 {
     }
 }
 
+impl Evaluation for RunningError {
+    fn run(kernel: &dyn Kernel, inputs: &[Column<'_, Self>], outputs: &mut [&mut [Self]]) {
+        kernel.evaluate_running_error(inputs, outputs);
+    }
+}
+
 impl Program {
     /// Evaluates every output at every point. The result holds, point by point, the components of
     /// all outputs in order, as f64 (exact for f32 arithmetic).
@@ -73,6 +79,13 @@ impl Program {
     /// [`Self::evaluate`] in f32, without the widening.
     pub fn evaluate_single(&self, points: Points<'_>) -> Result<Vec<f32>> {
         self.evaluate_as::<f32>(points)
+    }
+
+    /// How far two conforming evaluations may be apart, [`RunningError::between_evaluations`], for
+    /// every output component at every point, in the order of [`Self::evaluate`].
+    pub fn rounding_bounds(&self, points: Points<'_>) -> Result<Vec<f64>> {
+        let found = self.evaluate_as::<RunningError>(points)?;
+        Ok(found.into_iter().map(RunningError::between_evaluations).collect())
     }
 
     fn evaluate_as<R: Evaluation>(&self, points: Points<'_>) -> Result<Vec<R>> {

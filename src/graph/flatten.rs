@@ -225,7 +225,8 @@ impl<'a> Flattener<'a> {
     }
 
     fn node_type(&self, tree: usize, node: &Node) -> Result<&'static NodeType> {
-        nodes::find(&node.kind).ok_or_else(|| {
+        // The compiler's own types, "(...)", are no nodes of a file.
+        nodes::find(&node.kind).filter(|node_type| !node_type.label.starts_with('(')).ok_or_else(|| {
             let known: Vec<_> = nodes::registry()
                 .iter()
                 .map(|node_type| node_type.label)

@@ -67,7 +67,7 @@ pub(super) fn gradient<R: Real, const N: usize>(h: u32, d: [R; N]) -> R {
 }
 
 fn perlin<R: Real, const N: usize>(p: [R; N]) -> R {
-    let floors = p.map(Real::floor);
+    let floors = p.map(Real::lattice_floor);
     let cell = floors.map(|x| x.to_int() as u32);
     let fraction: [R; N] = std::array::from_fn(|axis| p[axis] - floors[axis]);
     let weight = fraction

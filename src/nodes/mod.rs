@@ -22,6 +22,7 @@ pub mod noise_texture;
 pub mod point_attribute;
 pub mod principled_volume;
 pub mod real;
+pub mod running_error;
 pub mod separate_xyz;
 pub mod texture_coordinate;
 pub mod value;
@@ -30,6 +31,7 @@ pub mod voronoi_texture;
 
 pub use bounds::Interval;
 pub use real::{Oracle, Real};
+pub use running_error::RunningError;
 
 use crate::scene::SocketType;
 use serde_json::Value as Json;
@@ -326,6 +328,8 @@ pub trait Kernel: Send + Sync {
     fn evaluate_oracle(&self, inputs: &[Column<'_, Oracle>], outputs: &mut [&mut [Oracle]]);
     /// Evaluates in f64 throughout.
     fn evaluate_unrounded(&self, inputs: &[Column<'_, f64>], outputs: &mut [&mut [f64]]);
+    /// Evaluates in f32 with a bound on what fusing and the like may change.
+    fn evaluate_running_error(&self, inputs: &[Column<'_, RunningError>], outputs: &mut [&mut [RunningError]]);
     /// Encloses every value that any evaluator can give for inputs within the intervals.
     fn bounds(&self, inputs: &[Interval], outputs: &mut [Interval]);
     /// Value for constant inputs by Blender's own folding, where it differs from evaluation.
@@ -377,6 +381,9 @@ impl<T: Evaluate> Kernel for T {
         self.evaluate(inputs, outputs);
     }
     fn evaluate_unrounded(&self, inputs: &[Column<'_, f64>], outputs: &mut [&mut [f64]]) {
+        self.evaluate(inputs, outputs);
+    }
+    fn evaluate_running_error(&self, inputs: &[Column<'_, RunningError>], outputs: &mut [&mut [RunningError]]) {
         self.evaluate(inputs, outputs);
     }
     fn bounds(&self, inputs: &[Interval], outputs: &mut [Interval]) {

@@ -40,6 +40,12 @@ pub trait Real:
     fn sqrt(self) -> Self;
     /// Largest integer not above.
     fn floor(self) -> Self;
+    /// [`Self::floor`] that takes a lattice coordinate apart, in a field that does not jump at the
+    /// faces of its cells.
+    #[inline(always)]
+    fn lattice_floor(self) -> Self {
+        self.floor()
+    }
     /// Smallest integer not below.
     fn ceil(self) -> Self;
     /// Towards zero.

@@ -210,7 +210,7 @@ struct Cell<R, const N: usize> {
 
 impl<R: Real, const N: usize> Cell<R, N> {
     fn of(x: [R; N]) -> Self {
-        let floor = x.map(Real::floor);
+        let floor = x.map(Real::lattice_floor);
         Self {
             floor,
             index: floor.map(Real::to_int),

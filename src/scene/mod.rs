@@ -358,6 +358,15 @@ impl Scene {
         Ok(scene)
     }
 
+    /// [`Self::load`] with stored values changed, each `NAME=VALUE` as [`Self::set`] takes it.
+    pub fn load_with(path: &Path, assignments: &[String]) -> Result<Self> {
+        let mut scene = Self::load(path)?;
+        for assignment in assignments {
+            scene.set(assignment)?;
+        }
+        Ok(scene)
+    }
+
     /// Reads a scene from a JSON value, for example from the exporter; `place` names its source.
     pub fn from_value(value: serde_json::Value, place: &str) -> Result<Self> {
         let scene: Self = parse(&value.to_string(), place)?;
