@@ -8,7 +8,9 @@ Requests (`op` chooses; files are paths, `part` is null or the name of a part of
    "display": null or {SETTINGS},
    "statistics": null or {"significance": 0.01, "systematic_allowance": null or 0.002,
                           "debiased_relmse": 0.001, "sub_pixels": null or 4}}
-  {"op": "display", "images": [{"exr": EXR or [EXR...], "png": PNG, "part": null, SETTINGS}]}
+  {"op": "display", "images": [{"exr": EXR or [EXR...], "png": PNG, "part": null, "channels": "rgba" or "rgb",
+                                  SETTINGS}]}
+  {"op": "combine", "images": [EXR...], "mean": EXR, "variance": EXR}
   {"op": "difference_map", "ours": [EXR...], "reference": [EXR...], "prefix": PATH, "part": null,
    "range": null}
   {"op": "field_slices", "slices": [{"title", "ours": NPY, "reference": NPY or null, "png_prefix": PATH}]}
@@ -61,6 +63,7 @@ def handle(request, messages):
     operations = {
         "diff": diff,
         "display": display,
+        "combine": combine,
         "difference_map": difference_map,
         "field_slices": field_slices,
     }
@@ -494,7 +497,13 @@ def _write_display(side, settings, png):
     view = display_picture.Display(settings["view"], settings["look"], exposure, gamma)
     background = settings.get("background")
     result = {"png": png, "png_alpha": None, "view_used": view.used, "background": background}
-    if not alpha:
+    channels = settings.get("channels") or "rgba"
+    if channels not in ("rgba", "rgb"):
+        raise protocol.InputError(
+            f"{settings.place}.channels", repr(channels), "rgba or rgb", "mend the request"
+        )
+    # Blender divides by alpha only where it writes alpha, so neither does this.
+    if not alpha or (channels == "rgb" and background is None):
         display_picture.write_png(png, display_picture.to_uint8(view.apply(rgb)))
         return result
     coverage = side.mean[..., alpha[0]]
@@ -517,6 +526,35 @@ def _write_display(side, settings, png):
 
 def _is_radiance(value):
     return isinstance(value, int | float) and not isinstance(value, bool) and 0 <= value < math.inf
+
+
+# --- replicas ---------------------------------------------------------------
+
+
+def combine(request, messages):
+    """Write the mean of replicas and the variance of one of them (K - 1 degrees of freedom) per value."""
+    paths = _paths(request, "images")
+    try:
+        side = image_metrics.load_side(paths, DEFAULT_BLOCK, request.get("part"), keep=True)
+        image_metrics.check_one_side("images", side)
+    except image_metrics.Unreadable as error:
+        raise protocol.InputError(
+            f"{request.place}.images", str(error), "replicas of one picture", "render them again"
+        ) from None
+    attributes = image_metrics.shared_attributes(paths)
+    attributes |= {
+        "cloudparity:replicas": side.replicas,
+        "cloudparity:seeds": json.dumps([file["provenance"]["seed"] for file in side.files]),
+        "cloudparity:replicas_sha256": json.dumps([file["sha256"] for file in side.files]),
+    }
+    for name, pixels, what in (
+        ("mean", side.mean, "mean over the replicas"),
+        ("variance", side.pixel_variance, "variance of one replica, squared values"),
+    ):
+        display_picture.write_exr(
+            request[name], pixels, side.names, attributes | {"cloudparity:content": what}
+        )
+    return {"mean": request["mean"], "variance": request["variance"], "replicas": side.replicas}
 
 
 # --- difference maps --------------------------------------------------------

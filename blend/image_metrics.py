@@ -141,26 +141,12 @@ def check_replicas(sides, cells):
 
     Equal pixels under other seeds are those of an exact estimator; equal pixels without seeds are a copy.
     """
-    hashes = {}
     for which, side in sides.items():
-        facts = [file["provenance"] for file in side.files]
         if cells is None:
-            if side.replicas < 2:
-                raise Unreadable(
-                    f"{which} is one file, and one picture says nothing of its noise. Render replicas "
-                    "with other "
-                    "seeds, or give one picture per side at several times the resolution and --sub-pixels."
-                )
-            _check_seeds(which, side, facts)
+            check_one_side(which, side)
         elif side.replicas != 1:
             raise Unreadable(f"{which} has {side.replicas} files; sub-pixel images need one file per side.")
-        samples = {fact["samples"] for fact in facts}
-        if len(samples) > 1:
-            listed = ", ".join(str(count) for count in sorted(samples, key=lambda count: count or 0))
-            raise Unreadable(
-                f"the replicas of {which} have {listed} samples; replicas differ in their seed alone."
-            )
-        hashes[which] = {file["sha256"] for file in side.files}
+    hashes = {which: {file["sha256"] for file in side.files} for which, side in sides.items()}
     shared = hashes["ours"] & hashes["reference"]
     if shared:
         raise Unreadable(
@@ -169,8 +155,25 @@ def check_replicas(sides, cells):
         )
 
 
-def _check_seeds(which, side, facts):
-    seeds = [fact["seed"] for fact in facts]
+def check_one_side(which, side):
+    """Raise Unreadable unless the kept files of a side, named `which`, can be replicas of each other."""
+    if side.replicas < 2:
+        raise Unreadable(
+            f"{which} is one file, and one picture says nothing of its noise. Render replicas with other "
+            "seeds, "
+            "or give one picture per side at several times the resolution and --sub-pixels."
+        )
+    facts = [file["provenance"] for file in side.files]
+    _check_seeds(which, side, [fact["seed"] for fact in facts])
+    samples = {fact["samples"] for fact in facts}
+    if len(samples) > 1:
+        listed = ", ".join(str(count) for count in sorted(samples, key=lambda count: count or 0))
+        raise Unreadable(
+            f"the replicas of {which} have {listed} samples; replicas differ in their seed alone."
+        )
+
+
+def _check_seeds(which, side, seeds):
     known = [seed for seed in seeds if seed is not None]
     for seed in set(known):
         if known.count(seed) > 1:
@@ -223,6 +226,25 @@ def provenance(path):
             found["renderer"] = found["renderer"] or "Cycles"
     file.close()
     return found
+
+
+def shared_attributes(paths):
+    """The attributes "cloudparity:..." and the colour space that all files have with the same value."""
+    shared = None
+    for path in paths:
+        file = oiio.ImageInput.open(path)
+        found = {
+            item.name: item.value
+            for item in file.spec().extra_attribs
+            if item.name.startswith("cloudparity:") or item.name == "colorInteropID"
+        }
+        file.close()
+        shared = (
+            found
+            if shared is None
+            else {name: value for name, value in shared.items() if found.get(name) == value}
+        )
+    return shared
 
 
 def _whole_number(value):

@@ -143,7 +143,8 @@ fn level(text: &str) -> std::result::Result<f64, String> {
     text.parse().ok().filter(|value| (1e-12..=0.5).contains(value)).ok_or("expected a number from 1e-12 to 0.5".into())
 }
 
-fn colour(text: &str) -> std::result::Result<[f64; 3], String> {
+/// Three values joined by commas.
+pub(super) fn colour(text: &str) -> std::result::Result<[f64; 3], String> {
     let values: std::result::Result<Vec<f64>, String> = text.split(',').map(|part| limit(part.trim())).collect();
     values?.try_into().map_err(|_| "expected three numbers joined by commas".into())
 }
