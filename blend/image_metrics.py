@@ -164,6 +164,12 @@ def check_one_side(which, side):
             "or give one picture per side at several times the resolution and --sub-pixels."
         )
     facts = [file["provenance"] for file in side.files]
+    for file in side.files:
+        if file["provenance"]["content"] is not None:
+            raise Unreadable(
+                f"{file['file']} of {which} is no replica but the {file['provenance']['content']}. "
+                "Name the files of single seeds."
+            )
     _check_seeds(which, side, [fact["seed"] for fact in facts])
     samples = {fact["samples"] for fact in facts}
     if len(samples) > 1:
@@ -206,12 +212,13 @@ def block_weights(shape, size):
 
 
 def provenance(path):
-    """What an EXR says of its own making: {"seed", "samples": int or None, "renderer": text or None}.
+    """What an EXR says of its own making: {"seed", "samples": int or None, "renderer", "content":
+    text or None}.
 
     Files of this program say so in attributes "cloudparity:...", those of Blender in
     "cycles.<layer>.samples".
     """
-    found = {"seed": None, "samples": None, "renderer": None}
+    found = {"seed": None, "samples": None, "renderer": None, "content": None}
     file = oiio.ImageInput.open(path)
     if file is None:
         return found
@@ -219,8 +226,8 @@ def provenance(path):
         name, value = attribute.name, attribute.value
         if name in ("cloudparity:seed", "cloudparity:samples"):
             found[name.split(":")[1]] = _whole_number(value)
-        elif name == "cloudparity:renderer":
-            found["renderer"] = str(value)
+        elif name in ("cloudparity:renderer", "cloudparity:content"):
+            found[name.split(":")[1]] = str(value)
         elif name.startswith("cycles.") and name.endswith(".samples"):
             found["samples"] = found["samples"] or _whole_number(value)
             found["renderer"] = found["renderer"] or "Cycles"

@@ -263,7 +263,7 @@ def _mean_rows(image, pixels, names, significance, allowance):
 def _check_sensitivity(rows, name):
     """An image mean whose noise is over the limit proves nothing, whatever its t."""
     lit = [row for row in rows if not row["is_black"]]
-    what = f"image mean{' of alpha' if 'alpha' in name else ''}"
+    what = "image mean"
     if not lit:
         return _check(name, 0, SENSITIVITY_LIMIT, "agrees", f"Every {what} is exactly 0 on both sides.")
     worst = max(lit, key=lambda row: math.inf if row["reference"] == 0 else row["relative_standard_error"])
@@ -533,13 +533,14 @@ def _notes(statistics):
     notes = []
     for row in statistics["tails"]:
         if row["kurtosis"] > HEAVY_TAILS * row["kurtosis_of_normal_noise"]:
+            where = " (or differs by position)" if row["of"] == "difference" else ""
             notes.append(
-                f"The noise of {row['of']} has heavy tails: its kurtosis over replicas is "
-                f"{row['kurtosis']:.3g}, "
-                f"{row['kurtosis_of_normal_noise']:.3g} for normal noise. The levels of the tests of "
-                "pixels and "
-                "blocks are approximate there; where the two sides differ in kind of noise, they reject "
-                "too often."
+                f"The noise of {row['of']} has heavy tails{where}: its kurtosis over replicas is "
+                f"{row['kurtosis']:.3g}, {row['kurtosis_of_normal_noise']:.3g} for normal noise. The "
+                "levels of the "
+                "tests of pixels and blocks are approximate there; where the two sides differ in kind of "
+                "noise, "
+                "they reject too often."
             )
     for row in statistics["structure"]:
         if row["neighbour_z"] is not None and row["neighbour_z"] > STRUCTURE_LIMIT:

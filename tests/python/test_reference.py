@@ -281,5 +281,7 @@ def test_replicas_of_one_process_have_the_bits_of_processes_of_their_own(tmp_pat
     np.testing.assert_allclose(pixels(variance)[1], np.var(np.float64(images), axis=0, ddof=1), rtol=1e-6)
     assert spec.getattribute("cloudparity:seeds") == "[5000, 5001, 5002]"
     assert spec.getattribute("cloudparity:samples") == 16 and spec.getattribute("cloudparity:seed") is None
+    with pytest.raises(InputError, match="no replica but the mean over the replicas"):
+        combine(located(asked | {"images": [mean, replicas[0]["exr"]]}, "request"), Recorder())
     with pytest.raises(InputError, match="the seed 5000"):
         combine(located(asked | {"images": [replicas[0]["exr"]] * 2}, "request"), Recorder())
