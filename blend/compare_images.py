@@ -424,6 +424,9 @@ def _decide(result):
     verdict = next((word for word in ("differs", "could_not_tell") if word in outcomes), "agrees")
     result["verdict"] = verdict
     result["reasons"] = [check["reason"] for check in result["checks"] if check["outcome"] == verdict]
+    if verdict == "agrees" and result["statistics"] is not None:
+        told = [check["reason"] for check in result["checks"] if check["name"] == "image_mean"]
+        result["reasons"] = [f"All {len(outcomes)} checks agree, none for want of sensitivity.", *told]
 
 
 def _write_outputs(result, request, sides, flip_map, maps):

@@ -222,7 +222,9 @@ fn describe(result: &DiffResult) -> String {
     for reason in &result.reasons {
         line(format_args!("  {reason}"));
     }
-    for check in result.checks.iter().filter(|check| check.outcome != result.verdict) {
+    // The statistics list every check below.
+    let is_listed_below = result.statistics.is_some();
+    for check in result.checks.iter().filter(|check| !is_listed_below && check.outcome != result.verdict) {
         line(format_args!("  {}: {}", check.outcome.words(), check.reason));
     }
     for note in &result.notes {
