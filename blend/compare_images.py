@@ -5,19 +5,27 @@ Requests (`op` chooses; files are paths, `part` is null or the name of a part of
 
   {"op": "diff", "ours": [EXR...], "reference": [EXR...], "part": null, "block": 8, "pixel_threshold": 0.001,
    "tolerances": {"channel_mean_relative": 0.01, "block_relmse": 0.01}, "out": DIR or null, "range": null,
-   "display": null or {SETTINGS}}
-  {"op": "display", "images": [{"exr": EXR or [EXR...], "png": PNG, "part": null, SETTINGS}]}
+   "display": null or {SETTINGS},
+   "statistics": null or {"significance": 0.01, "systematic_allowance": null or 0.002,
+                          "debiased_relmse": 0.001, "sub_pixels": null or 4}}
+  {"op": "display", "images": [{"exr": EXR or [EXR...], "png": PNG, "part": null, "channels": "rgba" or "rgb",
+                                  SETTINGS}]}
+  {"op": "combine", "images": [EXR...], "mean": EXR, "variance": EXR}
   {"op": "difference_map", "ours": [EXR...], "reference": [EXR...], "prefix": PATH, "part": null,
    "range": null}
   {"op": "field_slices", "slices": [{"title", "ours": NPY, "reference": NPY or null, "png_prefix": PATH}]}
 
 Several files on a side are replicas: the same picture with other seeds. They are averaged, and their spread
 gives standard errors. `diff` has the verdict "agrees", "differs" or "could_not_tell", by the caller's
-tolerances alone; the possible ones are in TOLERANCES. NaN or infinity on either side is "differs" before any
-figure; images that cannot be compared are "could_not_tell" with the reason. `out` receives diff.json and the
-difference pictures, with `display` also ours.png and reference.png: what a report reads.
+tolerances and `statistics` alone; the possible tolerances are in TOLERANCES. NaN or infinity on either side
+is "differs" before any figure; images that cannot be compared are "could_not_tell" with the reason. `out`
+receives diff.json and the difference pictures, with `display` also ours.png and reference.png: what a report
+reads. `statistics` adds the checks of replica_statistics.py, which judge whether two sets of replicas show
+the same picture; `sub_pixels` n takes one file per side, at n times the resolution per axis, as n^2 replicas
+in pairs.
 """
 
+import importlib.metadata
 import json
 import math
 import os
@@ -46,6 +54,7 @@ TOLERANCES = {
 DEFAULT_BLOCK = 8
 DEFAULT_PIXEL_THRESHOLD = 1e-3
 MAP_QUANTILE = 0.95  # the automatic range of a difference map covers this share of the lit pixels
+RELMSE_DECADES = (-6, 0)  # range of the map of relative squared differences, powers of ten
 ERROR_DECADES = (-8, 0)  # range of the logarithmic error maps, powers of ten
 
 
@@ -54,6 +63,7 @@ def handle(request, messages):
     operations = {
         "diff": diff,
         "display": display,
+        "combine": combine,
         "difference_map": difference_map,
         "field_slices": field_slices,
     }
@@ -108,7 +118,57 @@ def _tolerances(request):
     return {key: float(given[key]) for key in TOLERANCES if given.get(key) is not None}
 
 
-def _load_pair(request, block, messages):
+def _replica_statistics():
+    """The module of the statistical verdict; imported where it is asked for, because scipy takes its time."""
+    try:
+        import replica_statistics
+    except ImportError as error:
+        raise protocol.InputError(
+            "request.statistics", str(error), "the Python package scipy", "run make setup"
+        ) from None
+    return replica_statistics
+
+
+def _statistics_settings(request):
+    """The settings of the statistical verdict, or None where it was not asked for."""
+    given = request.get("statistics")
+    if given is None:
+        return None
+    cells = _number(given, "sub_pixels", None, 2, 64)
+    if cells is not None and cells != int(cells):
+        raise protocol.InputError(
+            f"{given.place}.sub_pixels", str(cells), "a whole number", "name the cells' edge in pixels"
+        )
+    return {
+        "significance": _number(
+            given, "significance", _replica_statistics().DEFAULT_SIGNIFICANCE, 1e-12, 0.5
+        ),
+        "systematic_allowance": _number(given, "systematic_allowance", None, 0, 1),
+        "debiased_relmse": _number(given, "debiased_relmse", _replica_statistics().DEFAULT_RELMSE_LIMIT, 0),
+        "sub_pixels": None if cells is None else int(cells),
+        "is_paired": cells is not None,
+    }
+
+
+def _set_allowance(settings, reference):
+    """Fill in the systematic allowance and where it comes from."""
+    if settings["systematic_allowance"] is not None:
+        settings["allowance_rule"] = "chosen by the caller"
+        return
+    facts = reference.files[0]["provenance"]
+    found = _replica_statistics().default_allowance(facts["samples"], facts["renderer"])
+    if found is None:
+        raise image_metrics.Unreadable(
+            "no systematic allowance is known for this reference (renderer "
+            f"{facts['renderer'] or 'not named'}, samples {facts['samples'] or 'not named'}; the rule "
+            "covers Cycles "
+            "with 64 samples or more). Choose one, 0 for none: --systematic-allowance 0."
+        )
+    settings["systematic_allowance"], settings["allowance_rule"] = found
+
+
+def _load_pair(request, block, messages, statistics=None):
+    cells = statistics["sub_pixels"] if statistics else None
     part = request.get("part")
     paths = [_paths(request, "ours"), _paths(request, "reference")]
     total, sides = len(paths[0]) + len(paths[1]), []
@@ -119,11 +179,14 @@ def _load_pair(request, block, messages):
             messages.progress(0.8 * (before + index) / total, f"reading {which}")
 
         try:
-            sides.append(image_metrics.load_side(files, block, part, progress))
+            sides.append(image_metrics.load_side(files, block, part, progress, statistics is not None, cells))
         except image_metrics.Unreadable as error:
             raise image_metrics.Unreadable(f"{which}: {error}") from None
     image_metrics.check_comparable(*sides)
     image_metrics.reorder(sides[0], sides[1].names)
+    if statistics is not None:
+        image_metrics.check_replicas(dict(zip(("ours", "reference"), sides, strict=True)), cells)
+        _set_allowance(statistics, sides[1])
     return sides
 
 
@@ -135,6 +198,7 @@ def diff(request, messages):
     block = int(_number(request, "block", DEFAULT_BLOCK, 1, 4096))
     threshold = _number(request, "pixel_threshold", DEFAULT_PIXEL_THRESHOLD, 0)
     tolerances = _tolerances(request)
+    settings = _statistics_settings(request)
     result = {
         "verdict": "could_not_tell",
         "reasons": [],
@@ -148,6 +212,7 @@ def diff(request, messages):
         "channels": None,
         "relmse": None,
         "flip": None,
+        "statistics": None,
         "map": None,
         "files": {},
         "versions": {
@@ -156,9 +221,9 @@ def diff(request, messages):
             "python": platform.python_version(),
         },
     }
-    flip_map = sides = None
+    flip_map = sides = maps = None
     try:
-        sides = _load_pair(request, block, messages)
+        sides = _load_pair(request, block, messages, settings)
         ours, reference = sides
         result["images"] = _describe_images(request, ours, reference)
         result["finite"] = {"ours": ours.bad, "reference": reference.bad}
@@ -178,21 +243,41 @@ def diff(request, messages):
             messages.progress(0.85, "comparing")
             flip_map = _figures(result, ours, reference, block, threshold)
             result["checks"] = _checks(result, tolerances)
+            if settings is not None:
+                messages.progress(0.9, "statistics")
+                maps = _judge_replicas(result, ours, reference, settings)
             _decide(result)
     except image_metrics.Unreadable as error:
         result["reasons"] = [str(error)]
     if request.get("out") is not None:
         messages.progress(0.95, "writing pictures")
-        _write_outputs(result, request, sides, flip_map)
+        _write_outputs(result, request, sides, flip_map, maps)
     return result
+
+
+def _judge_replicas(result, ours, reference, settings):
+    """Add the statistical verdict to the result; returns its maps."""
+    statistics, checks, notes, maps = _replica_statistics().judge(
+        ours.stack,
+        reference.stack,
+        reference.names,
+        reference.indices("colour"),
+        reference.indices("alpha"),
+        settings,
+    )
+    result["statistics"] = statistics
+    result["versions"]["scipy"] = importlib.metadata.version("scipy")
+    result["checks"] += checks
+    result["notes"] += notes
+    return maps
 
 
 def _describe_images(request, ours, reference):
     window = reference.window
     return {
-        "ours": {"files": ours.files, "replicas": ours.replicas, "colour_space": ours.colour_space},
+        "ours": {"files": _names(ours), "replicas": ours.replicas, "colour_space": ours.colour_space},
         "reference": {
-            "files": reference.files,
+            "files": _names(reference),
             "replicas": reference.replicas,
             "colour_space": reference.colour_space,
         },
@@ -201,6 +286,10 @@ def _describe_images(request, ours, reference):
         "channels": reference.names,
         "part": request.get("part"),
     }
+
+
+def _names(side):
+    return [{key: file[key] for key in ("file", "sha256")} for file in side.files]
 
 
 def _notes(ours, reference):
@@ -327,14 +416,20 @@ def _check_relmse(relmse, kind, limit):
 def _decide(result):
     outcomes = [check["outcome"] for check in result["checks"]]
     if not outcomes:
-        result["reasons"] = ["No tolerance was given, so nothing was judged. Name one in `tolerances`."]
+        result["reasons"] = [
+            "No tolerance was given, so nothing was judged. Name one in `tolerances`, or give replicas "
+            "of both sides."
+        ]
         return
     verdict = next((word for word in ("differs", "could_not_tell") if word in outcomes), "agrees")
     result["verdict"] = verdict
     result["reasons"] = [check["reason"] for check in result["checks"] if check["outcome"] == verdict]
+    if verdict == "agrees" and result["statistics"] is not None:
+        told = [check["reason"] for check in result["checks"] if check["name"] == "image_mean"]
+        result["reasons"] = [f"All {len(outcomes)} checks agree, none for want of sensitivity.", *told]
 
 
-def _write_outputs(result, request, sides, flip_map):
+def _write_outputs(result, request, sides, flip_map, maps):
     folder = request["out"]
     if sides is not None:
         ours, reference = sides
@@ -345,6 +440,8 @@ def _write_outputs(result, request, sides, flip_map):
             picture = false_colour.colour(flip_map, 0.0, 1.0, false_colour.SEQUENTIAL)
             legend = false_colour.legend(lines, false_colour.SEQUENTIAL, false_colour.linear_ticks(0, 1))
             result["files"] |= _write_picture(os.path.join(folder, "flip"), "flip", picture, legend)
+        if maps is not None:
+            result["files"] |= _write_statistics_maps(folder, maps, reference)
         if request.get("display") is not None:
             for which, side in (("ours", ours), ("reference", reference)):
                 shown = _write_display(side, request["display"], os.path.join(folder, f"{which}.png"))
@@ -352,6 +449,27 @@ def _write_outputs(result, request, sides, flip_map):
         result["files"] = {key: os.path.basename(name) for key, name in result["files"].items()}
     text = json.dumps(result, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
     display_picture.write_text(os.path.join(folder, "diff.json"), text)
+
+
+def _write_statistics_maps(folder, maps, reference):
+    """t.png (luminance, -4 to 4), relmse.png (decades), and t.exr with t of every colour channel."""
+    reach = _replica_statistics().T_RANGE
+    picture = false_colour.colour(maps["t"], -reach, reach, false_colour.DIVERGING)
+    lines = ["t of the luminance: difference in standard errors", "blue: ours darker, orange: ours brighter"]
+    legend = false_colour.legend(lines, false_colour.DIVERGING, false_colour.linear_ticks(-reach, reach))
+    files = _write_picture(os.path.join(folder, "t"), "t", picture, legend)
+    with np.errstate(divide="ignore"):
+        logarithm = np.where(maps["relmse"] > 0, np.log10(maps["relmse"]), -np.inf)
+    picture = false_colour.colour(
+        np.maximum(logarithm, RELMSE_DECADES[0]), *RELMSE_DECADES, false_colour.SEQUENTIAL
+    )
+    lines = ["Squared relative difference, mean of the channels", "(o - r)^2 / (r^2 + e^2), noise included"]
+    legend = false_colour.legend(lines, false_colour.SEQUENTIAL, false_colour.decade_ticks(*RELMSE_DECADES))
+    files |= _write_picture(os.path.join(folder, "relmse"), "relmse", picture, legend)
+    files["t_exr"] = os.path.join(folder, "t.exr")
+    names = [reference.names[i] for i in reference.indices("colour")]
+    display_picture.write_exr(files["t_exr"], maps["t_channels"], names)
+    return files
 
 
 # --- display ----------------------------------------------------------------
@@ -382,7 +500,13 @@ def _write_display(side, settings, png):
     view = display_picture.Display(settings["view"], settings["look"], exposure, gamma)
     background = settings.get("background")
     result = {"png": png, "png_alpha": None, "view_used": view.used, "background": background}
-    if not alpha:
+    channels = settings.get("channels") or "rgba"
+    if channels not in ("rgba", "rgb"):
+        raise protocol.InputError(
+            f"{settings.place}.channels", repr(channels), "rgba or rgb", "mend the request"
+        )
+    # Blender divides by alpha only where it writes alpha, so neither does this.
+    if not alpha or (channels == "rgb" and background is None):
         display_picture.write_png(png, display_picture.to_uint8(view.apply(rgb)))
         return result
     coverage = side.mean[..., alpha[0]]
@@ -405,6 +529,35 @@ def _write_display(side, settings, png):
 
 def _is_radiance(value):
     return isinstance(value, int | float) and not isinstance(value, bool) and 0 <= value < math.inf
+
+
+# --- replicas ---------------------------------------------------------------
+
+
+def combine(request, messages):
+    """Write the mean of replicas and the variance of one of them (K - 1 degrees of freedom) per value."""
+    paths = _paths(request, "images")
+    try:
+        side = image_metrics.load_side(paths, DEFAULT_BLOCK, request.get("part"), keep=True)
+        image_metrics.check_one_side("images", side)
+    except image_metrics.Unreadable as error:
+        raise protocol.InputError(
+            f"{request.place}.images", str(error), "replicas of one picture", "render them again"
+        ) from None
+    attributes = image_metrics.shared_attributes(paths)
+    attributes |= {
+        "cloudparity:replicas": side.replicas,
+        "cloudparity:seeds": json.dumps([file["provenance"]["seed"] for file in side.files]),
+        "cloudparity:replicas_sha256": json.dumps([file["sha256"] for file in side.files]),
+    }
+    for name, pixels, what in (
+        ("mean", side.mean, "mean over the replicas"),
+        ("variance", side.pixel_variance, "variance of one replica, squared values"),
+    ):
+        display_picture.write_exr(
+            request[name], pixels, side.names, attributes | {"cloudparity:content": what}
+        )
+    return {"mean": request["mean"], "variance": request["variance"], "replicas": side.replicas}
 
 
 # --- difference maps --------------------------------------------------------

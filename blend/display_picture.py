@@ -115,6 +115,29 @@ def write_png(path, pixels):
     _replace(path, ".png", save)
 
 
+def write_exr(path, pixels, names, attributes=None):
+    """Write float [h, w, c] as a float EXR of channels `names`, through a temporary file and a rename.
+
+    `attributes`: {name: number or text} of the header.
+    """
+    height, width, channels = pixels.shape
+    spec = oiio.ImageSpec(width, height, channels, "float")
+    spec.channelnames = names
+    spec.attribute("compression", "zip")
+    for name, value in (attributes or {}).items():
+        spec.attribute(name, value)
+
+    def save(temporary):
+        output = oiio.ImageOutput.create(temporary)
+        written = output.open(temporary, spec) and output.write_image(
+            np.ascontiguousarray(pixels, np.float32)
+        )
+        if not (output.close() and written):
+            raise OSError(output.geterror() or "OpenImageIO wrote nothing")
+
+    _replace(path, ".exr", save)
+
+
 def write_text(path, text):
     """Write a text file through a temporary file and a rename."""
     _replace(

@@ -34,11 +34,22 @@ class Side:
     mean: float64 [h, w, c] over the replicas;
     pixel_variance: float64 [h, w, c] of one replica, or None for a single file;
     image_means: float64 [k, c], one row per replica; block_means: float64 [k, by, bx, c];
-    bad: counts of NaN, infinite and negative values.
+    bad: counts of NaN, infinite and negative values;
+    stack: float32 [k, h, w, c], every replica, or None where they were not kept.
     """
 
     def __init__(
-        self, files, names, window, colour_space, mean, pixel_variance, image_means, block_means, bad
+        self,
+        files,
+        names,
+        window,
+        colour_space,
+        mean,
+        pixel_variance,
+        image_means,
+        block_means,
+        bad,
+        stack=None,
     ):
         self.files = files
         self.window = window
@@ -49,6 +60,7 @@ class Side:
         self.block_means = block_means
         self.bad = bad
         self.colour_space = colour_space
+        self.stack = stack
 
     @property
     def replicas(self):
@@ -124,6 +136,66 @@ def _find_part(probe, name, part):
     raise Unreadable(f"{name} has {len(parts)} part(s), {listed}, and {wanted}. Set `part` to one of them.")
 
 
+def check_replicas(sides, cells):
+    """Raise Unreadable unless the kept replicas of both sides can be replicas: {"ours": Side, ...}.
+
+    Equal pixels under other seeds are those of an exact estimator; equal pixels without seeds are a copy.
+    """
+    for which, side in sides.items():
+        if cells is None:
+            check_one_side(which, side)
+        elif side.replicas != 1:
+            raise Unreadable(f"{which} has {side.replicas} files; sub-pixel images need one file per side.")
+    hashes = {which: {file["sha256"] for file in side.files} for which, side in sides.items()}
+    shared = hashes["ours"] & hashes["reference"]
+    if shared:
+        raise Unreadable(
+            f"{len(shared)} file(s) are on both sides, so the sides are not independent. Give each side "
+            "its own."
+        )
+
+
+def check_one_side(which, side):
+    """Raise Unreadable unless the kept files of a side, named `which`, can be replicas of each other."""
+    if side.replicas < 2:
+        raise Unreadable(
+            f"{which} is one file, and one picture says nothing of its noise. Render replicas with other "
+            "seeds, "
+            "or give one picture per side at several times the resolution and --sub-pixels."
+        )
+    facts = [file["provenance"] for file in side.files]
+    for file in side.files:
+        if file["provenance"]["content"] is not None:
+            raise Unreadable(
+                f"{file['file']} of {which} is no replica but the {file['provenance']['content']}. "
+                "Name the files of single seeds."
+            )
+    _check_seeds(which, side, [fact["seed"] for fact in facts])
+    samples = {fact["samples"] for fact in facts}
+    if len(samples) > 1:
+        listed = ", ".join(str(count) for count in sorted(samples, key=lambda count: count or 0))
+        raise Unreadable(
+            f"the replicas of {which} have {listed} samples; replicas differ in their seed alone."
+        )
+
+
+def _check_seeds(which, side, seeds):
+    known = [seed for seed in seeds if seed is not None]
+    for seed in set(known):
+        if known.count(seed) > 1:
+            raise Unreadable(f"two replicas of {which} have the seed {seed}. Give every replica its own.")
+    seen = {}
+    for file, seed, pixels in zip(side.files, seeds, side.stack, strict=True):
+        digest = hashlib.sha256(np.ascontiguousarray(pixels).tobytes()).hexdigest()
+        if digest in seen and (seed is None or seen[digest][1] is None):
+            raise Unreadable(
+                f"{file['file']} and {seen[digest][0]} of {which} have the same pixels and do not name "
+                "different "
+                "seeds: a copy is no replica. Render each with its own seed."
+            )
+        seen[digest] = (file["file"], seed)
+
+
 def blocks_of(image, size):
     """Means of size x size pixel blocks [by, bx, c]; blocks at the right and lower edge may be smaller."""
     rows = np.arange(0, image.shape[0], size)
@@ -139,17 +211,88 @@ def block_weights(shape, size):
     return np.outer(heights, widths).astype(np.float64)
 
 
-def load_side(paths, block, part=None, progress=lambda index: None):
+def provenance(path):
+    """What an EXR says of its own making: {"seed", "samples": int or None, "renderer", "content":
+    text or None}.
+
+    Files of this program say so in attributes "cloudparity:...", those of Blender in
+    "cycles.<layer>.samples".
+    """
+    found = {"seed": None, "samples": None, "renderer": None, "content": None}
+    file = oiio.ImageInput.open(path)
+    if file is None:
+        return found
+    for attribute in file.spec().extra_attribs:
+        name, value = attribute.name, attribute.value
+        if name in ("cloudparity:seed", "cloudparity:samples"):
+            found[name.split(":")[1]] = _whole_number(value)
+        elif name in ("cloudparity:renderer", "cloudparity:content"):
+            found[name.split(":")[1]] = str(value)
+        elif name.startswith("cycles.") and name.endswith(".samples"):
+            found["samples"] = found["samples"] or _whole_number(value)
+            found["renderer"] = found["renderer"] or "Cycles"
+    file.close()
+    return found
+
+
+def shared_attributes(paths):
+    """The attributes "cloudparity:..." and the colour space that all files have with the same value."""
+    shared = None
+    for path in paths:
+        file = oiio.ImageInput.open(path)
+        found = {
+            item.name: item.value
+            for item in file.spec().extra_attribs
+            if item.name.startswith("cloudparity:") or item.name == "colorInteropID"
+        }
+        file.close()
+        shared = (
+            found
+            if shared is None
+            else {name: value for name, value in shared.items() if found.get(name) == value}
+        )
+    return shared
+
+
+def _whole_number(value):
+    try:
+        return int(str(value))
+    except ValueError:
+        return None
+
+
+def sub_pixel_images(pixels, cells, name):
+    """The images at each position of every cells x cells cell: [cells^2, h, w, c] of [H, W, c]."""
+    height, width, channels = pixels.shape
+    if height % cells or width % cells:
+        raise Unreadable(
+            f"{name} has {width} x {height} pixels, which {cells} x {cells} cells do not divide. Render "
+            "it at "
+            f"{cells} times the resolution per axis."
+        )
+    split = pixels.reshape(height // cells, cells, width // cells, cells, channels)
+    return split.transpose(1, 3, 0, 2, 4).reshape(cells * cells, height // cells, width // cells, channels)
+
+
+def load_side(paths, block, part=None, progress=lambda index: None, keep=False, cells=None):
     """Read and average the replicas of one side; raises Unreadable when they do not belong together.
 
-    Replicas are read one by one, so memory hardly grows with their number (Welford's variance).
+    Replicas are read one by one, so memory hardly grows with their number (Welford's variance), unless `keep`
+    asks for all of them. With `cells`, the only file is one picture whose cells of cells x cells pixels
+    become pixels, and `stack` holds its sub-pixel images.
     """
-    files, image_means, block_means = [], [], []
+    files, image_means, block_means, kept = [], [], [], []
     bad = {"nan": 0, "infinite": 0, "negative": 0}
     mean = spread = first = None
     for index, path in enumerate(paths):
         progress(index)
         pixels, names, window, space = read_image(path, part)
+        if cells is not None:
+            bad["negative"] += int((pixels < 0).sum())
+            kept = sub_pixel_images(pixels, cells, os.path.basename(path))
+            with np.errstate(invalid="ignore"):
+                pixels = kept.mean(axis=0, dtype=np.float64)
+            window = (window[0], window[1], window[2] // cells, window[3] // cells)
         if first is None:
             first = (names, window, space)
             mean = np.zeros(pixels.shape, np.float64)
@@ -159,10 +302,12 @@ def load_side(paths, block, part=None, progress=lambda index: None):
                 f"{os.path.basename(path)} is {describe(names, window)}, the first replica of its side is "
                 f"{describe(*first[:2])}. Average only renders of one picture."
             )
-        files.append({"file": os.path.basename(path), "sha256": sha256(path)})
+        files.append({"file": os.path.basename(path), "sha256": sha256(path), "provenance": provenance(path)})
         bad["nan"] += int(np.isnan(pixels).sum())
         bad["infinite"] += int(np.isinf(pixels).sum())
-        bad["negative"] += int((pixels < 0).sum())
+        bad["negative"] += int((pixels < 0).sum()) if cells is None else 0
+        if keep and cells is None:
+            kept.append(pixels)
         pixels = pixels.astype(np.float64)
         with np.errstate(invalid="ignore"):
             step = pixels - mean
@@ -178,6 +323,7 @@ def load_side(paths, block, part=None, progress=lambda index: None):
         np.array(image_means),
         np.array(block_means),
         bad,
+        np.asarray(kept) if len(kept) else None,
     )
 
 
@@ -210,6 +356,8 @@ def reorder(side, names):
     side.block_means = side.block_means[..., order]
     if side.pixel_variance is not None:
         side.pixel_variance = side.pixel_variance[..., order]
+    if side.stack is not None:
+        side.stack = side.stack[..., order]
 
 
 def _buffer(array):

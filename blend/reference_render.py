@@ -21,36 +21,41 @@ ATTRIBUTE_PREFIX = "cloudparity:"
 MULTILAYER_PASSES = ("use_pass_emit", "use_pass_environment")
 MULTILAYER_CYCLES_PASSES = ("use_pass_volume_direct", "use_pass_volume_indirect")
 SAMPLE_STATUS = re.compile(r"Sample (\d+)/(\d+)")
+WORLD_SAMPLING = ("NONE", "AUTOMATIC")
 KERNEL_VARIABLE = "CYCLES_CPU_NO_AVX2"
 
 
 def render_reference(request, messages):
-    """Render the request (see reference.py) and return its result."""
+    """Render the request (see reference.py) and return its result.
+
+    Replicas share the process and the built scene; each render starts from its seed alone, so its pixels are
+    those of a process of its own.
+    """
     scene = request["scene"]
     check_format(scene)
+    replicas = request.get("replicas") or [{"seed": request["seed"], "exr": request["exr"]}]
     open_empty()
     build_scene(scene, messages.warning)
-    settings = _apply_request(bpy.context.scene, request)
-    _report_progress(messages)
-    with tempfile.TemporaryDirectory() as folder:
-        rendered = Path(folder) / "render.exr"
-        seconds = _render(rendered)
-        provenance = _provenance(request, settings, seconds)
-        with replaced_file(request["exr"]) as temporary:
-            copy_with_attributes(rendered, temporary, provenance)
-    return {
-        "exr": request["exr"],
-        "seconds": seconds,
-        "settings": settings,
-        "blender": bpy.app.version_string,
-    }
+    results = []
+    for index, replica in enumerate(replicas):
+        settings = apply_request(bpy.context.scene, request, replica["seed"])
+        _report_progress(messages, index, len(replicas))
+        with tempfile.TemporaryDirectory() as folder:
+            rendered = Path(folder) / "render.exr"
+            seconds = _render(rendered)
+            provenance = _provenance(request, replica, settings, seconds)
+            with replaced_file(replica["exr"]) as temporary:
+                copy_with_attributes(rendered, temporary, provenance)
+        results.append({"exr": replica["exr"], "seconds": seconds, "settings": settings})
+    blender = {"blender": bpy.app.version_string}
+    return ({"replicas": results} if request.get("replicas") else results[0]) | blender
 
 
-def _apply_request(target, request):
+def apply_request(target, request, seed):
     """Set what the request and the comparison ask for; return the settings that identify the render."""
     scene = request["scene"]
     render, cycles = target.render, target.cycles
-    apply_settings(target, request["samples"], request["seed"], request["threads"])
+    apply_settings(target, request["samples"], seed, request["threads"])
     apply_exr(render.image_settings, request["multilayer"], codec="ZIP")
     render.resolution_percentage = scene["film"]["resolution_percentage"]
     if request["resolution"] is not None:
@@ -67,9 +72,7 @@ def _apply_request(target, request):
     target.camera.data.dof.use_dof = False
     for material in bpy.data.materials:
         material.cycles.volume_sampling = "MULTIPLE_IMPORTANCE"
-    # In media with several lobes Cycles 5.0.1 counts too brightly what it samples as a light and meets by
-    # chance as well. (A constant world it does not sample as a light anyway.)
-    target.world.cycles.sampling_method = "NONE"
+    target.world.cycles.sampling_method = _world_sampling(request)
     if request["multilayer"]:
         view_layer = target.view_layers[0]
         for name in MULTILAYER_PASSES:
@@ -90,14 +93,31 @@ def _apply_request(target, request):
         "volume_biased": cycles.volume_biased,
         "step_rate": request["step_rate"],
         "volume_max_steps": cycles.volume_max_steps,
+        "world_sampling": target.world.cycles.sampling_method,
         "threads": request["threads"],
         "multilayer": request["multilayer"],
         "kernel": "sse42" if os.environ.get(KERNEL_VARIABLE) == "1" else "default",
     }
 
 
-def _report_progress(messages):
-    """Send a progress event for each percent of the samples."""
+def _world_sampling(request):
+    """How Cycles samples the world as a light: NONE or AUTOMATIC.
+
+    In media with several lobes Cycles 5.0.1 counts too brightly what it samples as a light and meets by
+    chance as well, so NONE is the default; a constant world is not sampled as a light anyway. A picture as
+    world in a
+    medium of one lobe needs AUTOMATIC: by chance alone, small bright parts are hardly ever met.
+    """
+    method = request.get("world_sampling") or "NONE"
+    if method not in WORLD_SAMPLING:
+        raise InputError(
+            "request.world_sampling", repr(method), f"one of {', '.join(WORLD_SAMPLING)}", "mend the request"
+        )
+    return method
+
+
+def _report_progress(messages, index, count):
+    """Send a progress event for each percent of the samples of render `index` of `count`."""
     last_percent = -1
 
     def report(status, *_):
@@ -107,7 +127,8 @@ def _report_progress(messages):
         percent = int(100 * done)
         if percent > last_percent:
             last_percent = percent
-            messages.progress(done, f"Cycles: {match[0]}" if match else "Cycles: preparation")
+            name = "Cycles" if count == 1 else f"Cycles, replica {index + 1} of {count}"
+            messages.progress((index + done) / count, f"{name}: {match[0] if match else 'preparation'}")
 
     bpy.app.handlers.render_stats.clear()
     bpy.app.handlers.render_stats.append(report)
@@ -122,7 +143,7 @@ def _render(path):
     return seconds
 
 
-def _provenance(request, settings, seconds):
+def _provenance(request, replica, settings, seconds):
     """The attributes of the EXR, {name: number or text}."""
     values = {
         "scene": request["scene"]["name"],
@@ -131,6 +152,7 @@ def _provenance(request, settings, seconds):
         "render_seconds": seconds,
         **settings,
         **request["metadata"],
+        **(replica.get("metadata") or {}),
     }
     return {ATTRIBUTE_PREFIX + name: value for name, value in values.items()}
 

@@ -82,6 +82,39 @@ fn diff_writes_a_directory_that_report_makes_a_page_of() {
 }
 
 #[test]
+fn replicas_are_judged_by_statistics_and_the_report_shows_bias_and_noise() {
+    if !require("bpy") {
+        return;
+    }
+    let folder = tempfile::tempdir().expect("a folder");
+    // Replicas whose red scatters by 0.5 % as a whole, in steps that cancel over the eight.
+    let side = |name: &str, red: f32| -> Vec<PathBuf> {
+        let step = |k: u8| red * (1.0 + 0.005 * (f32::from(k) - 3.5) / 3.5);
+        (0..8).map(|k| save_picture(folder.path(), &format!("{name}{k}.exr"), 16, step(k))).collect()
+    };
+    let (ours, planted, reference) = (side("o", 1.0001), side("p", 1.03), side("r", 1.0));
+    let run = folder.path().join("run");
+    let diff = |ours: &[PathBuf], more: &[&str]| {
+        let mut command = program();
+        command.arg("diff").arg("--ours").args(ours).arg("--reference").args(&reference).args(more);
+        command.assert()
+    };
+    // Files without provenance say neither renderer nor samples, so the allowance must be chosen.
+    diff(&ours, &[]).code(2).stdout(predicate::str::contains("--systematic-allowance 0"));
+    diff(&ours, &["--systematic-allowance", "0"]).code(0).stdout(predicate::str::contains("bias of R: +0.01"));
+    diff(&planted, &["--systematic-allowance", "0.05"]).code(0);
+    let out = run.to_str().expect("a UTF-8 path");
+    diff(&planted, &["--systematic-allowance", "0", "--out", out])
+        .code(1)
+        .stdout(predicate::str::starts_with("differs\n").and(predicate::str::contains("image_mean")));
+    diff(&ours[..1], &["--statistics", "on"]).code(2).stdout(predicate::str::contains("is one file"));
+    program().arg("report").arg(&run).assert().code(0);
+    let page = std::fs::read_to_string(run.join("index.html")).expect("the page is written");
+    assert!(page.contains("Bias and noise") && page.contains("alt=\"t of the luminance"));
+    assert!(std::fs::read_to_string(run.join("report.md")).expect("written").contains("## Bias and noise"));
+}
+
+#[test]
 fn report_of_no_directory_could_not_do_its_work() {
     let folder = tempfile::tempdir().expect("a folder");
     program()
@@ -105,7 +138,8 @@ fn doctor_says_what_is_missing_and_what_to_do() {
     let document: Value = serde_json::from_slice(&assert.get_output().stdout).expect("stdout holds JSON alone");
     assert_eq!(document["all_there"], false);
     let checks = document["checks"].as_array().expect("a list of checks");
-    for what in ["graphics adapter", "Python", "bpy", "OpenImageIO", "numpy", "flip-evaluator", "opencolorio", "cache"]
+    for what in
+        ["graphics adapter", "Python", "bpy", "OpenImageIO", "numpy", "flip-evaluator", "opencolorio", "scipy", "cache"]
     {
         let check = checks.iter().find(|check| check["what"] == what).expect(what);
         assert!(check["found"].is_null() && check["problem"]["remedy"].as_str().is_some_and(|text| text.len() > 10));

@@ -38,6 +38,7 @@ pub const SCRIPTS: &[(&str, &str)] = scripts!(
     "protocol.py",
     "reference.py",
     "reference_render.py",
+    "replica_statistics.py",
     "rna.py",
     "scene_builder.py",
     "scene_io.py",

@@ -9,7 +9,7 @@ use crate::error::{Error, Result};
 use crate::files;
 use crate::scene::Scene;
 use serde::Serialize;
-use serde_json::json;
+use serde_json::{Value as Json, json};
 use std::path::{Path, PathBuf};
 
 /// Environment variable that names the cache folder.
@@ -31,11 +31,67 @@ pub struct ReferenceSettings {
     pub threads: u32,
     /// All passes, as parts of one file.
     pub multilayer: bool,
+    /// Whether the world is sampled as a light.
+    pub world_sampling: WorldSampling,
 }
+
+/// How Cycles finds the light of the world.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "SCREAMING_SNAKE_CASE")]
+pub enum WorldSampling {
+    /// By chance alone: right for every medium, noisy where the world has small bright parts.
+    #[default]
+    None,
+    /// As a light too, where it is not constant: less noise, and too bright in Cycles 5.0.1 where the medium has
+    /// more than one phase lobe.
+    Automatic,
+}
+
+/// A level of effort: samples and replicas.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Quality {
+    /// Seconds for small pictures: 64 samples, 8 replicas.
+    Ci,
+    /// Minutes: 1024 samples, 4 replicas.
+    Standard,
+    /// To be stored: 4096 samples, 4 replicas.
+    Converged,
+}
+
+impl Quality {
+    /// Samples per pixel of each replica.
+    pub fn samples(self) -> u32 {
+        match self {
+            Self::Ci => 64,
+            Self::Standard => 1024,
+            Self::Converged => 4096,
+        }
+    }
+
+    /// Number of replicas.
+    pub fn replicas(self) -> u32 {
+        match self {
+            Self::Ci => 8,
+            Self::Standard | Self::Converged => 4,
+        }
+    }
+}
+
+/// Seed of the first of several replicas; the others count on from it. Ours begin at 100, so the seeds of the two
+/// sides are disjoint.
+pub const FIRST_REPLICA_SEED: u32 = 5000;
 
 impl Default for ReferenceSettings {
     fn default() -> Self {
-        Self { samples: 256, seed: 101, volume_biased: false, step_rate: 0.1, threads: 0, multilayer: false }
+        Self {
+            samples: 256,
+            seed: 101,
+            volume_biased: false,
+            step_rate: 0.1,
+            threads: 0,
+            multilayer: false,
+            world_sampling: WorldSampling::None,
+        }
     }
 }
 
@@ -50,14 +106,26 @@ pub struct Reference {
     pub cached: bool,
 }
 
-/// The picture of `scene` by Cycles: from the folder `cache`, or rendered into it now. The pixel filter is the box
-/// whatever the scene says: it is the one that both sides share exactly.
+/// The picture of `scene` by Cycles: from the folder `cache`, or rendered into it now.
 pub fn reference(
     scene: &Scene,
     settings: &ReferenceSettings,
     cache: &Path,
     receive: impl FnMut(Message),
 ) -> Result<Reference> {
+    let mut found = references(scene, settings, &[settings.seed], cache, receive)?;
+    Ok(found.remove(0))
+}
+
+/// The pictures of `scene` by Cycles with each of `seeds` (that of `settings` is not used). Those that the folder
+/// `cache` lacks are rendered in one process, and each is kept as soon as it is done.
+pub fn references(
+    scene: &Scene,
+    settings: &ReferenceSettings,
+    seeds: &[u32],
+    cache: &Path,
+    receive: impl FnMut(Message),
+) -> Result<Vec<Reference>> {
     let blender = module_version("bpy", "bpy.app.version_string").map_err(|cause| {
         Error::new(
             "interpreter",
@@ -66,33 +134,45 @@ pub fn reference(
             "Run make setup, or compare with a reference that exists already.",
         )
     })?;
-    let key = request_key(scene, settings, &blender);
-    let path = cache.join(format!("{key}.exr"));
-    if path.exists() {
-        return Ok(Reference { path, key, cached: true });
+    let found: Vec<Reference> = seeds
+        .iter()
+        .map(|&seed| {
+            let key = request_key(scene, &ReferenceSettings { seed, ..settings.clone() }, &blender);
+            let path = cache.join(format!("{key}.exr"));
+            Reference { cached: path.exists(), path, key }
+        })
+        .collect();
+    let missing: Vec<Json> = found
+        .iter()
+        .zip(seeds)
+        .filter(|(reference, _)| !reference.cached)
+        .map(|(reference, seed)| {
+            json!({"seed": seed, "exr": reference.path, "metadata": {"request_sha256": reference.key}})
+        })
+        .collect();
+    if missing.is_empty() {
+        return Ok(found);
     }
     std::fs::create_dir_all(cache).map_err(|cause| Error::io(cache, "a folder for references", &cause))?;
-    let size = scene.image_size();
     let request = json!({
         "scene": scene,
-        "exr": path,
-        "resolution": size,
+        "replicas": missing,
+        "resolution": scene.image_size(),
         "samples": settings.samples,
-        "seed": settings.seed,
         "film_transparent": scene.film.transparent,
         "volume_bounces": scene.integrator.volume_bounces,
         "volume_biased": settings.volume_biased,
         "step_rate": settings.step_rate,
         "threads": settings.threads,
         "multilayer": settings.multilayer,
+        "world_sampling": settings.world_sampling,
         "metadata": {
             "scene_sha256": scene.content_hash(),
-            "request_sha256": key,
             "requested_by": concat!("cloudparity ", env!("CARGO_PKG_VERSION")),
         },
     });
     run_script("reference.py", &request, Kernel::Default, receive)?;
-    Ok(Reference { path, key, cached: false })
+    Ok(found)
 }
 
 /// SHA-256 of what decides the pixels: scene, settings (without the number of threads), version,
@@ -139,6 +219,9 @@ mod tests {
         let key = request_key(&scene, &settings, "5.0.1");
         assert_eq!(key, request_key(&scene, &ReferenceSettings { threads: 2, ..settings.clone() }, "5.0.1"));
         assert_ne!(key, request_key(&scene, &ReferenceSettings { seed: 102, ..settings.clone() }, "5.0.1"));
+        let sampled = ReferenceSettings { world_sampling: WorldSampling::Automatic, ..settings.clone() };
+        assert_ne!(key, request_key(&scene, &sampled, "5.0.1"));
+        assert_eq!(serde_json::to_value(&sampled).unwrap()["world_sampling"], "AUTOMATIC");
         assert_ne!(key, request_key(&scene, &settings, "5.0.2"));
         let mut changed = scene.clone();
         changed.film.transparent = !scene.film.transparent;

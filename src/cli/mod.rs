@@ -8,6 +8,7 @@ mod bounds;
 mod build;
 mod demo;
 mod diff;
+mod display;
 mod doctor;
 mod eval;
 pub(crate) mod explain;
@@ -41,6 +42,7 @@ enum Command {
     Build(build::Arguments),
     Demo(demo::Arguments),
     Diff(Box<diff::Arguments>),
+    Display(display::Arguments),
     Doctor(doctor::Arguments),
     Eval(eval::Arguments),
     Explain(explain::Arguments),
@@ -66,6 +68,7 @@ pub fn run() -> ExitCode {
         Command::Build(arguments) => build::run(&arguments),
         Command::Demo(arguments) => demo::run(&arguments),
         Command::Diff(arguments) => diff::run(&arguments),
+        Command::Display(arguments) => display::run(&arguments),
         Command::Doctor(arguments) => doctor::run(&arguments),
         Command::Eval(arguments) => eval::run(&arguments),
         Command::Explain(arguments) => explain::run(&arguments),

@@ -14,8 +14,16 @@
 //! | standard error of a mean over K replicas | `s / sqrt(K)`, `s` with K - 1 degrees of freedom |
 //! | HDR-FLIP | 0 (no visible difference) to 1; exposures fixed by the reference |
 //!
+//! Where both sides have replicas, [`Statistics`] judge whether the two are the same picture as far as
+//! their noise can tell; `blend/replica_statistics.py` derives the tests, and every result carries
+//! their formulas.
+//!
 //! Values are linear radiance with Rec.709 primaries (alpha: 0 to 1). Pixels count from 0 at the
 //! upper left.
+
+mod statistics;
+
+pub use statistics::{Statistics, StatisticsSettings};
 
 use crate::error::{Error, Result};
 use indexmap::IndexMap;
@@ -133,6 +141,8 @@ pub struct DiffRequest {
     pub display: Option<DisplaySettings>,
     /// End of the scale of the relative difference map; `None` covers 95 % of the lit pixels.
     pub range: Option<f64>,
+    /// Asks for the statistical verdict; needs replicas of both sides.
+    pub statistics: Option<StatisticsSettings>,
 }
 
 impl DiffRequest {
@@ -149,6 +159,7 @@ impl DiffRequest {
             out: None,
             display: None,
             range: None,
+            statistics: None,
         }
     }
 
@@ -204,6 +215,9 @@ pub struct DiffResult {
     pub relmse: Option<RelMse>,
     /// The perceptual figure.
     pub flip: Option<Flip>,
+    /// Bias apart from noise, and the tests of the statistical verdict.
+    #[serde(default)]
+    pub statistics: Option<Statistics>,
     /// Formula and range of the difference maps, where they were written.
     pub map: Option<DifferenceMap>,
     /// File name of each picture written, by kind, and the view of each display picture.
@@ -228,7 +242,7 @@ pub struct Check {
     pub name: String,
     /// The measured value, where there is one.
     pub value: Option<f64>,
-    /// The tolerance.
+    /// The largest value that agrees; for the number of replicas the smallest.
     pub limit: f64,
     /// The answer of this check alone.
     pub outcome: Verdict,

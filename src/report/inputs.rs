@@ -357,7 +357,7 @@ impl Inputs {
 
     fn read_pictures(&mut self, directory: &Path) -> Result<()> {
         let mut wanted: Vec<(String, bool)> = Vec::new();
-        for name in ["ours", "reference", "difference", "difference_absolute", "flip"] {
+        for name in ["ours", "reference", "difference", "difference_absolute", "t", "relmse", "flip"] {
             wanted.push((format!("{name}.png"), false));
             wanted.push((format!("{name}_legend.svg"), false));
         }

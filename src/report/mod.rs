@@ -65,11 +65,13 @@ struct Page<'a> {
 }
 
 /// Key (file stem), label and caption of each picture of the viewer, in its order.
-const VIEWS: [(&str, &str, &str); 5] = [
+const VIEWS: [(&str, &str, &str); 7] = [
     ("ours", "Ours", "Our picture"),
     ("reference", "Reference", "The reference's picture"),
     ("difference", "Relative difference", "Relative difference of luminance: blue where ours is darker"),
     ("difference_absolute", "Absolute difference", "Absolute difference of the worst colour channel"),
+    ("t", "t", "t of the luminance, the difference in standard errors: noise alone gives a scatter without shape"),
+    ("relmse", "relMSE", "Squared relative difference of each pixel, noise included"),
     ("flip", "FLIP", "HDR-FLIP error: how visible the difference is"),
 ];
 

@@ -151,6 +151,23 @@ pub fn csv(inputs: &Inputs) -> String {
             add("picture", "relMSE", "block", "noise", relmse.noise_block, "");
             add("picture", "relMSE", "block", "debiased", relmse.debiased_block, "");
         }
+        for row in diff.statistics.iter().flat_map(|found| &found.means) {
+            let subject = "bias of the image mean";
+            add("statistics", subject, &row.channel, "relative_bias", row.relative_bias, "share");
+            add("statistics", subject, &row.channel, "relative_low", row.relative_low, "share");
+            add("statistics", subject, &row.channel, "relative_high", row.relative_high, "share");
+            add("statistics", subject, &row.channel, "t", Some(row.t), "");
+            add("statistics", subject, &row.channel, "p", Some(row.p), "");
+            add("statistics", "noise of a pixel", &row.channel, "ours", Some(row.noise_variance_ours), "radiance^2");
+            let reference = Some(row.noise_variance_reference);
+            add("statistics", "noise of a pixel", &row.channel, "reference", reference, "radiance^2");
+        }
+        if let Some(relmse) = diff.statistics.as_ref().map(|found| &found.relmse) {
+            add("statistics", "relMSE", "pixel", "plain", relmse.plain, "");
+            add("statistics", "relMSE", "pixel", "noise", relmse.noise, "");
+            add("statistics", "relMSE", "pixel", "debiased", relmse.debiased, "");
+            add("statistics", "relMSE", "pixel", "standard_error", relmse.standard_error, "");
+        }
         add("picture", "HDR-FLIP", "", "mean", diff.flip.as_ref().and_then(|flip| flip.mean), "");
     }
     for slice in &inputs.slices {
@@ -264,6 +281,22 @@ pub fn markdown(inputs: &Inputs, summary: &Summary) -> String {
                 figure(relmse.block)
             );
         }
+    }
+    if let Some(found) = inputs.diff.as_ref().and_then(|diff| diff.statistics.as_ref()) {
+        text += "\n## Bias and noise\n";
+        let rows = found.means.iter().map(|row| {
+            vec![
+                row.channel.clone(),
+                signed_percent(row.relative_bias),
+                format!("{} to {}", signed_percent(row.relative_low), signed_percent(row.relative_high)),
+                figure(Some(row.t)),
+                figure(Some(row.p)),
+                figure(Some(row.noise_variance_ours)),
+                figure(Some(row.noise_variance_reference)),
+            ]
+        });
+        let columns = ["Channel", "Bias", "99 % interval", "t", "p", "Noise variance, ours", "Reference"];
+        text += &table(&columns, rows);
     }
     for probe in &inputs.probes {
         text += &format!("\n## Field at {} points\n", count(Some(probe.points)));

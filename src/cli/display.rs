@@ -1,0 +1,58 @@
+//! `cloudparity display`: a scene-linear picture as Blender shows it.
+
+use crate::blender::{self, Kernel};
+use crate::compare::SCRIPT;
+use crate::error::Result;
+use serde_json::json;
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+/// Make a PNG of an EXR through Blender's own colour management, equal to the PNG that Blender saves without dither.
+#[derive(clap::Args)]
+pub(super) struct Arguments {
+    /// Scene-linear EXR; several are averaged.
+    #[arg(required = true, num_args = 1..)]
+    pictures: Vec<PathBuf>,
+    /// The PNG to write.
+    #[arg(short, long)]
+    output: PathBuf,
+    /// View transform: AgX, Standard, Filmic, Khronos PBR Neutral or Raw.
+    #[arg(long, default_value = "AgX")]
+    view: String,
+    /// Look: "AgX - Punchy"; those of Filmic have no prefix.
+    #[arg(long, default_value = "None")]
+    look: String,
+    /// Stops: values are multiplied by 2^exposure first.
+    #[arg(long, default_value_t = 0.0, allow_negative_numbers = true)]
+    exposure: f64,
+    /// The display value is raised to 1 / gamma last.
+    #[arg(long, default_value_t = 1.0)]
+    gamma: f64,
+    /// Linear radiance behind a transparent film.
+    #[arg(long, value_name = "R,G,B", value_parser = super::diff::colour)]
+    background: Option<[f64; 3]>,
+    /// Leave alpha out: the premultiplied colours, as in Blender's RGB files.
+    #[arg(long)]
+    rgb: bool,
+    /// Part (render pass) of a file with several.
+    #[arg(long)]
+    part: Option<String>,
+}
+
+pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
+    let picture = json!({
+        "exr": arguments.pictures,
+        "png": arguments.output,
+        "part": arguments.part,
+        "view": arguments.view,
+        "look": arguments.look,
+        "exposure": arguments.exposure,
+        "gamma": arguments.gamma,
+        "background": arguments.background,
+        "channels": if arguments.rgb { "rgb" } else { "rgba" },
+    });
+    let result = blender::run_script(SCRIPT, &json!({"op": "display", "images": [picture]}), Kernel::Default, |_| ())?;
+    let view = result["images"][0]["view_used"].as_str().unwrap_or_default();
+    super::print(&format!("{} ({view})\n", arguments.output.display()))?;
+    Ok(ExitCode::SUCCESS)
+}
