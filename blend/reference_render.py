@@ -29,7 +29,7 @@ def render_reference(request, messages):
     scene = request["scene"]
     check_format(scene)
     open_empty()
-    build_scene(scene, messages.warning)
+    build_scene(scene, messages.warning, request.get("folder"))
     settings = _apply_request(bpy.context.scene, request)
     _report_progress(messages)
     with tempfile.TemporaryDirectory() as folder:

@@ -75,6 +75,7 @@ pub fn reference(
     let size = scene.image_size();
     let request = json!({
         "scene": scene,
+        "folder": scene.folder,
         "exr": path,
         "resolution": size,
         "samples": settings.samples,
