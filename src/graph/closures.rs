@@ -74,7 +74,7 @@ pub struct ClosureSum {
     pub closures: Vec<Closure>,
 }
 
-/// A closure before its inputs are compiled: how many outputs of the flat graph are its own.
+/// A closure before its inputs are compiled.
 struct Found {
     label: String,
     node_type: &'static NodeType,
@@ -247,14 +247,7 @@ impl<'a> Flattener<'a> {
         }
         match role {
             ClosureRole::Medium(formula) => {
-                if found.len() == MOST_CLOSURES {
-                    return Err(Error::new(
-                        place,
-                        format!("more than {MOST_CLOSURES} closures in one material"),
-                        format!("at most {MOST_CLOSURES}, counted once for every way to the Material Output"),
-                        "Use fewer Add Shader and Mix Shader nodes.",
-                    ));
-                }
+                self.check_count(place, found)?;
                 let (label, formula) = (self.label(tree, &node.name), formula(&mode));
                 found.push(Found { label, node_type, mode, formula, inputs, factors: factors.clone() });
                 Ok(())
@@ -275,6 +268,19 @@ impl<'a> Flattener<'a> {
         }
     }
 
+    /// Refuses one closure more than [`MOST_CLOSURES`].
+    fn check_count(&self, place: String, found: &[Found]) -> Result<()> {
+        if found.len() < MOST_CLOSURES {
+            return Ok(());
+        }
+        Err(Error::new(
+            place,
+            format!("more than {MOST_CLOSURES} closures in one material"),
+            format!("at most {MOST_CLOSURES}, counted once for every way to the Material Output"),
+            "Use fewer Add Shader and Mix Shader nodes.",
+        ))
+    }
+
     /// A colour where a closure belongs.
     fn emitting(
         &mut self,
@@ -286,6 +292,7 @@ impl<'a> Flattener<'a> {
     ) -> Result<()> {
         self.note(tree, node, "converted", "a value where a closure belongs: emits");
         let place = self.place(tree, &node.name);
+        self.check_count(place.clone(), found)?;
         let mode = Mode::read(&emission::TYPE, &serde_json::Map::new(), &place)?;
         found.push(Found {
             label: self.label(tree, &node.name),

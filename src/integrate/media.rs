@@ -80,8 +80,11 @@ pub struct PhaseMixture {
 /// What a medium's program gave for a batch of points.
 pub struct Values<'m> {
     medium: &'m ObjectMedium,
-    rows: Vec<f32>,
+    rows: Vec<f64>,
 }
+
+/// Closures have at most this many input components (Principled Volume: 17).
+const MOST_INPUTS: usize = 24;
 
 impl Value {
     /// The component, given the program's results at a point.
@@ -128,6 +131,16 @@ impl Term {
         self.closure.factors.iter().map(part).product()
     }
 
+    /// Calls `function` with the closure's inputs at a point.
+    fn with_inputs<T>(&self, row: &[f64], function: impl FnOnce(&[f64]) -> T) -> T {
+        let mut inputs = [0.0; MOST_INPUTS];
+        let inputs = &mut inputs[..self.closure.inputs.len()];
+        for (input, value) in inputs.iter_mut().zip(&self.closure.inputs) {
+            *input = value.at(row);
+        }
+        function(inputs)
+    }
+
     fn coefficients(&self, row: &[f64]) -> Coefficients<f64> {
         let weight = self.weight(row);
         if let Some(Scaled { unit, density }) = &self.scaled {
@@ -138,8 +151,7 @@ impl Term {
                 emission: unit.emission.map(|value| value * weight),
             };
         }
-        let inputs: Vec<f64> = self.closure.inputs.iter().map(|value| value.at(row)).collect();
-        let found = self.closure.formula.coefficients(&inputs);
+        let found = self.with_inputs(row, |inputs| self.closure.formula.coefficients(inputs));
         Coefficients {
             scattering: found.scattering.map(|value| value * weight),
             extinction: found.extinction.map(|value| value * weight),
@@ -171,8 +183,8 @@ impl Term {
 
     fn phase(&self, row: &[f64]) -> Option<PhaseFunction> {
         self.phase.or_else(|| {
-            let inputs: Vec<f64> = self.closure.inputs.iter().map(|value| value.at(row)).collect();
-            self.closure.formula.phase(&inputs).map(PhaseFunction::new)
+            let phase = self.with_inputs(row, |inputs| self.closure.formula.phase(inputs));
+            phase.map(PhaseFunction::new)
         })
     }
 
@@ -238,7 +250,8 @@ impl ObjectMedium {
 
     /// Evaluates what varies at positions of the object's frame. Whether they are inside is not asked.
     pub fn evaluate(&self, positions: &[[f32; 3]]) -> Result<Values<'_>> {
-        Ok(Values { medium: self, rows: self.program.evaluate_single(Points::new(positions))? })
+        let rows = self.program.evaluate_single(Points::new(positions))?;
+        Ok(Values { medium: self, rows: rows.into_iter().map(f64::from).collect() })
     }
 
     /// Encloses the coefficients over boxes of the object's frame, each divided `depth` times into eight to make
@@ -286,15 +299,15 @@ pub(super) fn box_of(volume: &Volume) -> Result<Region> {
 }
 
 impl Values<'_> {
-    fn row(&self, index: usize) -> Vec<f64> {
+    fn row(&self, index: usize) -> &[f64] {
         let width = self.medium.program.output_components();
-        self.rows[index * width..(index + 1) * width].iter().map(|&value| f64::from(value)).collect()
+        &self.rows[index * width..(index + 1) * width]
     }
 
     /// Coefficients at a point of the batch, as they are: NaN and negative extinction are for the caller to see.
     pub fn coefficients(&self, index: usize) -> Coefficients<f64> {
         let row = self.row(index);
-        sum(self.medium.terms.iter().map(|term| term.coefficients(&row)), 0.0)
+        sum(self.medium.terms.iter().map(|term| term.coefficients(row)), 0.0)
     }
 
     /// [`Self::coefficients`], with an error that names the point where they make no sense: NaN, infinity, or a
@@ -321,9 +334,9 @@ impl Values<'_> {
         let mut mixture = PhaseMixture { lobes: Vec::with_capacity(self.medium.terms.len()) };
         let row = self.row(index);
         for term in &self.medium.terms {
-            let scattering = term.coefficients(&row).scattering;
+            let scattering = term.coefficients(row).scattering;
             if scattering != [0.0; 3]
-                && let Some(phase) = term.phase(&row)
+                && let Some(phase) = term.phase(row)
             {
                 mixture.lobes.push(Lobe { scattering, phase });
             }
