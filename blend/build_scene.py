@@ -1,6 +1,7 @@
 """Builds a .blend file from a scene.
 
-Request: {"scene": {...}, "blend": "Y.blend"}. Result: {"blend": "Y.blend"}.
+Request: {"scene": {...}, "blend": "Y.blend", "folder": null or the folder of the scene file}.
+Result: {"blend": "Y.blend"}.
 """
 
 import protocol
@@ -14,7 +15,7 @@ def handle(request, messages):
 
     check_format(request["scene"])
     open_empty()
-    build_scene(request["scene"], messages.warning)
+    build_scene(request["scene"], messages.warning, request.get("folder"))
     save_blend(request["blend"])
     return {"blend": request["blend"]}
 

@@ -27,22 +27,39 @@ OWN_IDENTIFIER = re.compile(r"Socket_(\d+)")
 LARGEST_REPRODUCED_NUMBER = 4096
 
 
-def build_material(graph, object_for, warn):
-    """Build the graph and return the new material.
+class SharedGroups:
+    """The node groups of several graphs. Blender knows groups by name: equal names mean equal groups."""
+
+    def __init__(self, graphs):
+        self.descriptions = {}
+        self.built = {}
+        for graph in graphs:
+            for group in graph["groups"]:
+                if self.descriptions.setdefault(group["name"], group) != group:
+                    raise InputError(
+                        f"{graph.place}.groups",
+                        f'another group "{group["name"]}" than in the graph of another material',
+                        "one group of each name",
+                        "rename one of them",
+                    )
+
+
+def build_material(graph, object_for, warn, groups=None):
+    """Build the graph and return the new material; `groups` are SharedGroups if it is not the only graph.
 
     `object_for(pointer)` returns the Blender object for the `object` of a Texture Coordinate node;
     `warn(place, message)` is told of every group socket whose identifier could not be reproduced.
     """
-    return _GraphBuilder(graph, object_for, warn).build()
+    return _GraphBuilder(graph, object_for, warn, groups or SharedGroups([graph])).build()
 
 
 class _GraphBuilder:
-    def __init__(self, graph, object_for, warn):
+    def __init__(self, graph, object_for, warn, groups):
         self._graph = graph
         self._object_for = object_for
         self._warn = warn
-        self._descriptions = {group["name"]: group for group in graph["groups"]}
-        self._groups = {}
+        self._descriptions = groups.descriptions
+        self._groups = groups.built
 
     def build(self):
         material = bpy.data.materials.new(self._graph["material"])

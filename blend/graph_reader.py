@@ -33,7 +33,7 @@ OUTPUT_VALUE_NODES = {"ShaderNodeValue", "ShaderNodeRGB", "ShaderNodeNormal"}
 LAYOUT_NODES = {"NodeFrame", "NodeGroupInput"}
 
 
-class _Inexpressible(Exception):
+class Inexpressible(Exception):
     """A node that the graph format has no words for. Fatal only if it reaches the volume."""
 
     def __init__(self, found, expected, remedy):
@@ -172,7 +172,7 @@ class _GraphReader:
             )
             try:
                 entries[node.name] = self._read_node(node, place)
-            except _Inexpressible as problem:
+            except Inexpressible as problem:
                 found, expected, remedy = problem.reason
                 if (tree.as_pointer(), node.name) in self._reached:
                     raise InputError(place, found, expected, remedy) from None
@@ -231,7 +231,7 @@ class _GraphReader:
     def _read_group(self, node):
         tree = node.node_tree
         if tree is None:
-            raise _Inexpressible("a group node without group", "a group", "choose a group or delete the node")
+            raise Inexpressible("a group node without group", "a group", "choose a group or delete the node")
         if tree.name not in self._groups:
             inputs, outputs = _read_interface(tree, self._warn)
             self._groups[tree.name] = {
@@ -266,7 +266,7 @@ def _link_source(link):
 
 def _socket_type(socket):
     if socket.type not in SOCKET_TYPES:
-        raise _Inexpressible(
+        raise Inexpressible(
             f'socket "{socket.name}" of type {socket.type}',
             f"one of {', '.join(SOCKET_TYPES)}",
             "rebuild this part of the graph without it",
@@ -299,7 +299,7 @@ def _read_properties(node, place):
         elif prop.type == "FLOAT":
             values[name] = shortest_list(value, place) if prop.is_array else shortest(value, place)
         else:
-            raise _Inexpressible(
+            raise Inexpressible(
                 f'property "{name}" of type {prop.type} with value {value!r}',
                 "numbers, booleans and enumerations",
                 "rebuild this part of the graph without it",
@@ -310,7 +310,7 @@ def _read_properties(node, place):
 def _read_pointer(node, name, value, place):
     """The entry of a pointer property, if it needs one."""
     if name == "texture_mapping":
-        _require_identity(value)
+        require_identity(value)
         return {}
     if node.bl_idname == "ShaderNodeTexCoord" and name == "object":
         if value is None:
@@ -319,14 +319,15 @@ def _read_pointer(node, name, value, place):
         return {name: {"name": value.name, "matrix_world": matrix_rows(evaluated.matrix_world, place)}}
     if value is None:
         return {}
-    raise _Inexpressible(
+    raise Inexpressible(
         f'property "{name}", a pointer to {type(value).__name__}',
         "a node whose settings are numbers, booleans and enumerations",
         "replace the node by nodes without such data",
     )
 
 
-def _require_identity(mapping):
+def require_identity(mapping):
+    """Refuse a texture's own mapping unless it changes nothing."""
     found = {
         "translation": tuple(mapping.translation),
         "rotation": tuple(mapping.rotation),
@@ -340,7 +341,7 @@ def _require_identity(mapping):
         "mapping": ("X", "Y", "Z"),
     }
     if found != identity or mapping.vector_type == "NORMAL":
-        raise _Inexpressible(
+        raise Inexpressible(
             f"texture_mapping {found}, type {mapping.vector_type}",
             "the identity",
             "reset the texture mapping and put a Mapping node before the texture",
@@ -361,7 +362,7 @@ def _read_interface(tree, warn):
 
 def _read_interface_socket(item, place):
     if item.socket_type not in INTERFACE_TYPES or getattr(item, "dimensions", 3) != 3:
-        raise _Inexpressible(
+        raise Inexpressible(
             f"{place} of type {item.socket_type}",
             f"one of {', '.join(INTERFACE_TYPES)}, vectors with 3 dimensions",
             "change the type of the group socket",

@@ -35,7 +35,7 @@ def render_reference(request, messages):
     check_format(scene)
     replicas = request.get("replicas") or [{"seed": request["seed"], "exr": request["exr"]}]
     open_empty()
-    build_scene(scene, messages.warning)
+    build_scene(scene, messages.warning, request.get("folder"))
     results = []
     for index, replica in enumerate(replicas):
         settings = apply_request(bpy.context.scene, request, replica["seed"])

@@ -1,10 +1,13 @@
 """Builds a scene in an empty Blender file: the inverse of scene_reader."""
 
+import hashlib
+from pathlib import Path
+
 import bpy
 import numpy as np
 from mathutils import Matrix
 
-from graph_builder import build_material
+from graph_builder import SharedGroups, build_material
 from protocol import InputError
 from rna import set_fields, set_value
 from scene_reader import (
@@ -26,9 +29,10 @@ ANCHOR_NAME = "World Origin"
 BOX_FACES = ((0, 2, 3, 1), (4, 5, 7, 6), (0, 1, 5, 4), (2, 6, 7, 3), (0, 4, 6, 2), (1, 3, 7, 5))
 
 
-def build_scene(scene, warn):
-    """Fill the open, empty file with `scene`; return the bpy object of the volume.
+def build_scene(scene, warn, folder=None):
+    """Fill the open, empty file with `scene`; return the bpy objects of the volumes.
 
+    File names in the scene are relative to `folder`.
     `warn(place, message)` is told of whatever Blender cannot reproduce exactly.
     """
     target = bpy.context.scene
@@ -41,8 +45,10 @@ def build_scene(scene, warn):
     set_fields(target.view_settings, DISPLAY_FIELDS, scene["display"])
     for light in scene["lights"]:
         _build_light(objects, light)
-    target.world = _build_world(scene["world"])
-    return _build_volume(objects, scene, warn)
+    target.world = _build_world(scene["world"], folder)
+    materials = _build_materials(objects, scene, warn)
+    volumes = [scene["volume"], *scene.get("other_volumes", [])]
+    return [_build_volume(objects, entry, materials) for entry in volumes]
 
 
 class _Objects:
@@ -130,7 +136,7 @@ def _build_light(objects, entry):
     objects.new(entry["name"], light, entry["matrix_world"])
 
 
-def _build_world(entry):
+def _build_world(entry, folder):
     world = bpy.data.worlds.new("World")
     nodes = world.node_tree.nodes
     nodes.clear()
@@ -140,18 +146,59 @@ def _build_world(entry):
     world.node_tree.links.new(
         nodes.new("ShaderNodeOutputWorld").inputs["Surface"], background.outputs["Background"]
     )
+    if "image" in entry:
+        texture = nodes.new("ShaderNodeTexEnvironment")
+        texture.image = _load_world_image(entry["image"], folder)
+        world.node_tree.links.new(background.inputs["Color"], texture.outputs["Color"])
     return world
 
 
-def _build_volume(objects, scene, warn):
-    entry = scene["volume"]
+def _load_world_image(entry, folder):
+    """The picture around the scene, as linear Rec. 709."""
+    if folder is None:
+        raise InputError(
+            f"{entry.place}.file", "no folder that it is relative to", "a request with `folder`", "add it"
+        )
+    path = Path(folder) / entry["file"]
+    try:
+        content = path.read_bytes()
+        image = bpy.data.images.load(str(path))
+    except (OSError, RuntimeError) as error:
+        raise InputError(
+            str(path), str(error), "an EXR file", "put the picture beside the scene file"
+        ) from None
+    if hashlib.sha256(content).hexdigest() != entry["sha256"]:
+        raise InputError(str(path), "another picture", f"SHA-256 {entry['sha256']}", "restore the picture")
+    image.colorspace_settings.name = "Linear Rec.709"
+    return image
+
+
+def _build_materials(objects, scene, warn):
+    """The materials of all volumes by name. Groups that several graphs hold are built once."""
+    graphs = [scene["graph"], *scene.get("other_graphs", [])]
+    groups = SharedGroups(graphs)
+    return {graph["material"]: build_material(graph, objects.for_pointer, warn, groups) for graph in graphs}
+
+
+def _build_volume(objects, entry, materials):
     mesh = bpy.data.meshes.new(entry["object"])
     mesh.from_pydata(*_mesh_data(entry))
     mesh.use_auto_texspace = False
     mesh.texspace_location = entry["texture_space"]["location"]
     mesh.texspace_size = entry["texture_space"]["size"]
     item = objects.new(entry["object"], mesh, entry["matrix_world"])
-    material = build_material(scene["graph"], objects.for_pointer, warn)
+    if entry["material"] not in materials:
+        raise InputError(
+            f"{entry.place}.material", repr(entry["material"]), f"one of {list(materials)}", "mend the name"
+        )
+    material = materials[entry["material"]]
+    if material.users and material.cycles.volume_step_rate != np.float32(entry["volume_step_rate"]):
+        raise InputError(
+            f"{entry.place}.volume_step_rate",
+            f"{entry['volume_step_rate']} beside {material.cycles.volume_step_rate}",
+            "one number for each material",
+            "mend the value: it belongs to the material",
+        )
     material.cycles.volume_step_rate = entry["volume_step_rate"]
     mesh.materials.append(material)
     return item

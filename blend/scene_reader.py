@@ -1,12 +1,13 @@
-"""Reads the open .blend file into a scene: camera, film, lights, world, volume and graph."""
+"""Reads the open .blend file into a scene: camera, film, lights, world, volumes and graphs."""
 
+import hashlib
 import math
 from pathlib import Path
 
 import bpy
 import numpy as np
 
-from graph_reader import live_links, read_graph, volume_output
+from graph_reader import Inexpressible, live_links, read_graph, require_identity, volume_output
 from protocol import InputError
 from scene_io import FORMAT, matrix_rows, shortest, shortest_list
 
@@ -47,17 +48,22 @@ FIXED_LIGHT_SETTINGS = {
 }
 
 
-def read_scene(path, object_name, messages):
+def read_scene(path, object_names, messages):
     """Return the open file, loaded from `path`, as a scene (a JSON object).
 
-    `object_name` names the volume object; None takes the only mesh object with a volume material.
+    `object_names` names the volume objects; None takes every mesh object with a volume material.
     """
     scene = bpy.context.scene
     visible = _objects_visible_in_render(bpy.context.view_layer.layer_collection)
-    volume_object = _choose_volume(visible, object_name)
-    material = _volume_materials(volume_object)[0]
-    _warn_of_losses(scene, visible, volume_object, material, messages)
-    return {
+    volume_objects = _choose_volumes(visible, object_names)
+    materials = {item.name: _volume_materials(item)[0] for item in volume_objects}
+    _warn_of_losses(scene, visible, volume_objects, list(dict.fromkeys(materials.values())), messages)
+    first, *others = [_read_volume(item, materials[item.name]) for item in volume_objects]
+    graphs = {
+        material.name: read_graph(material, messages.warning)
+        for material in dict.fromkeys(materials.values())
+    }
+    entry = {
         "format": FORMAT,
         "name": scene.get(NAME_PROPERTY, Path(path).stem),
         "camera": _read_camera(scene),
@@ -68,9 +74,14 @@ def read_scene(path, object_name, messages):
             _read_light(item) for item in sorted(visible, key=lambda item: item.name) if item.type == "LIGHT"
         ],
         "world": _read_world(scene.world),
-        "volume": _read_volume(volume_object, material),
-        "graph": read_graph(material, messages.warning),
+        "volume": first,
+        "graph": graphs.pop(first["material"]),
     }
+    if others:
+        entry["other_volumes"] = others
+    if graphs:
+        entry["other_graphs"] = list(graphs.values())
+    return entry
 
 
 def _objects_visible_in_render(layer_collection):
@@ -94,50 +105,45 @@ def _volume_materials(item):
     return materials
 
 
-def _choose_volume(visible, object_name):
-    if object_name is not None:
-        candidates = [item for item in visible if item.name == object_name]
-        if not candidates:
-            names = ", ".join(f'"{item.name}"' for item in visible) or "no object at all"
-            raise InputError(
-                f'object "{object_name}"',
-                "no such object visible in render",
-                names,
-                "name one of these objects",
-            )
+def _choose_volumes(visible, object_names):
+    """The objects of these names, or all that hold a volume, sorted by name."""
+    if object_names is not None:
+        for name in object_names:
+            if not any(item.name == name for item in visible):
+                names = ", ".join(f'"{item.name}"' for item in visible) or "no object at all"
+                raise InputError(
+                    f'object "{name}"', "no such object visible in render", names, "name one of these objects"
+                )
+        candidates = [item for item in visible if item.name in object_names]
     else:
         candidates = [item for item in visible if _volume_materials(item)]
-    if len(candidates) != 1:
-        names = ", ".join(f'"{item.name}"' for item in candidates)
+    if not candidates:
         raise InputError(
             f'scene "{bpy.context.scene.name}"',
-            f"{len(candidates)} mesh objects with a volume material{': ' if names else ''}{names}",
-            "exactly one that is visible in render and whose active material output has a linked Volume",
-            "choose one with --object"
-            if names
-            else "link a volume shader to the Volume of the Material Output",
+            "0 mesh objects with a volume material",
+            "at least one that is visible in render and whose active material output has a linked Volume",
+            "link a volume shader to the Volume of the Material Output",
         )
-    materials = _volume_materials(candidates[0])
-    if len(materials) != 1:
-        raise InputError(
-            f'object "{candidates[0].name}" ({candidates[0].type})',
-            f"{len(materials)} materials with a linked Volume",
-            "a mesh with exactly one",
-            "give the object one material with a volume shader",
-        )
-    return candidates[0]
-
-
-def _warn_of_losses(scene, visible, volume_object, material, messages):
-    for item in visible:
-        if item != volume_object and item.type not in ("CAMERA", "LIGHT", "EMPTY"):
-            messages.warning(
-                f'object "{item.name}" ({item.type})', "left out: a scene has one volume and nothing else"
+    for item in candidates:
+        count = len(_volume_materials(item))
+        if count != 1:
+            raise InputError(
+                f'object "{item.name}" ({item.type})',
+                f"{count} materials with a linked Volume",
+                "a mesh with exactly one",
+                "give the object one material with a volume shader",
             )
-    output = volume_output(material)
-    for name in ("Surface", "Displacement"):
-        if (output.name, name) in live_links(material.node_tree):
-            messages.warning(f'material "{material.name}", {name}', "left out: only the volume is exported")
+    return sorted(candidates, key=lambda item: item.name)
+
+
+def _warn_of_losses(scene, visible, volume_objects, materials, messages):
+    for item in visible:
+        if item not in volume_objects and item.type not in ("CAMERA", "LIGHT", "EMPTY"):
+            messages.warning(
+                f'object "{item.name}" ({item.type})', "left out: a scene has volumes and nothing else"
+            )
+    for material in materials:
+        _warn_of_other_outputs(material, messages)
     if scene.camera is not None and scene.camera.data.dof.use_dof:
         messages.warning(f'camera "{scene.camera.name}"', "depth of field is left out")
     for setting in ("use_motion_blur", "use_border"):
@@ -147,6 +153,13 @@ def _warn_of_losses(scene, visible, volume_object, material, messages):
             )
     if scene.view_settings.use_curve_mapping:
         messages.warning("color management", "the display curves are left out")
+
+
+def _warn_of_other_outputs(material, messages):
+    output = volume_output(material)
+    for name in ("Surface", "Displacement"):
+        if (output.name, name) in live_links(material.node_tree):
+            messages.warning(f'material "{material.name}", {name}', "left out: only the volume is exported")
 
 
 def _world_matrix(item):
@@ -284,20 +297,72 @@ def _read_world(world):
     background = surface.from_node
     if background.bl_idname != "ShaderNodeBackground":
         raise _world_refusal(place, background)
-    for name in ("Color", "Strength"):
-        if (background.name, name) in links:
-            raise _world_refusal(place, links[background.name, name].from_node)
-    return {
+    if (background.name, "Strength") in links:
+        raise _world_refusal(place, links[background.name, "Strength"].from_node)
+    entry = {
         "color": shortest_list(background.inputs["Color"].default_value[:3], place),
         "strength": shortest(background.inputs["Strength"].default_value, place),
     }
+    link = links.get((background.name, "Color"))
+    if link is not None:
+        if link.from_node.bl_idname != "ShaderNodeTexEnvironment":
+            raise _world_refusal(place, link.from_node)
+        entry["color"] = [1.0, 1.0, 1.0]
+        entry["image"] = _read_environment(link.from_node, links, place)
+    return entry
+
+
+def environment_path(world):
+    """The file of the picture around the scene, or None; for scenes that read_scene accepted."""
+    nodes = world.node_tree.nodes if world is not None and world.node_tree is not None else []
+    used = [
+        link.from_node
+        for link in (live_links(world.node_tree).values() if nodes else [])
+        if link.from_node.bl_idname == "ShaderNodeTexEnvironment"
+    ]
+    return bpy.path.abspath(used[0].image.filepath) if used else None
+
+
+def _read_environment(node, links, place):
+    """The entry of an Environment Texture: a linear float EXR with the default mapping, nothing else."""
+    place = f'{place}, node "{node.name}"'
+    if (node.name, "Vector") in links:
+        raise InputError(
+            f"{place}, Vector", "a link", "no link", "remove the link: other mappings are unknown"
+        )
+    try:
+        require_identity(node.texture_mapping)
+    except Inexpressible as problem:
+        raise InputError(f"{place}, texture_mapping", *problem.reason) from None
+    image = node.image
+    fixed = [
+        ("projection", node.projection, ("EQUIRECTANGULAR",)),
+        ("interpolation", node.interpolation, ("Linear",)),
+    ]
+    if image is not None:
+        fixed += [
+            ("image source", image.source, ("FILE",)),
+            ("image is float", image.is_float, (True,)),
+            ("color space", image.colorspace_settings.name, ("Linear Rec.709", "Non-Color")),
+            ("packed", image.packed_file is not None, (False,)),
+            ("file format", image.file_format, ("OPEN_EXR",)),
+        ]
+    for setting, found, expected in fixed:
+        if found not in expected:
+            raise InputError(
+                f"{place}, {setting}", repr(found), " or ".join(map(repr, expected)), "change this setting"
+            )
+    path = Path(bpy.path.abspath(image.filepath)) if image is not None else None
+    if path is None or not path.is_file():
+        raise InputError(place, f"the file {path}", "an EXR file that exists", "choose the picture again")
+    return {"file": path.name, "sha256": hashlib.sha256(path.read_bytes()).hexdigest()}
 
 
 def _world_refusal(place, node):
     return InputError(
         place,
         f'node "{node.name}" ({node.bl_idname})',
-        "one Background node with unlinked Color and Strength",
+        "one Background node, its Color unlinked or from an Environment Texture",
         "replace the sky by a constant colour, or bake it in another tool",
     )
 

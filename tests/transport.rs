@@ -252,6 +252,62 @@ fn what_march_cannot_do_is_an_error_that_says_so() {
     let mut scene = homogeneous();
     scene.volume.shape = cloudparity::scene::Shape::Mesh { vertices: Vec::new(), triangles: Vec::new() };
     assert!(refused(&scene).contains("mesh"));
+    let mut scene = homogeneous();
+    let second = cloudparity::scene::Volume { object: "Second".into(), ..scene.volume.clone() };
+    scene.other_volumes.push(second);
+    assert!(refused(&scene).contains("a second volume object"));
+    let mut scene = homogeneous();
+    scene.world.image = Some(cloudparity::scene::WorldImage { file: "sky.exr".into(), sha256: String::new() });
+    assert!(refused(&scene).contains("sky.exr"));
+    let mut scene = homogeneous();
+    close_with_two_lobes(&mut scene);
+    assert!(refused(&scene).contains("another phase function"));
+}
+
+/// Adds nodes, of which the Add Shader called "Add" closes the graph.
+fn close_with(scene: &mut Scene, nodes: serde_json::Value) {
+    let nodes: Vec<cloudparity::scene::Node> = serde_json::from_value(nodes).expect("the nodes are well formed");
+    let graph = &mut scene.graph_mut().nodes;
+    graph.extend(nodes);
+    let output = graph.iter_mut().find(|node| node.kind == "ShaderNodeOutputMaterial").expect("the scene has one");
+    output.inputs.insert("Volume".into(), Input::Link { node: "Add".into(), socket: "Shader".into() });
+}
+
+/// The closure of the scene plus Rayleigh scattering.
+fn close_with_two_lobes(scene: &mut Scene) {
+    let nodes = json!([
+        {"name": "Scatter", "type": "ShaderNodeVolumeScatter", "properties": {"phase": "RAYLEIGH"}, "inputs": {}},
+        {"name": "Add", "type": "ShaderNodeAddShader", "inputs": {
+            "Shader": {"node": "Principled Volume", "socket": "Volume"},
+            "Shader_001": {"node": "Scatter", "socket": "Volume"}}},
+    ]);
+    close_with(scene, nodes);
+}
+
+#[test]
+fn march_knows_closures_that_share_their_density() {
+    // A cube of Volume Scatter and Volume Absorption is the Principled Volume of the same coefficients.
+    let mut principled = homogeneous();
+    ramp(&mut principled, "Y", 2.0);
+    set(&mut principled, "Anisotropy", Input::Number(0.4));
+    let expected = render(&principled, &exact());
+    let mut scene = principled.clone();
+    let slope = json!({"node": "Slope", "socket": "Value"});
+    let [r, g, b] = SCATTERING;
+    let nodes = json!([
+        {"name": "Scatter", "type": "ShaderNodeVolumeScatter", "properties": {"phase": "HENYEY_GREENSTEIN"},
+         "inputs": {"Color": [r, g, b, 1.0], "Density": slope, "Anisotropy": 0.4}},
+        {"name": "Absorption", "type": "ShaderNodeVolumeAbsorption",
+         "inputs": {"Color": [r, g, b, 1.0], "Density": slope}},
+        {"name": "Add", "type": "ShaderNodeAddShader", "inputs": {
+            "Shader": {"node": "Scatter", "socket": "Volume"}, "Shader_001": {"node": "Absorption", "socket": "Volume"}}},
+    ]);
+    close_with(&mut scene, nodes);
+    let found = render(&scene, &exact());
+    for channel in 0..3 {
+        // The same sums of f32 constants in another order.
+        close(found[channel], expected[channel], 1e-6);
+    }
 }
 
 #[test]

@@ -156,6 +156,7 @@ pub fn references(
     std::fs::create_dir_all(cache).map_err(|cause| Error::io(cache, "a folder for references", &cause))?;
     let request = json!({
         "scene": scene,
+        "folder": scene.folder,
         "replicas": missing,
         "resolution": scene.image_size(),
         "samples": settings.samples,

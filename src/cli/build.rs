@@ -21,7 +21,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
     let scene = Scene::load(&arguments.scene)?;
     let bar = super::progress_bar(1000);
     let output = std::path::absolute(&arguments.output).unwrap_or_else(|_| arguments.output.clone());
-    let request = json!({"scene": scene, "blend": output});
+    let request = json!({"scene": scene, "blend": output, "folder": scene.folder});
     blender::run_script("build_scene.py", &request, Kernel::Default, blender::report_to(&bar))?;
     bar.finish_and_clear();
     Ok(ExitCode::SUCCESS)

@@ -3,10 +3,10 @@
 use crate::blender::{self, Kernel};
 use crate::error::{Error, Result};
 use crate::files;
-use crate::graph::Program;
+use crate::graph::closures::ClosureSum;
 use crate::scene::Scene;
 use serde_json::json;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 /// Read a .blend and write its volume, camera, lights and node graph as a scene file.
@@ -14,9 +14,9 @@ use std::process::ExitCode;
 pub(super) struct Arguments {
     /// The .blend; scripts in it are never run.
     blend: PathBuf,
-    /// The object with the volume material, when there are several.
+    /// An object with a volume material, repeatable; without it all that render are exported.
     #[arg(long)]
-    object: Option<String>,
+    object: Vec<String>,
     /// The scene file to write.
     #[arg(short, long)]
     output: PathBuf,
@@ -25,7 +25,8 @@ pub(super) struct Arguments {
 pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
     let bar = super::progress_bar(1000);
     let blend = std::path::absolute(&arguments.blend).unwrap_or_else(|_| arguments.blend.clone());
-    let request = json!({"blend": blend, "object": arguments.object});
+    let chosen = (!arguments.object.is_empty()).then_some(&arguments.object);
+    let request = json!({"blend": blend, "object": chosen});
     let place = arguments.blend.display().to_string();
     // Blender names objects and nodes; which file they are in is known here.
     let in_file = |error: Error| match error.place.contains(&place) {
@@ -37,10 +38,30 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
     bar.finish_and_clear();
     let scene = Scene::from_value(result["scene"].clone(), &place)?;
     // What the evaluators do not support is said now, by node, and not when a picture is wanted.
-    Program::density(&scene).map_err(in_file)?;
+    for (volume, graph) in scene.volumes()? {
+        ClosureSum::compile(graph, volume).map_err(in_file)?;
+    }
     let text = result["text"]
         .as_str()
         .map_or_else(|| serde_json::to_string_pretty(&result["scene"]).expect("JSON serialises") + "\n", str::to_owned);
+    if let (Some(source), Some(image)) = (result["world_image"].as_str(), &scene.world.image) {
+        copy_beside(Path::new(source), &arguments.output.with_file_name(&image.file))?;
+    }
     files::write_atomically(&arguments.output, text.as_bytes())?;
     Ok(ExitCode::SUCCESS)
+}
+
+/// Puts the picture around the scene beside the scene file; another one of that name is not overwritten.
+fn copy_beside(source: &Path, target: &Path) -> Result<()> {
+    let bytes = std::fs::read(source).map_err(|cause| Error::io(source, "the picture around the scene", &cause))?;
+    match std::fs::read(target) {
+        Ok(there) if there == bytes => Ok(()),
+        Ok(_) => Err(Error::new(
+            target.display().to_string(),
+            "another file of the same name as the picture around the scene",
+            "no such file, or the same picture",
+            "Write the scene to another folder.",
+        )),
+        Err(_) => files::write_atomically(target, &bytes),
+    }
 }

@@ -3,7 +3,7 @@
 use super::{Note, Target};
 use crate::error::{Error, Result};
 use crate::nodes::{self, Mode, NodeType, Role, SourceContext, SourceValue};
-use crate::scene::{DEEPEST_NESTING, Group, Input, Node, Scene, Socket, SocketType};
+use crate::scene::{DEEPEST_NESTING, Graph, Group, Input, Node, Socket, SocketType, Volume};
 use std::collections::{HashMap, HashSet};
 
 /// Where a component comes from, before registers are numbered.
@@ -35,16 +35,16 @@ pub(super) struct Flat {
 }
 
 /// A resolved value and its type.
-type Resolved = (SocketType, Vec<Source>);
+pub(super) type Resolved = (SocketType, Vec<Source>);
 
 /// A tree in the place where it is used.
-struct Tree<'a> {
+pub(super) struct Tree<'a> {
     path: Vec<String>,
     nodes: &'a [Node],
     /// Nodes by name.
     by_name: HashMap<&'a str, &'a Node>,
     /// The group and the group node, unless this is the material's own tree.
-    group: Option<(&'a Group, &'a Node, usize)>,
+    pub(super) group: Option<(&'a Group, &'a Node, usize)>,
 }
 
 impl<'a> Tree<'a> {
@@ -65,11 +65,12 @@ const DEEPEST_CHAIN: usize = 25_000;
 /// Bytes of stack per node of a chain: about twice what an unoptimised build uses.
 const STACK_PER_NODE: usize = 16 * 1024;
 
-struct Flattener<'a> {
-    scene: &'a Scene,
-    trees: Vec<Tree<'a>>,
+pub(super) struct Flattener<'a> {
+    pub(super) graph: &'a Graph,
+    volume: &'a Volume,
+    pub(super) trees: Vec<Tree<'a>>,
     tree_numbers: HashMap<Vec<String>, usize>,
-    flat: Flat,
+    pub(super) flat: Flat,
     /// Flat numbers of the nodes that evaluate, by tree and name.
     done: HashMap<(usize, &'a str), usize>,
     /// Nodes between the target and the present one, by tree and name: in order, and to look up.
@@ -78,10 +79,33 @@ struct Flattener<'a> {
     noted: HashSet<(String, &'static str, String)>,
 }
 
-pub(super) fn flatten(scene: &Scene, targets: &[Target]) -> Result<Flat> {
+/// The flat graph of these targets.
+pub(super) fn flatten(graph: &Graph, volume: &Volume, targets: &[Target]) -> Result<Flat> {
+    with_flattener(graph, volume, |flattener| {
+        for target in targets {
+            let (kind, sources) = flattener.target(target)?;
+            flattener.flat.outputs.push((target.name(), kind, sources));
+        }
+        Ok(())
+    })
+    .map(|(flat, ())| flat)
+}
+
+/// Lets `work` ask for values, with a stack that is deep enough; returns the flat graph and its result.
+pub(super) fn with_flattener<'a, T: Send>(
+    graph: &'a Graph,
+    volume: &'a Volume,
+    work: impl FnOnce(&mut Flattener<'a>) -> Result<T> + Send,
+) -> Result<(Flat, T)> {
     let stack = DEEPEST_CHAIN * STACK_PER_NODE;
     std::thread::scope(|scope| {
-        let thread = std::thread::Builder::new().stack_size(stack).spawn_scoped(scope, || flatten_here(scene, targets));
+        let run = || {
+            let mut flattener = Flattener::new(graph, volume);
+            let result = work(&mut flattener)?;
+            flattener.note_unreached();
+            Ok((flattener.flat, result))
+        };
+        let thread = std::thread::Builder::new().stack_size(stack).spawn_scoped(scope, run);
         let thread = thread.map_err(|cause| {
             Error::new(
                 "graph compiler",
@@ -94,45 +118,40 @@ pub(super) fn flatten(scene: &Scene, targets: &[Target]) -> Result<Flat> {
     })
 }
 
-fn flatten_here(scene: &Scene, targets: &[Target]) -> Result<Flat> {
-    let mut flattener = Flattener {
-        scene,
-        trees: vec![Tree::new(Vec::new(), &scene.graph().nodes, None)],
-        tree_numbers: HashMap::new(),
-        flat: Flat { nodes: Vec::new(), outputs: Vec::new(), attributes: Vec::new(), notes: Vec::new() },
-        done: HashMap::new(),
-        open: Vec::new(),
-        is_open: HashSet::new(),
-        noted: HashSet::new(),
-    };
-    for target in targets {
-        let (kind, sources) = flattener.target(target)?;
-        flattener.flat.outputs.push((target.name(), kind, sources));
-    }
-    flattener.note_unreached();
-    Ok(flattener.flat)
-}
-
 impl<'a> Flattener<'a> {
-    fn place(&self, tree: usize, node: &str) -> String {
-        let material = &self.scene.graph().material;
+    fn new(graph: &'a Graph, volume: &'a Volume) -> Self {
+        Self {
+            graph,
+            volume,
+            trees: vec![Tree::new(Vec::new(), &graph.nodes, None)],
+            tree_numbers: HashMap::new(),
+            flat: Flat { nodes: Vec::new(), outputs: Vec::new(), attributes: Vec::new(), notes: Vec::new() },
+            done: HashMap::new(),
+            open: Vec::new(),
+            is_open: HashSet::new(),
+            noted: HashSet::new(),
+        }
+    }
+
+    pub(super) fn place(&self, tree: usize, node: &str) -> String {
+        let material = &self.graph.material;
         let path = &self.trees[tree].path;
         let groups: String = path.iter().map(|name| format!("{name}/")).collect();
         format!("material {material}: node {groups}{node}")
     }
 
-    fn label(&self, tree: usize, node: &str) -> String {
+    pub(super) fn label(&self, tree: usize, node: &str) -> String {
         self.trees[tree].path.iter().map(|name| format!("{name}/")).collect::<String>() + node
     }
 
-    fn note(&mut self, tree: usize, node: &Node, action: &'static str, reason: impl Into<String>) {
+    pub(super) fn note(&mut self, tree: usize, node: &Node, action: &'static str, reason: impl Into<String>) {
         let (label, reason) = (self.label(tree, &node.name), reason.into());
         if self.noted.insert((label.clone(), action, reason.clone())) {
             self.flat.notes.push(Note { node: label, node_type: node.kind.clone(), action, reason });
         }
     }
 
-    fn find(&self, tree: usize, name: &str, from: &str) -> Result<&'a Node> {
+    pub(super) fn find(&self, tree: usize, name: &str, from: &str) -> Result<&'a Node> {
         self.trees[tree].by_name.get(name).copied().ok_or_else(|| {
             Error::new(
                 from.to_owned(),
@@ -144,9 +163,9 @@ impl<'a> Flattener<'a> {
     }
 
     /// The group of a group node.
-    fn group(&self, tree: usize, node: &Node) -> Result<&'a Group> {
+    pub(super) fn group(&self, tree: usize, node: &Node) -> Result<&'a Group> {
         let name = node.group.as_deref().unwrap_or_default();
-        self.scene.graph().group(name).ok_or_else(|| {
+        self.graph.group(name).ok_or_else(|| {
             Error::new(
                 self.place(tree, &node.name),
                 format!("a group \"{name}\" that the file does not hold"),
@@ -157,7 +176,7 @@ impl<'a> Flattener<'a> {
     }
 
     /// The tree of a group node, entered once per place.
-    fn enter(&mut self, tree: usize, node: &'a Node) -> Result<usize> {
+    pub(super) fn enter(&mut self, tree: usize, node: &'a Node) -> Result<usize> {
         let place = self.place(tree, &node.name);
         let group = self.group(tree, node)?;
         let name = &group.name;
@@ -224,7 +243,7 @@ impl<'a> Flattener<'a> {
         }
     }
 
-    fn node_type(&self, tree: usize, node: &Node) -> Result<&'static NodeType> {
+    pub(super) fn node_type(&self, tree: usize, node: &Node) -> Result<&'static NodeType> {
         // The compiler's own types, "(...)", are no nodes of a file.
         nodes::find(&node.kind).filter(|node_type| !node_type.label.starts_with('(')).ok_or_else(|| {
             let known: Vec<_> = nodes::registry()
@@ -243,13 +262,25 @@ impl<'a> Flattener<'a> {
 
     /// The value of an output; none where a muted node or a reroute has nothing to pass on: Blender
     /// then ignores the link, and what reads the output has the value of an unlinked input.
-    fn output(&mut self, tree: usize, node: &'a Node, socket: &str) -> Result<Option<Resolved>> {
+    pub(super) fn output(&mut self, tree: usize, node: &'a Node, socket: &str) -> Result<Option<Resolved>> {
         let key = (tree, node.name.as_str());
         if let Some(&number) = self.done.get(&key) {
             // Met before: no need to follow its links again.
             let node_type = self.flat.nodes[number].node_type;
             return self.node_output(tree, node, node_type, socket).map(Some);
         }
+        self.guarded(tree, node, |flattener| flattener.output_unguarded(tree, node, socket))
+    }
+
+    /// Follows a node's links with the node marked as open: a cycle of links and a chain that is too long are
+    /// errors.
+    pub(super) fn guarded<T>(
+        &mut self,
+        tree: usize,
+        node: &'a Node,
+        follow: impl FnOnce(&mut Self) -> Result<T>,
+    ) -> Result<T> {
+        let key = (tree, node.name.as_str());
         if self.is_open.contains(&key) {
             let first = self.open.iter().position(|known| *known == key).unwrap_or_default();
             let ring = &self.open[first..];
@@ -274,7 +305,7 @@ impl<'a> Flattener<'a> {
         }
         self.open.push(key);
         self.is_open.insert(key);
-        let result = self.output_unguarded(tree, node, socket);
+        let result = follow(self);
         self.is_open.remove(&key);
         self.open.pop();
         result
@@ -375,7 +406,7 @@ impl<'a> Flattener<'a> {
 
     /// Declared type of a group node's output.
     fn group_output_kind(&self, node: &Node, socket: &str) -> Option<SocketType> {
-        let group = self.scene.graph().group(node.group.as_deref()?)?;
+        let group = self.graph.group(node.group.as_deref()?)?;
         group.outputs.iter().find(|output| output.identifier == socket).map(|output| output.kind)
     }
 
@@ -395,7 +426,7 @@ impl<'a> Flattener<'a> {
         Ok(values.into_iter().map(Source::Constant).collect())
     }
 
-    fn reroute_type(&self, tree: usize, node: &Node) -> Result<SocketType> {
+    pub(super) fn reroute_type(&self, tree: usize, node: &Node) -> Result<SocketType> {
         node.socket_type.ok_or_else(|| {
             Error::new(
                 format!("{}: socket_type", self.place(tree, &node.name)),
@@ -475,14 +506,14 @@ impl<'a> Flattener<'a> {
         };
         let kind = existing[position].kind;
         match &node_type.role {
-            Role::Closure => Err(Error::new(
+            Role::Closure(_) => Err(Error::new(
                 place,
                 "a closure",
                 "a value (float, vector or colour)",
                 "Link a value output; closures only feed the Material Output.",
             )),
             Role::Source(resolve) => {
-                let context = SourceContext { matrix_world: &self.scene.volume.matrix_world, place: &place, node };
+                let context = SourceContext { matrix_world: &self.volume.matrix_world, place: &place, node };
                 let value = resolve(&context, &mode, socket)?;
                 Ok((kind, self.source(tree, node, value)))
             }
@@ -514,7 +545,7 @@ impl<'a> Flattener<'a> {
     }
 
     /// Refuses inputs that the node type does not have: a misspelt one would leave a default in place.
-    fn check_inputs(&self, tree: usize, node: &Node, node_type: &'static NodeType) -> Result<()> {
+    pub(super) fn check_inputs(&self, tree: usize, node: &Node, node_type: &'static NodeType) -> Result<()> {
         for identifier in node.inputs.keys() {
             if !node_type.inputs.iter().any(|socket| socket.identifier == identifier) {
                 let known = node_type.inputs.iter().map(|socket| socket.identifier);
@@ -524,7 +555,7 @@ impl<'a> Flattener<'a> {
         Ok(())
     }
 
-    fn input(&mut self, tree: usize, node: &'a Node, socket: &nodes::InputSocket) -> Result<Vec<Source>> {
+    pub(super) fn input(&mut self, tree: usize, node: &'a Node, socket: &nodes::InputSocket) -> Result<Vec<Source>> {
         let given = node.inputs.get(socket.identifier);
         if let Some(input) = given.filter(|input| is_link(input) || !socket.generated_when_unlinked)
             && let Some((found, sources)) = self.passed(tree, node, socket.identifier, input, socket.kind)?
@@ -539,7 +570,7 @@ impl<'a> Flattener<'a> {
 
     /// Resolves a stored value of `kind`, or a link to whatever its source is; none where the link leads to
     /// nothing.
-    fn passed(
+    pub(super) fn passed(
         &mut self,
         tree: usize,
         node: &'a Node,
@@ -604,7 +635,7 @@ impl<'a> Flattener<'a> {
         self.at_interface(parent, group_node, passed, interface)
     }
 
-    fn convert(
+    pub(super) fn convert(
         &mut self,
         tree: usize,
         node: &Node,
@@ -657,7 +688,7 @@ impl<'a> Flattener<'a> {
             SourceValue::Position => (0..3).map(Source::Position).collect(),
             SourceValue::Affine(rows) => affine(self, rows),
             SourceValue::Generated => {
-                let space = &self.scene.volume.texture_space;
+                let space = &self.volume.texture_space;
                 let rows = std::array::from_fn(|axis| {
                     let factor = if space.size[axis] != 0.0 { 0.5 / space.size[axis] } else { 0.0 };
                     let mut row = [0.0; 4];
@@ -692,7 +723,7 @@ impl<'a> Flattener<'a> {
     }
 }
 
-fn is_link(input: &Input) -> bool {
+pub(super) fn is_link(input: &Input) -> bool {
     matches!(input, Input::Link { .. } | Input::GroupInput(_))
 }
 

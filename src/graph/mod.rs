@@ -3,10 +3,12 @@
 //! `flatten` inlines groups, follows reroutes and muted nodes and inserts conversions; the passes
 //! in `passes` fold constants by Blender's rules, merge equal nodes and drop what the targets do
 //! not reach; [`Program`] is what is left, in evaluation order. [`evaluate`] runs it on the CPU,
-//! [`wgsl`] writes it as a shader, [`bounds`] encloses it over a box.
+//! [`wgsl`] writes it as a shader, [`bounds`] encloses it over a box. [`closures`] compiles everything that a
+//! medium needs into one program.
 
 pub mod bounds;
 pub mod bounds_check;
+pub mod closures;
 pub mod evaluate;
 mod flatten;
 mod passes;
@@ -98,7 +100,7 @@ pub struct Note {
 impl Program {
     /// Compiles the graph of `scene` for these targets.
     pub fn compile(scene: &Scene, targets: &[Target]) -> Result<Self> {
-        let flat = flatten::flatten(scene, targets)?;
+        let flat = flatten::flatten(scene.graph(), &scene.volume, targets)?;
         Ok(passes::run(flat))
     }
 

@@ -1,6 +1,7 @@
 //! Naming a value of the graph: a socket by its place, or an input of the closing node.
 
 use crate::error::{Error, Result};
+use crate::nodes::{self, Role};
 use crate::scene::{DEEPEST_NESTING, Graph, Input, Node, Scene};
 use serde::{Deserialize, Serialize};
 
@@ -94,8 +95,22 @@ fn search(graph: &Graph, nodes: &[Node], groups: &mut Vec<String>, visit: &mut i
     }
 }
 
-/// The closing node of the scene's material: what feeds Volume of the Material Output, through
-/// reroutes.
+/// The Material Output whose Volume closes the graph.
+pub(super) fn output_with_volume(graph: &Graph) -> Result<&Node> {
+    material_output(&graph.nodes)
+        .filter(|output| matches!(output.inputs.get("Volume"), Some(Input::Link { .. })))
+        .ok_or_else(|| {
+            Error::new(
+                format!("material {}", graph.material),
+                "no Material Output with a link to its Volume input",
+                "a Material Output whose Volume input is linked to a volume closure",
+                "Link a Principled Volume to the Volume socket of the Material Output.",
+            )
+        })
+}
+
+/// The closing node of the scene's material: the only closure that feeds Volume of the Material Output,
+/// through reroutes at most. It has a Density input.
 pub fn closing_node(scene: &Scene) -> Result<&Node> {
     let graph = scene.graph();
     let place = format!("material {}", graph.material);
@@ -107,8 +122,8 @@ pub fn closing_node(scene: &Scene) -> Result<&Node> {
             "Link a Principled Volume to the Volume socket of the Material Output.",
         )
     };
-    let output = material_output(&graph.nodes).ok_or_else(|| missing("no Material Output"))?;
-    let mut input = output.inputs.get("Volume").ok_or_else(|| missing("no link to its Volume input"))?;
+    let output = output_with_volume(graph)?;
+    let mut input = &output.inputs["Volume"];
     for _ in 0..=graph.nodes.len() {
         let Input::Link { node: name, .. } = input else { return Err(missing("no link to its Volume input")) };
         let node = graph.nodes.iter().find(|node| node.name == *name).ok_or_else(|| {
@@ -123,12 +138,17 @@ pub fn closing_node(scene: &Scene) -> Result<&Node> {
             input = node.inputs.get("Input").ok_or_else(|| missing("a reroute without a link"))?;
             continue;
         }
-        if node.kind != "ShaderNodeVolumePrincipled" || node.muted {
+        let has_density = nodes::find(&node.kind).is_some_and(|node_type| {
+            matches!(node_type.role, Role::Closure(_))
+                && node_type.inputs.iter().any(|socket| socket.identifier == "Density")
+        });
+        if !has_density || node.muted {
             return Err(Error::new(
                 format!("{place}: node {}", node.name),
                 if node.muted { format!("a muted {}", node.kind) } else { node.kind.clone() },
-                "Principled Volume (ShaderNodeVolumePrincipled) as the closing node",
-                "Replace the closure by a Principled Volume; the other volume closures are not supported yet.",
+                "a closure with one Density that closes the graph: Principled Volume, Volume Scatter or Volume \
+                 Absorption",
+                "Name the wanted value with --output NODE.SOCKET, or close the graph with one such closure.",
             ));
         }
         return Ok(node);

@@ -13,7 +13,8 @@ use super::adapter::Kernels;
 use super::camera::Camera;
 use super::light_grid::LightGrid;
 use super::lights::{DeltaLight, delta_lights, harmonics, sphere_directions, world_radiance};
-use super::medium::{Medium, henyey_greenstein};
+use super::medium::Medium;
+use super::phase::henyey_greenstein;
 use super::{LightMode, MarchSettings, Progress, film};
 use crate::error::{Error, Result};
 use crate::gpu::Gpu;
@@ -73,6 +74,14 @@ pub fn render(scene: &Scene, settings: &MarchSettings, gpu: Option<&Gpu>, progre
             bounces.to_string(),
             "0: ray marching computes single scattering",
             "Give --volume-bounces 0.",
+        ));
+    }
+    if let Some(image) = &scene.world.image {
+        return Err(Error::new(
+            "$.world.image",
+            format!("the picture \"{}\"", image.file),
+            "a constant world: ray marching knows no other",
+            "Leave the picture out, or give --integrator path.",
         ));
     }
     let size = scene.image_size();

@@ -1,10 +1,15 @@
-//! The medium of a scene: its density program, constant closure inputs, place and empty parts.
+//! The medium as `march` knows it: one varying density, constant factors, one lobe, in one object.
+//!
+//! [`super::media`] knows media in full.
 
+use super::media::box_of;
+use super::phase::PhaseFunction;
 use crate::error::{Error, Result};
+use crate::graph::closures::{Closure, ClosureSum, Value};
 use crate::graph::evaluate::Points;
-use crate::graph::{Operand, Program, Target, target};
-use crate::nodes::principled_volume::coefficients_per_density;
-use crate::scene::{self, Scene, Shape};
+use crate::graph::{Operand, Output, Program};
+use crate::nodes::closure::Coefficients;
+use crate::scene::{self, Scene, SocketType};
 use glam::{DMat4, DVec3};
 
 /// Cells per side of the table of provably empty parts.
@@ -13,7 +18,7 @@ pub(super) const CELLS: usize = 16;
 /// Padding of a cell as a fraction of its side: rounding of f32 positions is far below it.
 const PADDING: f32 = 1e-3;
 
-/// A Principled Volume in a box whose density varies and whose other inputs are constant.
+/// A sum of closures in a box that share one varying density and are constant else.
 ///
 /// Coefficients are per metre of world space whatever the object's scale: a ray carries its world
 /// length along when it is taken into the object's frame.
@@ -77,40 +82,27 @@ impl Region {
 impl Medium {
     /// Reads the medium of a scene; what `march` cannot do is an error that says so.
     pub fn new(scene: &Scene) -> Result<Self> {
+        if let Some(second) = scene.other_volumes.first() {
+            return Err(Error::new(
+                format!("object {}", second.object),
+                "a second volume object",
+                "one: ray marching knows a single medium",
+                "Leave the other objects out, or give --integrator path.",
+            ));
+        }
         let volume = &scene.volume;
-        if !matches!(volume.shape, Shape::Box) {
-            return Err(Error::new(
-                "$.volume.shape",
-                "a mesh",
-                "\"box\": this integrator knows media that fill exactly their bounding box",
-                "Use a cube as the volume's object.",
-            ));
-        }
-        let closure = target::closing_node(scene)?.name.clone();
-        let constant = |socket: &str| constant(scene, &closure, socket);
-        let color = constant("Color")?;
-        let absorption_color = constant("Absorption Color")?;
-        let coefficients: [_; 3] = std::array::from_fn(|c| coefficients_per_density(color[c], absorption_color[c]));
-        if constant("Blackbody Intensity")?[0] != 0.0 {
-            return Err(Error::new(
-                format!("node {closure}, socket Blackbody Intensity"),
-                "a value other than 0",
-                "0: blackbody emission is not supported",
-                "Use Emission Strength and Emission Color.",
-            ));
-        }
-        let strength = f64::from(constant("Emission Strength")?[0].max(0.0));
-        let emission = constant("Emission Color")?;
-        let bounds = Region {
-            low: DVec3::from(volume.bounds.min.map(f64::from)),
-            high: DVec3::from(volume.bounds.max.map(f64::from)),
+        let bounds = box_of(volume)?;
+        let ClosureSum { program, closures } = ClosureSum::compile(scene.graph(), volume)?;
+        let (density, parts) = common_density(program, &closures)?;
+        let total = |channel: fn(&Coefficients<f64>) -> [f64; 3]| {
+            std::array::from_fn(|index| parts.iter().map(|part| channel(part)[index]).sum())
         };
         let mut medium = Self {
-            density: Program::density(scene)?,
-            extinction: coefficients.map(|(extinction, _)| f64::from(extinction)),
-            scattering: coefficients.map(|(_, scattering)| f64::from(scattering)),
-            anisotropy: f64::from(constant("Anisotropy")?[0].clamp(-0.999, 0.999)),
-            emission: std::array::from_fn(|channel| strength * f64::from(emission[channel])),
+            density,
+            extinction: total(|part| part.extinction),
+            scattering: total(|part| part.scattering),
+            anisotropy: only_anisotropy(&closures, &parts)?,
+            emission: total(|part| part.emission),
             to_object: scene::matrix_to_glam(&volume.matrix_world).inverse(),
             bounds,
             occupied: bounds,
@@ -169,51 +161,109 @@ impl Medium {
     }
 }
 
-/// A closure input that does not vary over the object; scalars fill the first component.
-fn constant(scene: &Scene, closure: &str, socket: &str) -> Result<[f32; 3]> {
-    let program = Program::compile(scene, &[Target::input(closure, socket)])?;
-    let mut values = [0.0; 3];
-    for (value, operand) in values.iter_mut().zip(&program.outputs[0].operands) {
-        let Operand::Constant(found) = operand else {
-            return Err(Error::new(
-                format!("node {closure}, socket {socket}"),
-                "a value that varies over the volume",
-                "a constant: of this closure only the density may vary here",
-                "Unlink the socket, or link it to constant nodes only.",
-            ));
-        };
-        *value = *found;
-    }
-    Ok(values)
+/// The one density that all closures share, as a program of a single output, and each closure's coefficients
+/// per unit of it (emission as it is).
+fn common_density(mut program: Program, closures: &[Closure]) -> Result<(Program, Vec<Coefficients<f64>>)> {
+    let densities: Vec<Option<Value>> =
+        closures.iter().map(|closure| closure.input("Density").map(|index| closure.inputs[index])).collect();
+    let varying = |value: &&Value| matches!(value, Value::Column(_));
+    let density = match densities.iter().flatten().find(varying) {
+        Some(&column) => column,
+        // One constant density stays a density; different ones are multiplied into the coefficients.
+        None => match densities.as_slice() {
+            [Some(only)] => *only,
+            _ => Value::Constant(1.0),
+        },
+    };
+    let parts = closures
+        .iter()
+        .zip(&densities)
+        .map(|(closure, own)| unit_coefficients(closure, *own, density))
+        .collect::<Result<_>>()?;
+    let operand = match density {
+        Value::Constant(value) => Operand::Constant(value),
+        Value::Column(column) => program.outputs[column].operands[0].clone(),
+    };
+    program.outputs = vec![Output { name: "Density".into(), kind: SocketType::Float, operands: vec![operand] }];
+    Ok((program, parts))
 }
 
-/// Henyey-Greenstein phase function in 1/sr for the cosine between the directions of travel before
-/// and after; isotropic below |g| = 0.001, as in Cycles.
-pub fn henyey_greenstein(anisotropy: f64, cosine: f64) -> f64 {
-    let sphere = 4.0 * std::f64::consts::PI;
-    if anisotropy.abs() < 0.001 {
-        return 1.0 / sphere;
+/// A closure's coefficients where the common density is 1.
+fn unit_coefficients(closure: &Closure, own: Option<Value>, density: Value) -> Result<Coefficients<f64>> {
+    let refused = |found: String| {
+        Error::new(
+            format!("node {}", closure.label),
+            found,
+            "one density that may vary, the same for all closures, and constants else",
+            "Link only the Density, and the same output to every closure's; ray marching knows no more.",
+        )
+    };
+    let mut inputs = Vec::new();
+    for socket in closure.node_type.inputs_of(&closure.mode) {
+        for value in &closure.inputs[inputs.len()..inputs.len() + socket.kind.components()] {
+            inputs.push(match value {
+                _ if socket.identifier == "Density" && own == Some(density) => 1.0,
+                Value::Constant(value) => f64::from(*value),
+                Value::Column(_) => {
+                    return Err(refused(format!("socket {}: a value that varies over the volume", socket.identifier)));
+                }
+            });
+        }
     }
-    let square = anisotropy * anisotropy;
-    (1.0 - square) / (sphere * (1.0 + square - 2.0 * anisotropy * cosine).powf(1.5))
+    let mut weight = 1.0;
+    for factor in &closure.factors {
+        let Value::Constant(share) = factor.value else {
+            return Err(refused("a Mix Shader with a factor that varies over the volume".into()));
+        };
+        let share = f64::from(share).clamp(0.0, 1.0);
+        weight *= if factor.complement { 1.0 - share } else { share };
+    }
+    let found = closure.formula.coefficients(&inputs);
+    let scaled = |values: [f64; 3]| values.map(|value| value * weight);
+    if own != Some(density) && density != Value::Constant(1.0) && found.extinction != [0.0; 3] {
+        return Err(refused("a closure beside one with another, varying density".into()));
+    }
+    Ok(Coefficients {
+        scattering: scaled(found.scattering),
+        extinction: scaled(found.extinction),
+        emission: scaled(found.emission),
+    })
+}
+
+/// The anisotropy of the only lobe; 0 where nothing scatters.
+fn only_anisotropy(closures: &[Closure], parts: &[Coefficients<f64>]) -> Result<f64> {
+    let mut found: Option<f64> = None;
+    for (closure, _) in closures.iter().zip(parts).filter(|(_, part)| part.scattering != [0.0; 3]) {
+        // Everything but the density is constant by now, and no phase function reads the density.
+        let inputs: Vec<f64> = closure
+            .inputs
+            .iter()
+            .map(|value| match value {
+                Value::Constant(value) => f64::from(*value),
+                Value::Column(_) => f64::NAN,
+            })
+            .collect();
+        let phase = closure.formula.phase(&inputs).map(PhaseFunction::new);
+        let anisotropy = phase.and_then(|phase| phase.henyey_greenstein());
+        match (anisotropy, found) {
+            (Some(anisotropy), None) => found = Some(anisotropy),
+            (Some(anisotropy), Some(known)) if anisotropy == known => {}
+            _ => {
+                return Err(Error::new(
+                    format!("node {}", closure.label),
+                    if anisotropy.is_none() { "another phase function" } else { "a second lobe" },
+                    "one Henyey-Greenstein lobe: ray marching knows no other",
+                    "Give all closures the same anisotropy, or give --integrator path.",
+                ));
+            }
+        }
+    }
+    Ok(found.unwrap_or(0.0))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn the_phase_function_integrates_to_one() {
-        for anisotropy in [0.0, 0.6, -0.3, 0.9] {
-            let count = 100_000;
-            let sum: f64 = (0..count)
-                .map(|index| henyey_greenstein(anisotropy, -1.0 + 2.0 * (f64::from(index) + 0.5) / f64::from(count)))
-                .sum();
-            // Midpoint rule: h^2/24 times the change of slope between the ends, 4e-7 at g = 0.9.
-            let integral = sum * 4.0 * std::f64::consts::PI / f64::from(count);
-            assert!((integral - 1.0).abs() < 1e-6, "g = {anisotropy}: {integral}");
-        }
-    }
 
     #[test]
     fn a_ray_crosses_a_box_at_its_faces() {

@@ -5,11 +5,14 @@
 
 mod adapter;
 pub mod camera;
+pub mod environment;
 pub mod film;
 pub mod light_grid;
 pub mod lights;
 pub mod march;
+pub mod media;
 pub mod medium;
+pub mod phase;
 
 use crate::error::{Error, Result};
 use crate::gpu::Gpu;

@@ -7,17 +7,22 @@
 //! Sockets are flattened to scalar components: a vector is three columns. Columns hold one value
 //! per point of a batch.
 
+pub mod add_shader;
 pub mod affine;
+pub mod blackbody;
 pub mod bounds;
 pub mod clamp;
+pub mod closure;
 pub mod combine_xyz;
 pub mod conversion;
+pub mod emission;
 pub mod gradient_noise;
 pub mod hash;
 #[cfg(test)]
 mod lane_tests;
 pub mod map_range;
 pub mod math;
+pub mod mix_shader;
 pub mod noise_texture;
 pub mod point_attribute;
 pub mod principled_volume;
@@ -27,6 +32,9 @@ pub mod separate_xyz;
 pub mod texture_coordinate;
 pub mod value;
 pub mod vector_math;
+pub mod volume_absorption;
+pub mod volume_coefficients;
+pub mod volume_scatter;
 pub mod voronoi_texture;
 
 pub use bounds::Interval;
@@ -62,8 +70,8 @@ pub enum Role {
     Evaluated(fn(&Mode) -> Box<dyn Kernel>),
     /// Resolved to a coordinate or constant by the compiler.
     Source(fn(&SourceContext, &Mode, &str) -> crate::error::Result<SourceValue>),
-    /// Closes the graph: its inputs are what the renderer asks for.
-    Closure,
+    /// Makes or joins closures: its inputs are what the renderer asks for.
+    Closure(closure::ClosureRole),
 }
 
 /// What a [`Role::Source`] output is.
@@ -177,6 +185,24 @@ impl InputSocket {
     /// A colour that always exists.
     pub const fn color(identifier: &'static str, label: &'static str, default: &'static [f32; 3]) -> Self {
         Self { identifier, label, kind: SocketType::Color, default, generated_when_unlinked: false, exists: always }
+    }
+    /// A closure.
+    pub const fn shader(identifier: &'static str) -> Self {
+        Self::valueless(identifier, "Shader")
+    }
+    /// The name of an attribute, which a mesh does not have.
+    pub const fn text(identifier: &'static str) -> Self {
+        Self::valueless(identifier, identifier)
+    }
+    const fn valueless(identifier: &'static str, label: &'static str) -> Self {
+        Self {
+            identifier,
+            label,
+            kind: SocketType::Shader,
+            default: &[],
+            generated_when_unlinked: false,
+            exists: always,
+        }
     }
     /// A texture's coordinate input.
     pub const fn coordinate(exists: fn(&Mode) -> bool) -> Self {
@@ -442,6 +468,12 @@ pub fn registry() -> &'static [&'static NodeType] {
         &noise_texture::TYPE,
         &voronoi_texture::TYPE,
         &principled_volume::TYPE,
+        &volume_scatter::TYPE,
+        &volume_absorption::TYPE,
+        &volume_coefficients::TYPE,
+        &emission::TYPE,
+        &add_shader::TYPE,
+        &mix_shader::TYPE,
         &point_attribute::TYPE,
         &conversion::TYPE,
         &affine::TYPE,

@@ -227,10 +227,10 @@ impl Graph {
     }
 
     /// Checks what the types do not say: names are unique, interface defaults have the type of their
-    /// socket, and the groups do not hold themselves. `place` names the file.
-    pub(super) fn check(&self, place: &str) -> Checked<()> {
-        unique(self.groups.iter().map(|group| &group.name), "group", &format!("{place}: $.graph.groups"))?;
-        unique(self.nodes.iter().map(|node| &node.name), "node", &format!("{place}: $.graph.nodes"))?;
+    /// socket, and the groups do not hold themselves. `own_place` names the graph, `place` the file.
+    pub(super) fn check(&self, own_place: &str, place: &str) -> Checked<()> {
+        unique(self.groups.iter().map(|group| &group.name), "group", &format!("{own_place}.groups"))?;
+        unique(self.nodes.iter().map(|node| &node.name), "node", &format!("{own_place}.nodes"))?;
         for group in &self.groups {
             let place = format!("{place}: group {}", group.name);
             unique(group.nodes.iter().map(|node| &node.name), "node", &place)?;
@@ -243,7 +243,7 @@ impl Graph {
         let inlined = self.inlined(&self.nodes, &mut HashMap::new(), &mut Vec::new(), place)?;
         if inlined > MOST_INLINED {
             return Err(Error::new(
-                format!("{place}: $.graph"),
+                own_place,
                 format!("{inlined} nodes once all groups are put in place"),
                 format!("at most {MOST_INLINED}"),
                 "Use fewer groups within groups.",

@@ -47,6 +47,15 @@ pub struct Scene {
     pub volume: Volume,
     /// The node graph of the volume's material, here or in a file beside this one.
     pub graph: GraphSource,
+    /// Further objects that hold a medium; where objects overlap their coefficients add.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub other_volumes: Vec<Volume>,
+    /// The graphs of their materials, each once; those that share the material of `graph` need none.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub other_graphs: Vec<Graph>,
+    /// The folder that file names are relative to; the scene file's own. Not part of the file.
+    #[serde(skip)]
+    pub folder: std::path::PathBuf,
 }
 
 /// The graph itself or the file that holds it.
@@ -279,7 +288,7 @@ pub enum LightKind {
     },
 }
 
-/// Constant background radiance `color * strength`.
+/// Background radiance: `color * strength`, or that of a picture times `strength`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct World {
@@ -287,6 +296,19 @@ pub struct World {
     pub color: [f32; 3],
     /// Factor.
     pub strength: f32,
+    /// A picture in place of the colour, which has to be white then.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub image: Option<WorldImage>,
+}
+
+/// An equirectangular picture around the scene.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct WorldImage {
+    /// EXR in linear Rec. 709, relative to the scene file.
+    pub file: String,
+    /// SHA-256 of that file: the picture is part of the scene's identity.
+    pub sha256: String,
 }
 
 /// The object with the volume material.
@@ -354,6 +376,9 @@ impl Scene {
             let graph_text = files::read_text(&graph_path, "the graph file that the scene names")?;
             scene.graph = GraphSource::Inline(parse(&graph_text, &graph_path.display().to_string())?);
         }
+        let folder = path.parent().unwrap_or(Path::new("."));
+        scene.folder = std::path::absolute(folder).unwrap_or_else(|_| folder.to_owned());
+        scene.check_world_image(&path.display().to_string())?;
         scene.check(&path.display().to_string())?;
         Ok(scene)
     }
@@ -398,6 +423,46 @@ impl Scene {
         }
     }
 
+    /// Every volume object with the graph of its material.
+    pub fn volumes(&self) -> Result<Vec<(&Volume, &Graph)>> {
+        let first = std::iter::once(Ok((&self.volume, self.graph())));
+        let others = self.other_volumes.iter().enumerate().map(|(number, volume)| {
+            let mut graphs = std::iter::once(self.graph()).chain(&self.other_graphs);
+            match graphs.find(|graph| graph.material == volume.material) {
+                Some(graph) => Ok((volume, graph)),
+                None => Err(Error::new(
+                    format!("$.other_volumes[{number}].material"),
+                    format!("\"{}\"", volume.material),
+                    "a material of $.graph or $.other_graphs",
+                    "Correct the name, or export the scene again.",
+                )),
+            }
+        });
+        first.chain(others).collect()
+    }
+
+    /// Where the picture around the scene is, if it has one.
+    pub fn world_image_path(&self) -> Option<std::path::PathBuf> {
+        self.world.image.as_ref().map(|image| self.folder.join(&image.file))
+    }
+
+    /// The picture around the scene has to be the one that the scene was made with.
+    fn check_world_image(&self, place: &str) -> Result<()> {
+        let (Some(image), Some(path)) = (&self.world.image, self.world_image_path()) else { return Ok(()) };
+        let bytes = std::fs::read(&path)
+            .map_err(|cause| Error::io(&path, "the picture around the scene ($.world.image)", &cause))?;
+        let found = files::sha256(&bytes);
+        if found != image.sha256 {
+            return Err(Error::new(
+                format!("{place}: $.world.image.sha256"),
+                format!("\"{}\" where {} has {found}", image.sha256, path.display()),
+                "the hash of the picture",
+                "Restore the picture, or write its own hash if another one is meant.",
+            ));
+        }
+        Ok(())
+    }
+
     /// SHA-256 of the compact JSON form: the identity of the scene in every result.
     pub fn content_hash(&self) -> String {
         files::sha256(serde_json::to_string(self).expect("scene types serialise").as_bytes())
@@ -427,42 +492,94 @@ impl Scene {
                 "Change resolution or resolution_percentage.",
             ));
         }
-        let bounds = &self.volume.bounds;
+        if self.world.image.is_some() && self.world.color != [1.0; 3] {
+            return Err(Error::new(
+                format!("{place}: $.world.color"),
+                format!("{:?} beside a picture", self.world.color),
+                "[1, 1, 1]: the picture takes the place of the colour",
+                "Set the colour to white; strength is a factor on the picture.",
+            ));
+        }
+        check_invertible(&self.camera.matrix_world, &format!("{place}: $.camera.matrix_world"))?;
+        self.volume.check(&format!("{place}: $.volume"))?;
+        for (number, volume) in self.other_volumes.iter().enumerate() {
+            volume.check(&format!("{place}: $.other_volumes[{number}]"))?;
+        }
+        self.check_names(place)?;
+        self.volumes()?;
+        self.graph().check(&format!("{place}: $.graph"), place)?;
+        for (number, graph) in self.other_graphs.iter().enumerate() {
+            graph.check(&format!("{place}: $.other_graphs[{number}]"), place)?;
+        }
+        Ok(())
+    }
+
+    /// Volume objects and materials are found by their names.
+    fn check_names(&self, place: &str) -> Result<()> {
+        let mut objects = std::collections::HashSet::from([&self.volume.object]);
+        let mut materials = std::collections::HashSet::from([&self.graph().material]);
+        let objects = self
+            .other_volumes
+            .iter()
+            .map(|volume| ("volume object", &volume.object))
+            .filter(|(_, name)| !objects.insert(name));
+        let repeated = objects.chain(
+            self.other_graphs
+                .iter()
+                .map(|graph| ("material", &graph.material))
+                .filter(|(_, name)| !materials.insert(name)),
+        );
+        match repeated.into_iter().next() {
+            None => Ok(()),
+            Some((what, name)) => Err(Error::new(
+                place.to_owned(),
+                format!("two {what}s called \"{name}\""),
+                format!("a name of its own for every {what}"),
+                "Rename one of them.",
+            )),
+        }
+    }
+}
+
+impl Volume {
+    fn check(&self, place: &str) -> Result<()> {
+        let bounds = &self.bounds;
         if (0..3).any(|axis| bounds.min[axis] > bounds.max[axis]) {
             return Err(Error::new(
-                format!("{place}: $.volume.bounds"),
+                format!("{place}.bounds"),
                 format!("min {:?}, max {:?}", bounds.min, bounds.max),
                 "min not above max on any axis",
                 "Swap the corners.",
             ));
         }
-        for (name, matrix) in
-            [("volume.matrix_world", &self.volume.matrix_world), ("camera.matrix_world", &self.camera.matrix_world)]
-        {
-            if matrix_to_glam(matrix).determinant().abs() < 1e-30 {
-                return Err(Error::new(
-                    format!("{place}: $.{name}"),
-                    "a matrix that cannot be inverted",
-                    "an invertible object transform",
-                    "Remove the zero scale of the object.",
-                ));
-            }
-        }
-        if let Shape::Mesh { vertices, triangles } = &self.volume.shape {
+        check_invertible(&self.matrix_world, &format!("{place}.matrix_world"))?;
+        if let Shape::Mesh { vertices, triangles } = &self.shape {
             let outside = triangles.iter().position(|triangle| {
                 triangle.iter().any(|&vertex| usize::try_from(vertex).map_or(true, |vertex| vertex >= vertices.len()))
             });
             if let Some(number) = outside {
                 return Err(Error::new(
-                    format!("{place}: $.volume.shape.triangles[{number}]"),
+                    format!("{place}.shape.triangles[{number}]"),
                     format!("the vertices {:?}", triangles[number]),
                     format!("indices below {}, the number of vertices", vertices.len()),
                     "Export the scene again.",
                 ));
             }
         }
-        self.graph().check(place)
+        Ok(())
     }
+}
+
+fn check_invertible(matrix: &Matrix, place: &str) -> Result<()> {
+    if matrix_to_glam(matrix).determinant().abs() < 1e-30 {
+        return Err(Error::new(
+            place.to_owned(),
+            "a matrix that cannot be inverted",
+            "an invertible object transform",
+            "Remove the zero scale of the object.",
+        ));
+    }
+    Ok(())
 }
 
 /// Row-major f32 matrix as a `glam` f64 matrix.

@@ -1,8 +1,10 @@
 """Reading a .blend file into a scene and building it back: nothing may be lost, nothing changed silently."""
 
+import hashlib
 import json
 
 import numpy as np
+import OpenImageIO as oiio
 import pytest
 
 from blend_support import (
@@ -23,7 +25,7 @@ bpy = pytest.importorskip("bpy")
 
 from build_scene import handle as build  # noqa: E402
 from export_scene import handle as export  # noqa: E402
-from scene_reader import is_box  # noqa: E402
+from scene_reader import is_box, read_scene  # noqa: E402
 
 pytestmark = requires_bpy
 
@@ -180,20 +182,60 @@ def test_box_is_recognised_and_inside_out_box_is_not():
     assert not is_box(corners + np.eye(8, 3, dtype=np.float32), outward)
 
 
-def test_two_volumes_are_named_and_one_can_be_chosen(cube):
+def test_all_volumes_are_exported_and_one_can_be_chosen(cube, tmp_path):
     path, _ = cube
-    second = bpy.data.objects.new("Second", bpy.data.objects["Cube"].data)
-    bpy.context.scene.collection.objects.link(second)
+    first = bpy.data.objects["Cube"]
+    group = bpy.data.node_groups.new("Shared", "ShaderNodeTree")
+    group.interface.new_socket(name="Volume", in_out="OUTPUT", socket_type="NodeSocketShader")
+    scatter, leave = group.nodes.new("ShaderNodeVolumeScatter"), group.nodes.new("NodeGroupOutput")
+    scatter.phase = "MIE"
+    group.links.new(leave.inputs[0], scatter.outputs[0])
+    # The second object shares the first one's material; the third has its own, with a closure in a group.
+    for name in ("Second", "Third"):
+        item = bpy.data.objects.new(name, first.data.copy())
+        item.location = (0.5, 0.25, 0.0)
+        bpy.context.scene.collection.objects.link(item)
+    for name, item in (("Other", "Third"), ("Unused", None)):
+        material = bpy.data.materials.new(name)
+        tree = material.node_tree
+        tree.nodes.clear()
+        call, output = tree.nodes.new("ShaderNodeGroup"), tree.nodes.new("ShaderNodeOutputMaterial")
+        call.node_tree = group
+        mix, emission = tree.nodes.new("ShaderNodeMixShader"), tree.nodes.new("ShaderNodeEmission")
+        tree.links.new(mix.inputs[1], call.outputs[0])
+        tree.links.new(mix.inputs[2], emission.outputs[0])
+        tree.links.new(output.inputs["Volume"], mix.outputs[0])
+        if item is not None:
+            bpy.data.objects[item].data.materials[0] = material
+    bpy.data.objects["Second"].data.materials[0] = first.data.materials[0]
+    call = first.data.materials[0].node_tree.nodes.new("ShaderNodeGroup")
+    call.node_tree = group
     saved(path)
-    with pytest.raises(InputError) as refusal:
-        exported(path)
-    assert '"Cube"' in refusal.value.found
-    assert '"Second"' in refusal.value.found
-    document, warnings = exported(path, "Second")
-    assert document["volume"]["object"] == "Second"
+    document, warnings = exported(path)
+    assert not warnings
+    assert document["volume"]["object"] == "Cube"
+    assert [item["object"] for item in document["other_volumes"]] == ["Second", "Third"]
+    assert [item["material"] for item in document["other_graphs"]] == ["Other"]
+    assert [item["name"] for item in document["graph"]["groups"]] == ["Shared"]
+    assert_round_trip(document, tmp_path)
+
+    document, warnings = exported(path, "Third")
+    assert document["volume"]["object"] == "Third"
+    assert document["graph"]["material"] == "Other"
+    assert "other_volumes" not in document
     assert "Cube" in warnings[0][0]
+    document, _ = exported(path, ["Third", "Second"])
+    assert [document["volume"]["object"], document["other_volumes"][0]["object"]] == ["Second", "Third"]
     with pytest.raises(InputError, match="no such object"):
-        exported(path, "Third")
+        exported(path, "Fourth")
+
+
+def test_a_group_that_two_materials_describe_differently_is_refused(tmp_path):
+    document = cloud_scene()
+    other = json.loads(json.dumps(document["graph"])) | {"material": "Other"}
+    other["groups"][0]["inputs"][0]["name"] = "Another label"
+    with pytest.raises(InputError, match="another group"):
+        built(dict(document) | {"other_graphs": [other]}, tmp_path / "two.blend")
 
 
 def test_hidden_volume_is_none(cube):
@@ -270,6 +312,49 @@ def test_sky_is_refused_by_name_and_no_world_is_black(cube):
     bpy.context.scene.world = None
     document, _ = exported(saved(path))
     assert document["world"] == {"color": [0.0, 0.0, 0.0], "strength": 1.0}
+
+
+def test_an_environment_image_survives_and_other_mappings_are_refused(tmp_path):
+    picture = tmp_path / "sky.exr"
+    output = oiio.ImageOutput.create(str(picture))
+    output.open(str(picture), oiio.ImageSpec(8, 4, 3, "float"))
+    output.write_image(np.linspace(0, 2, 8 * 4 * 3, dtype=np.float32).reshape(4, 8, 3))
+    output.close()
+    document = scene(absorbing_nodes(1.0))
+    digest = hashlib.sha256(picture.read_bytes()).hexdigest()
+    document["world"] = located(
+        {"color": [1.0, 1.0, 1.0], "strength": 0.5, "image": {"file": "sky.exr", "sha256": digest}}, "world"
+    )
+    request = {"blend": str(tmp_path / "a.blend"), "folder": str(tmp_path), "scene": document}
+    build(located(request, "request"), Recorder())
+    result = export(located({"blend": request["blend"], "object": None}, "request"), Recorder())
+    assert result["scene"]["world"] == document["world"]
+    assert result["world_image"] == str(picture)
+
+    with pytest.raises(InputError, match="folder"):
+        build(located(request | {"folder": None}, "request"), Recorder())
+    document["world"]["image"]["sha256"] = "0" * 64
+    with pytest.raises(InputError, match="another picture"):
+        build(located(request, "request"), Recorder())
+
+    bpy.ops.wm.open_mainfile(filepath=request["blend"])
+    texture = next(
+        item for item in bpy.data.worlds[0].node_tree.nodes if item.bl_idname == "ShaderNodeTexEnvironment"
+    )
+    for setting, value, name in (
+        ("projection", "MIRROR_BALL", "projection"),
+        ("interpolation", "Closest", "interpolation"),
+    ):
+        before = getattr(texture, setting)
+        setattr(texture, setting, value)
+        with pytest.raises(InputError) as refusal:
+            read_scene("a.blend", None, Recorder())
+        assert name in refusal.value.place
+        setattr(texture, setting, before)
+    texture.texture_mapping.rotation = (0, 0, 1)
+    with pytest.raises(InputError) as refusal:
+        read_scene("a.blend", None, Recorder())
+    assert "texture_mapping" in refusal.value.place
 
 
 def test_light_settings_without_words_are_refused(cube):
