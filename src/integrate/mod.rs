@@ -8,8 +8,12 @@ pub mod camera;
 pub mod film;
 pub mod light_grid;
 pub mod lights;
+pub mod majorant;
 pub mod march;
 pub mod medium;
+pub mod path;
+pub mod sampled_lights;
+pub mod sampler;
 
 use crate::error::{Error, Result};
 use crate::gpu::Gpu;
