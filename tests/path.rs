@@ -341,8 +341,8 @@ fn equal_seeds_give_equal_bits_on_any_number_of_threads() {
     scene.integrator.volume_bounces = 2;
     let render = |threads: usize, seed: u32| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("a pool");
-        let settings = PathSettings { samples: 4, seed };
-        pool.install(|| path::render(&scene, &settings, &|_, _| {})).expect("the scene renders").pixels
+        let settings = PathSettings { samples: 4, seed, ..PathSettings::default() };
+        pool.install(|| path::render(&scene, &settings, None, &|_, _| {})).expect("the scene renders").pixels
     };
     let one = render(1, 7);
     assert_eq!(one, render(2, 7));
@@ -353,7 +353,8 @@ fn equal_seeds_give_equal_bits_on_any_number_of_threads() {
 fn no_density_exceeds_its_majorant_and_the_null_share_is_told() {
     let mut scene = support::scene("procedural-clouds");
     scene.film.resolution = [48, 27];
-    let image = path::render(&scene, &PathSettings { samples: 16, seed: 1 }, &|_, _| {}).expect("it renders");
+    let settings = PathSettings { samples: 16, seed: 1, ..PathSettings::default() };
+    let image = path::render(&scene, &settings, None, &|_, _| {}).expect("it renders");
     let collisions: u64 = image.provenance["collisions"].parse().expect("a number");
     assert!(collisions > 1000, "{collisions} collisions");
     assert_eq!(image.provenance["violations"], "0");
@@ -370,7 +371,7 @@ fn a_density_without_bound_is_refused_with_its_place() {
     slope.properties.insert("operation".into(), "DIVIDE".into());
     let ramp = slope.inputs.insert("Value".to_owned(), Input::Number(1.0)).expect("it is linked");
     slope.inputs.insert("Value_001".to_owned(), ramp);
-    let error = path::render(&scene, &PathSettings::default(), &|_, _| {}).expect_err("it is refused").to_string();
+    let error = path::render(&scene, &PathSettings::default(), None, &|_, _| {}).expect_err("it is refused").to_string();
     assert!(error.contains("object's frame"), "{error}");
 }
 

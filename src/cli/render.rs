@@ -67,6 +67,12 @@ struct PathArguments {
     /// path: chooses the random numbers; pictures of different seeds are independent [default: 0].
     #[arg(long)]
     seed: Option<u32>,
+    /// path: stop after so many seconds, preparation not counted; --samples is the most then [default: 16777216].
+    #[arg(long, value_name = "SECONDS")]
+    time: Option<f64>,
+    /// path: stop where the estimated relative mean squared error is this small; --samples as with --time.
+    #[arg(long, value_name = "RELMSE")]
+    error: Option<f64>,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
@@ -114,7 +120,9 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
         }
         (Integrator::Path, BackendName::Cpu) => {
             refuse("march", &arguments.march.given())?;
-            path::render(&scene, &arguments.path.settings(), &report)?
+            let mut state = arguments.picture.output.clone().into_os_string();
+            state.push(".state");
+            path::render(&scene, &arguments.path.settings(), Some(state.as_ref()), &report)?
         }
         (Integrator::Path, BackendName::Gpu) => {
             return Err(Error::new(
@@ -177,12 +185,24 @@ impl MarchArguments {
 }
 
 impl PathArguments {
-    fn given(&self) -> [(&'static str, bool); 2] {
-        [("--samples", self.samples.is_some()), ("--seed", self.seed.is_some())]
+    fn given(&self) -> [(&'static str, bool); 4] {
+        [
+            ("--samples", self.samples.is_some()),
+            ("--seed", self.seed.is_some()),
+            ("--time", self.time.is_some()),
+            ("--error", self.error.is_some()),
+        ]
     }
 
     fn settings(&self) -> PathSettings {
         let default = PathSettings::default();
-        PathSettings { samples: self.samples.unwrap_or(default.samples), seed: self.seed.unwrap_or(default.seed) }
+        let otherwise_stopped = self.time.is_some() || self.error.is_some();
+        let most = if otherwise_stopped { path::MOST_SAMPLES } else { default.samples };
+        PathSettings {
+            samples: self.samples.unwrap_or(most),
+            seed: self.seed.unwrap_or(default.seed),
+            time: self.time,
+            error: self.error,
+        }
     }
 }

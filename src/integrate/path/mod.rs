@@ -7,6 +7,7 @@
 //! on all cores. Ranges are summed in order, so that equal settings and seeds give equal bits
 //! whatever the number of threads.
 
+mod accumulation;
 mod tracer;
 mod volume;
 
@@ -16,12 +17,14 @@ use super::camera::Camera;
 use super::film::Warp;
 use super::lights::world_radiance;
 use super::sampled_lights::sampled_lights;
-use super::{Progress, json};
+use super::{Progress as Report, json};
 use crate::error::{Error, Result};
 use crate::image::Image;
 use crate::scene::Scene;
+use accumulation::Accumulation;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
+use std::path::Path;
 use std::time::Instant;
 use tracer::{Tracer, Work};
 use volume::Volume;
@@ -35,7 +38,13 @@ const RANGE_PATHS: u64 = 1 << 15;
 /// Rays per path of which majorants take account: of a long path most rays are short.
 const RAYS_PER_PATH: u32 = 8;
 
-/// How much work, and which random numbers.
+/// Passes that have to be done before an error is believed.
+const PASSES_FOR_ERROR: u32 = 4;
+
+/// Seconds between two writings of the state.
+const SAVE_EVERY: f64 = 30.0;
+
+/// How much work, and which random numbers. A render stops at whatever it reaches first.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PathSettings {
@@ -43,87 +52,95 @@ pub struct PathSettings {
     pub samples: u32,
     /// Chooses the random numbers: pictures of different seeds are independent.
     pub seed: u32,
+    /// Seconds after which no further pass begins, preparation not counted.
+    pub time: Option<f64>,
+    /// Estimated relative mean squared error that is good enough: the mean over pixels and channels of
+    /// v / (m^2 + (0.01 M)^2) with the pixel's mean m, the variance v of it, and the picture's mean M.
+    pub error: Option<f64>,
 }
 
 impl Default for PathSettings {
     fn default() -> Self {
-        Self { samples: 64, seed: 0 }
+        Self { samples: 64, seed: 0, time: None, error: None }
     }
 }
 
+/// Samples per pixel of which majorants take account at most: how long a render with a time limit lasts is not known.
+const SAMPLES_FOR_MAJORANTS: u32 = 256;
+
 /// Most paths per pixel.
-const MOST_SAMPLES: u32 = 1 << 24;
+pub const MOST_SAMPLES: u32 = 1 << 24;
 
 impl PathSettings {
     fn check(&self) -> Result<()> {
-        if (1..=MOST_SAMPLES).contains(&self.samples) {
-            return Ok(());
+        let wrong = |name: &str, found: String, expected: String| {
+            Err(Error::new(format!("setting {name}"), found, expected, "Correct the setting."))
+        };
+        if !(1..=MOST_SAMPLES).contains(&self.samples) {
+            return wrong("samples", self.samples.to_string(), format!("1 to {MOST_SAMPLES}"));
         }
-        Err(Error::new(
-            "setting samples",
-            self.samples.to_string(),
-            format!("1 to {MOST_SAMPLES}"),
-            "Correct the setting.",
-        ))
+        for (name, value) in [("time", self.time), ("error", self.error)] {
+            if let Some(value) = value.filter(|value| !(*value > 0.0 && value.is_finite())) {
+                return wrong(name, value.to_string(), "a positive finite number".into());
+            }
+        }
+        Ok(())
+    }
+
+    /// What the samples depend on: renders that agree in it may go on from each other's state. The
+    /// number of samples decides how far majorants are refined, and so belongs to it.
+    fn identity(&self, scene: &Scene) -> String {
+        format!("{} {} {} {}", env!("CARGO_PKG_VERSION"), scene.content_hash(), self.samples, self.seed)
     }
 }
 
 /// Renders a scene by path tracing. The picture's provenance names the scene, settings, counters and times.
-pub fn render(scene: &Scene, settings: &PathSettings, progress: Progress<'_>) -> Result<Image> {
-    let mut images = render_replicas(scene, settings, &[settings.seed], progress)?;
-    Ok(images.remove(0))
+///
+/// With a `state` file, what is done is written there now and then, a render goes on from what it finds there, and the file is removed
+/// at the end. The picture is, bit for bit, the one of an uninterrupted render of as many samples.
+pub fn render(scene: &Scene, settings: &PathSettings, state: Option<&Path>, progress: Report<'_>) -> Result<Image> {
+    settings.check()?;
+    let begin = Instant::now();
+    progress(0.0, "majorants");
+    let tracer = Tracer::new(scene, settings)?;
+    let preparation = begin.elapsed().as_secs_f64();
+    let image = tracer.render(scene, settings, state, preparation, progress)?;
+    if let Some(path) = state {
+        match std::fs::remove_file(path) {
+            Err(cause) if cause.kind() != std::io::ErrorKind::NotFound => {
+                return Err(Error::io(path, "a file that can be removed", &cause));
+            }
+            _ => {}
+        }
+    }
+    Ok(image)
 }
 
-/// [`render`] once per seed; the seed of `settings` does not count.
+/// [`render`] once per seed, without state files; the seed of `settings` does not count.
 pub fn render_replicas(
     scene: &Scene,
     settings: &PathSettings,
     seeds: &[u32],
-    progress: Progress<'_>,
+    progress: Report<'_>,
 ) -> Result<Vec<Image>> {
     settings.check()?;
     let begin = Instant::now();
     progress(0.0, "majorants");
     let tracer = Tracer::new(scene, settings)?;
     let preparation = begin.elapsed().as_secs_f64();
-    let total = seeds.len() as f64;
-    let mut images = Vec::with_capacity(seeds.len());
-    for (number, &seed) in seeds.iter().enumerate() {
-        let begin = Instant::now();
-        let report = |done: f64| progress((number as f64 + done) / total, "paths");
-        let (mut image, counters) = tracer.render(settings.samples, seed, &report)?;
-        let seconds = begin.elapsed().as_secs_f64();
-        let [boxes, leaves] = tracer.tree();
-        for (name, value) in [
-            ("renderer", format!("cloudparity {} path", env!("CARGO_PKG_VERSION"))),
-            ("scene", scene.name.clone()),
-            ("scene_sha256", scene.content_hash()),
-            ("settings", json(&PathSettings { seed, ..settings.clone() })),
-            ("film", json(&scene.film)),
-            ("integrator", json(&scene.integrator)),
-            ("backend", format!("CPU, {} threads", rayon::current_num_threads())),
-            ("majorant_boxes", boxes.to_string()),
-            ("majorant_leaves", leaves.to_string()),
-            ("paths", counters.paths.to_string()),
-            ("collisions", counters.collisions.to_string()),
-            ("null_share", format!("{:.4}", counters.null_collisions / (counters.collisions.max(1) as f64))),
-            ("scatterings", counters.scatterings.to_string()),
-            ("violations", counters.violations.to_string()),
-            ("preparation_seconds", format!("{preparation:.3}")),
-            ("render_seconds", format!("{seconds:.3}")),
-        ] {
-            image.provenance.insert(name.to_owned(), value);
-        }
-        images.push(image);
-    }
-    Ok(images)
+    let count = seeds.len() as f64;
+    let replica = |(number, &seed): (usize, &u32)| {
+        let report = |done: f64, what: &str| progress((number as f64 + done) / count, what);
+        tracer.render(scene, &PathSettings { seed, ..settings.clone() }, None, preparation, &report)
+    };
+    seeds.iter().enumerate().map(replica).collect()
 }
 
 impl Tracer {
     fn new(scene: &Scene, settings: &PathSettings) -> Result<Self> {
         let size = scene.image_size();
         let events = scene.integrator.volume_bounces.min(scene.integrator.max_bounces).saturating_add(1);
-        let paths = f64::from(size[0]) * f64::from(size[1]) * f64::from(settings.samples);
+        let paths = f64::from(size[0]) * f64::from(size[1]) * f64::from(settings.samples.min(SAMPLES_FOR_MAJORANTS));
         // The camera ray, and per event a shadow ray and a sampled one.
         let rays = paths * f64::from(1 + 2 * events.min(RAYS_PER_PATH));
         let finite = |name: &str, values: [f64; 3]| {
@@ -143,6 +160,8 @@ impl Tracer {
             world: finite("$.world", world_radiance(scene))?,
             volume: Volume::new(scene, rays)?,
             events,
+            oversampling: std::env::var("TUNE_OVER").map_or(1.0, |text| text.parse().unwrap()),
+            first_weight: std::env::var("TUNE_FIRST").map_or(0.0, |text| text.parse().unwrap()),
         })
     }
 
@@ -151,44 +170,133 @@ impl Tracer {
         self.volume.majorants.as_ref().map_or([0; 2], |majorants| [majorants.boxes, majorants.leaves()])
     }
 
-    /// One replica.
-    fn render(&self, samples: u32, seed: u32, progress: &(dyn Fn(f64) + Sync)) -> Result<(Image, Counters)> {
-        let [width, height] = self.size.map(|side| side as usize);
-        let pixels = (width * height) as u64;
-        let per_pass = (PASS_PATHS / pixels).clamp(1, u64::from(samples)) as u32;
-        let mut sums = vec![[0.0; 4]; width * height];
-        let mut counters = Counters::default();
-        for first_sample in (0..samples).step_by(per_pass as usize) {
-            let samples_now = per_pass.min(samples - first_sample);
-            let total = pixels * u64::from(samples_now);
-            let ranges: Vec<_> = (0..total)
-                .step_by(RANGE_PATHS as usize)
-                .map(|start| Work {
-                    items: start..total.min(start + RANGE_PATHS),
-                    first_sample,
-                    samples: samples_now,
-                    seed,
-                })
-                .collect();
-            let parts: Vec<_> = ranges.par_iter().map(|work| self.trace(work)).collect::<Result<_>>()?;
-            for part in parts {
-                for (sum, found) in sums[part.first_pixel..].iter_mut().zip(part.pixels) {
-                    for (sum, found) in sum.iter_mut().zip(found) {
-                        *sum += found;
-                    }
-                }
-                counters.add(&part.counters);
-            }
-            progress(f64::from(first_sample + samples_now) / f64::from(samples));
+    /// One replica, from its state if there is one.
+    fn render(
+        &self,
+        scene: &Scene,
+        settings: &PathSettings,
+        state: Option<&Path>,
+        preparation: f64,
+        progress: Report<'_>,
+    ) -> Result<Image> {
+        let begin = Instant::now();
+        let pixels = self.size.iter().map(|&side| u64::from(side)).product::<u64>();
+        let per_pass = (PASS_PATHS / pixels).clamp(1, MOST_SAMPLES as u64) as u32;
+        let mut sums = Accumulation::new(settings.identity(scene), pixels as usize);
+        if let Some(path) = state {
+            sums = Accumulation::load(path, sums)?;
         }
-        let mut image = Image::new(width, height);
-        let scale = 1.0 / f64::from(samples);
-        for (pixel, sum) in image.pixels.iter_mut().zip(sums) {
+        let before = sums.progress.seconds;
+        let mut saved = 0.0;
+        while sums.progress.samples < settings.samples {
+            let samples = per_pass.min(settings.samples - sums.progress.samples);
+            let (pass, counters) = self.pass(sums.progress.samples, samples, settings.seed)?;
+            sums.add(&pass, samples);
+            sums.progress.counters.add(&counters);
+            let now = begin.elapsed().as_secs_f64();
+            sums.progress.seconds = before + now;
+            let error = sums.relative_error().filter(|_| sums.progress.passes >= PASSES_FOR_ERROR);
+            let parts = [
+                f64::from(sums.progress.samples) / f64::from(settings.samples),
+                settings.time.map_or(0.0, |limit| sums.progress.seconds / limit),
+                settings.error.and_then(|limit| Some(limit / error?)).unwrap_or(0.0),
+            ];
+            let done = parts.into_iter().fold(0.0, f64::max);
+            progress(done.min(1.0), "paths");
+            if done >= 1.0 {
+                break;
+            }
+            if let Some(path) = state.filter(|_| now - saved > SAVE_EVERY) {
+                sums.save(path)?;
+                saved = now;
+            }
+        }
+        Ok(self.picture(scene, settings, &sums, preparation))
+    }
+
+    /// Sums over some samples of every pixel.
+    fn pass(&self, first_sample: u32, samples: u32, seed: u32) -> Result<(Vec<[f64; 4]>, Counters)> {
+        let pixels = self.size.iter().map(|&side| side as usize).product::<usize>();
+        let total = pixels as u64 * u64::from(samples);
+        let ranges: Vec<_> = (0..total)
+            .step_by(RANGE_PATHS as usize)
+            .map(|start| Work { items: start..total.min(start + RANGE_PATHS), first_sample, samples, seed })
+            .collect();
+        let parts: Vec<_> = ranges.par_iter().map(|work| self.trace(work)).collect::<Result<_>>()?;
+        let mut sums = vec![[0.0; 4]; pixels];
+        let mut counters = Counters::default();
+        for part in parts {
+            for (sum, found) in sums[part.first_pixel..].iter_mut().zip(part.pixels) {
+                for (sum, found) in sum.iter_mut().zip(found) {
+                    *sum += found;
+                }
+            }
+            counters.add(&part.counters);
+        }
+        Ok((sums, counters))
+    }
+
+    /// The picture with its provenance.
+    fn picture(&self, scene: &Scene, settings: &PathSettings, sums: &Accumulation, preparation: f64) -> Image {
+        let mut image = Image::new(self.size[0] as usize, self.size[1] as usize);
+        let scale = 1.0 / f64::from(sums.progress.samples);
+        for (pixel, sum) in image.pixels.iter_mut().zip(&sums.sums) {
             let [red, green, blue, opacity] = sum.map(|value| value * scale);
             let alpha = if self.transparent { opacity } else { 1.0 };
             let [red, green, blue] = [red, green, blue].map(|radiance| (radiance * self.exposure) as f32);
             *pixel = [red, green, blue, alpha as f32];
         }
-        Ok((image, counters))
+        let counters = &sums.progress.counters;
+        let [boxes, leaves] = self.tree();
+        for (name, value) in [
+            ("renderer", format!("cloudparity {} path", env!("CARGO_PKG_VERSION"))),
+            ("scene", scene.name.clone()),
+            ("scene_sha256", scene.content_hash()),
+            ("settings", json(settings)),
+            ("film", json(&scene.film)),
+            ("integrator", json(&scene.integrator)),
+            ("backend", format!("CPU, {} threads", rayon::current_num_threads())),
+            ("samples", sums.progress.samples.to_string()),
+            ("relative_error", sums.relative_error().map_or("unknown".to_owned(), |error| format!("{error:.3e}"))),
+            ("majorant_boxes", boxes.to_string()),
+            ("majorant_leaves", leaves.to_string()),
+            ("paths", counters.paths.to_string()),
+            ("collisions", counters.collisions.to_string()),
+            ("null_share", format!("{:.4}", counters.null_collisions / (counters.collisions.max(1) as f64))),
+            ("scatterings", counters.scatterings.to_string()),
+            ("violations", counters.violations.to_string()),
+            ("preparation_seconds", format!("{preparation:.3}")),
+            ("render_seconds", format!("{:.3}", sums.progress.seconds)),
+        ] {
+            image.provenance.insert(name.to_owned(), value);
+        }
+        image
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_interrupted_render_ends_in_the_picture_of_an_uninterrupted_one() {
+        let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("parity/scenes/homogeneous-cube.scene.json");
+        let mut scene = Scene::load(&file).expect("the committed scene loads");
+        // Passes of four samples.
+        scene.film.resolution = [512, 512];
+        let settings = PathSettings { samples: 8, seed: 3, ..PathSettings::default() };
+        let tracer = Tracer::new(&scene, &settings).expect("a tracer");
+        let (pass, counters) = tracer.pass(0, 4, settings.seed).expect("a pass");
+        let mut sums = Accumulation::new(settings.identity(&scene), pass.len());
+        sums.add(&pass, 4);
+        sums.progress.counters.add(&counters);
+        let folder = tempfile::tempdir().expect("a folder");
+        let state = folder.path().join("a.exr.state");
+        sums.save(&state).expect("it is written");
+        let resumed = render(&scene, &settings, Some(&state), &|_, _| {}).expect("it goes on");
+        let whole = render(&scene, &settings, None, &|_, _| {}).expect("it renders");
+        assert_eq!(resumed.pixels, whole.pixels);
+        assert_eq!(resumed.provenance["collisions"], whole.provenance["collisions"]);
+        assert!(!state.exists(), "the state is removed at the end");
     }
 }
