@@ -6,22 +6,12 @@ use cloudparity::blender::reference::{ReferenceSettings, reference};
 use cloudparity::image::Image;
 use cloudparity::integrate::{self, Backend, LightMode, MarchSettings};
 use cloudparity::scene::{Input, Scene};
-use serde_json::json;
 use std::f64::consts::PI;
-
-const SUN: f64 = 10.0;
-const SCATTERING: [f64; 3] = [0.6, 0.3, 0.9];
+use support::cube::{SCATTERING, SUN, color, homogeneous, phase, ramp, set, slanted_sun};
 
 /// The steps below are fine enough that the closed form is met to this: the midpoint rule errs by
 /// (step / 2)^2 / 6 of second derivatives of order 1, and f32 results by 6e-8.
 const TOLERANCE: f64 = 1e-4;
-
-fn homogeneous() -> Scene {
-    let mut scene = support::scene("homogeneous-cube");
-    // Every pixel is the central ray.
-    scene.film.resolution = [2, 2];
-    scene
-}
 
 fn exact() -> MarchSettings {
     MarchSettings {
@@ -34,16 +24,6 @@ fn exact() -> MarchSettings {
     }
 }
 
-fn set(scene: &mut Scene, socket: &str, value: Input) {
-    let nodes = &mut scene.graph_mut().nodes;
-    let closure = nodes.iter_mut().find(|node| node.name == "Principled Volume").expect("the scene has one");
-    closure.inputs.insert(socket.to_owned(), value);
-}
-
-fn color(value: [f32; 3]) -> Input {
-    Input::List(vec![value[0], value[1], value[2], 1.0])
-}
-
 fn render(scene: &Scene, settings: &MarchSettings) -> [f64; 4] {
     let image = integrate::render(scene, settings, Backend::Cpu, &|_, _| {}).expect("the scene renders");
     image.mean()
@@ -53,34 +33,6 @@ fn render(scene: &Scene, settings: &MarchSettings) -> [f64; 4] {
 fn close(found: f64, expected: f64, tolerance: f64) {
     let error = (found / expected - 1.0).abs();
     assert!(error <= tolerance, "{found} is not {expected}: relative error {error:e}");
-}
-
-fn phase(anisotropy: f64, cosine: f64) -> f64 {
-    let square = anisotropy * anisotropy;
-    (1.0 - square) / (4.0 * PI * (1.0 + square - 2.0 * anisotropy * cosine).powf(1.5))
-}
-
-/// A sun that travels (0, -1, -1)/sqrt(2): it shines along its local -Z.
-fn slanted_sun(scene: &mut Scene) {
-    let half = std::f32::consts::FRAC_1_SQRT_2;
-    scene.lights[0].matrix_world =
-        [[1.0, 0.0, 0.0, 0.0], [0.0, half, half, 0.0], [0.0, -half, half, 0.0], [0.0, 0.0, 0.0, 1.0]];
-}
-
-/// Density `slope * Generated[axis]`.
-fn ramp(scene: &mut Scene, axis: &str, slope: f32) {
-    let nodes = json!([
-        {"name": "Coordinate", "type": "ShaderNodeTexCoord", "location": [0.0, 0.0],
-         "properties": {"from_instancer": false, "object": null}, "inputs": {}},
-        {"name": "Separate", "type": "ShaderNodeSeparateXYZ", "location": [0.0, 0.0], "properties": {},
-         "inputs": {"Vector": {"node": "Coordinate", "socket": "Generated"}}},
-        {"name": "Slope", "type": "ShaderNodeMath", "location": [0.0, 0.0],
-         "properties": {"operation": "MULTIPLY", "use_clamp": false},
-         "inputs": {"Value": {"node": "Separate", "socket": axis}, "Value_001": slope}},
-    ]);
-    let nodes: Vec<cloudparity::scene::Node> = serde_json::from_value(nodes).expect("the nodes are well formed");
-    scene.graph_mut().nodes.extend(nodes);
-    set(scene, "Density", Input::Link { node: "Slope".into(), socket: "Value".into() });
 }
 
 #[test]

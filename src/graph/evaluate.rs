@@ -134,6 +134,35 @@ impl Program {
     }
 }
 
+/// Evaluates in f32 on the calling thread and keeps its memory between calls: for callers that are
+/// parallel themselves. The bits are those of [`Program::evaluate_single`].
+pub struct Evaluator<'a> {
+    program: &'a Program,
+    workspace: Workspace<f32>,
+    results: Vec<f32>,
+}
+
+impl<'a> Evaluator<'a> {
+    /// An evaluator of a program of the position alone; one that reads attributes is an error.
+    pub fn new(program: &'a Program) -> Result<Self> {
+        program.attribute_columns(Points::new(&[]))?;
+        Ok(Self { program, workspace: Workspace::new(program), results: Vec::new() })
+    }
+
+    /// Point by point, the components of all outputs in order.
+    pub fn evaluate(&mut self, positions: &[[f32; 3]]) -> &[f32] {
+        let width = self.program.output_components();
+        self.results.resize(positions.len() * width, 0.0);
+        if width > 0 {
+            for (positions, results) in positions.chunks(BATCH).zip(self.results.chunks_mut(BATCH * width)) {
+                self.workspace.run(self.program, positions, &[]);
+                self.workspace.collect(self.program, positions.len(), results);
+            }
+        }
+        &self.results
+    }
+}
+
 /// Columns of one batch: positions, attributes, constants, registers.
 struct Workspace<R> {
     /// Column of every distinct operand, by [`Workspace::slots`].

@@ -9,41 +9,59 @@ use crate::scene::PixelFilter;
 /// Cells of the table that inverts a distribution; its error is far below a stratum.
 const TABLE: usize = 4096;
 
-/// Offsets from the pixel centre, in pixels, at the middle of `strata` parts of equal probability.
-pub fn offsets(filter: PixelFilter, width: f64, strata: usize) -> Vec<f64> {
-    let quantiles = (0..strata).map(|stratum| (stratum as f64 + 0.5) / strata as f64);
-    let pi = std::f64::consts::PI;
-    match filter {
-        // Always one pixel wide, whatever the width says.
-        PixelFilter::Box => quantiles.map(|quantile| quantile - 0.5).collect(),
-        PixelFilter::Gaussian => invert(|offset| (-8.0 * (offset / width).powi(2)).exp(), 1.5 * width, quantiles),
-        PixelFilter::BlackmanHarris => {
-            let density = |offset: f64| {
-                let angle = pi * offset / width;
-                0.35875 + 0.48829 * angle.cos() + 0.14128 * (2.0 * angle).cos() + 0.01168 * (3.0 * angle).cos()
-            };
-            invert(density, width, quantiles)
+/// The inverse distribution of a pixel filter along one axis.
+#[derive(Debug, Clone)]
+pub struct Warp {
+    /// Half width of the filter in pixels.
+    support: f64,
+    /// Mass of the table's cells before each, and of all; empty for the box filter.
+    cumulative: Vec<f64>,
+}
+
+impl Warp {
+    /// The filter of `width` pixels; the box is always one pixel wide, whatever the width says.
+    pub fn new(filter: PixelFilter, width: f64) -> Self {
+        let pi = std::f64::consts::PI;
+        match filter {
+            PixelFilter::Box => Self { support: 0.5, cumulative: Vec::new() },
+            PixelFilter::Gaussian => Self::tabulate(|offset| (-8.0 * (offset / width).powi(2)).exp(), 1.5 * width),
+            PixelFilter::BlackmanHarris => {
+                let density = |offset: f64| {
+                    let angle = pi * offset / width;
+                    0.35875 + 0.48829 * angle.cos() + 0.14128 * (2.0 * angle).cos() + 0.01168 * (3.0 * angle).cos()
+                };
+                Self::tabulate(density, width)
+            }
         }
+    }
+
+    /// Tabulates an even density on `[-support, support]`.
+    fn tabulate(density: impl Fn(f64) -> f64, support: f64) -> Self {
+        let cell = 2.0 * support / TABLE as f64;
+        let mut total = 0.0;
+        let mut cumulative = vec![0.0];
+        for index in 0..TABLE {
+            total += density(-support + (index as f64 + 0.5) * cell);
+            cumulative.push(total);
+        }
+        Self { support, cumulative }
+    }
+
+    /// Offset from the pixel centre, in pixels, below which the part `quantile` of the filter lies.
+    pub fn offset(&self, quantile: f64) -> f64 {
+        let Some(&total) = self.cumulative.last() else { return quantile - 0.5 };
+        let wanted = quantile * total;
+        // The first cell whose end reaches the wanted mass.
+        let index = self.cumulative[1..TABLE].partition_point(|&mass| mass < wanted);
+        let part = (wanted - self.cumulative[index]) / (self.cumulative[index + 1] - self.cumulative[index]);
+        -self.support + (index as f64 + part) * (2.0 * self.support / TABLE as f64)
     }
 }
 
-/// Inverts the distribution of an even density on `[-support, support]` at rising quantiles.
-fn invert(density: impl Fn(f64) -> f64, support: f64, quantiles: impl Iterator<Item = f64>) -> Vec<f64> {
-    let cell = 2.0 * support / TABLE as f64;
-    let masses: Vec<f64> = (0..TABLE).map(|index| density(-support + (index as f64 + 0.5) * cell)).collect();
-    let total: f64 = masses.iter().sum();
-    let mut index = 0;
-    let mut before = 0.0;
-    quantiles
-        .map(|quantile| {
-            let wanted = quantile * total;
-            while index + 1 < TABLE && before + masses[index] < wanted {
-                before += masses[index];
-                index += 1;
-            }
-            -support + (index as f64 + (wanted - before) / masses[index]) * cell
-        })
-        .collect()
+/// Offsets from the pixel centre, in pixels, at the middle of `strata` parts of equal probability.
+pub fn offsets(filter: PixelFilter, width: f64, strata: usize) -> Vec<f64> {
+    let warp = Warp::new(filter, width);
+    (0..strata).map(|stratum| warp.offset((stratum as f64 + 0.5) / strata as f64)).collect()
 }
 
 #[cfg(test)]

@@ -9,10 +9,14 @@ pub mod environment;
 pub mod film;
 pub mod light_grid;
 pub mod lights;
+pub mod majorant;
 pub mod march;
 pub mod media;
 pub mod medium;
+pub mod path;
 pub mod phase;
+pub mod sampled_lights;
+pub mod sampler;
 
 use crate::error::{Error, Result};
 use crate::gpu::Gpu;

@@ -1,6 +1,8 @@
 //! What integration tests share: optional requirements and the committed scenes.
 #![allow(dead_code, reason = "each test file uses a part of it")]
 
+pub mod cube;
+
 use cloudparity::scene::Scene;
 use std::path::{Path, PathBuf};
 

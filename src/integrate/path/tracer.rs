@@ -1,0 +1,568 @@
+//! One path as a state machine, and thousands of them side by side.
+//!
+//! A path is a row of rays: the camera ray, then per scattering event a shadow ray to one light and the ray that
+//! the phase function sampled. A ray walks through the majorants to its next tentative collision; then the
+//! density there is needed. So paths wait for each other: all walk, one batch of densities is
+//! evaluated, all handle their collision. The state of a path is small and fixed, nothing recurses.
+//!
+//! With extinction e, majorant M and minorant m per channel (m the minorant of the channel with the
+//! most, times the channel's share), tentative collisions at rate r:
+//!
+//! * *Camera ray*: every tentative collision is a possible scattering event of weight T s / r with s the
+//!   scattering and T = prod(1 - e/r) so far; one of them is kept with probability in proportion to its
+//!   weight (a reservoir) and goes on with the sum of all. A camera ray through thin media so
+//!   always finds the event if it meets any (an expected-value estimator; Novak et al. 2014).
+//! * *Transmittance* of camera, shadow and last rays: residual ratio tracking (Novak et al. 2014),
+//!   exp(-integral of m) prod(1 - (e - m)/r), r = M - m. Without noise where M = m.
+//! * *Rays between scattering events*: tracking with null collisions, r = M. A collision scatters or is null with
+//!   probabilities in proportion to the sums over channels of b s and b (r - e), b the path's weight;
+//!   absorption only lowers the weight. These are the probabilities of the mixture of
+//!   one technique per channel, conditional on the path so far, so that the weights are those of
+//!   multiple importance sampling over channels with the path's densities in the balance heuristic (Miller,
+//!   Georgiev and Jarosz 2019; Wilkie et al. 2014): the sum of b over channels never grows.
+//! * *Emission* j along a flight of length l: b j l, or b j (1 - exp(-m l))/m with a minorant.
+//! * *Lights*: next-event estimation towards one light per event, chosen in proportion to what it roughly delivers; if it has an
+//!   extent, weighted against hits of the sampled ray on that light (balance heuristic; Veach 1997).
+
+use super::volume::{CoefficientEvaluator, Coefficients, Volume};
+use crate::error::{Error, Result};
+use crate::integrate::camera::Camera;
+use crate::integrate::film::Warp;
+use crate::integrate::majorant::{Majorants, Walk};
+use crate::integrate::sampled_lights::SampledLight;
+use crate::integrate::sampler::Sampler;
+use glam::{DVec2, DVec3};
+
+/// Paths side by side on a thread: batches of the density program are full.
+const PATHS: usize = 1024;
+
+/// Below this transmittance a ray goes on with half the chance and twice the weight.
+const FAINT: f64 = 0.1;
+
+/// Scattering events before roulette may end a path.
+const EVENTS_BEFORE_ROULETTE: u32 = 4;
+
+/// What all paths share.
+pub(super) struct Tracer {
+    pub(super) camera: Camera,
+    pub(super) size: [u32; 2],
+    pub(super) filter: Warp,
+    pub(super) transparent: bool,
+    pub(super) exposure: f64,
+    pub(super) volume: Volume,
+    pub(super) lights: Vec<SampledLight>,
+    pub(super) world: [f64; 3],
+    /// Most scattering events of a path.
+    pub(super) events: u32,
+    /// Tentative collisions of camera rays per optical depth of the majorant, at least 1.
+    pub(super) oversampling: f64,
+    /// First scattering events of less weight go on with a chance in proportion to it.
+    pub(super) first_weight: f64,
+}
+
+/// What paths did.
+#[derive(Debug, Clone, Copy, Default, PartialEq, serde::Serialize, serde::Deserialize)]
+pub struct Counters {
+    /// Camera rays.
+    pub paths: u64,
+    /// Tentative collisions, each an evaluation of the density.
+    pub collisions: u64,
+    /// Of these, how many are null: the sum of 1 - extinction / majorant.
+    pub null_collisions: f64,
+    /// Scattering events.
+    pub scatterings: u64,
+    /// Densities above their majorant. Any is an error, so this is 0 in every picture.
+    pub violations: u64,
+}
+
+impl Counters {
+    /// Adds what others counted.
+    pub fn add(&mut self, other: &Self) {
+        self.paths += other.paths;
+        self.collisions += other.collisions;
+        self.null_collisions += other.null_collisions;
+        self.scatterings += other.scatterings;
+        self.violations += other.violations;
+    }
+}
+
+/// A range of camera rays: numbers count the samples of the first pixel, then those of the second.
+#[derive(Debug, Clone)]
+pub(super) struct Work {
+    pub(super) items: std::ops::Range<u64>,
+    pub(super) first_sample: u32,
+    pub(super) samples: u32,
+    pub(super) seed: u32,
+}
+
+/// Sums over samples of radiance and opacity, for consecutive pixels.
+pub(super) struct Sums {
+    pub(super) first_pixel: usize,
+    pub(super) pixels: Vec<[f64; 4]>,
+    pub(super) counters: Counters,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Stage {
+    Camera,
+    /// Towards a light.
+    Shadow,
+    /// Between two scattering events.
+    Bounce,
+    /// After the last event that is allowed.
+    Last,
+}
+
+/// The state of a path.
+struct Path {
+    pixel: u32,
+    sampler: Sampler,
+    stage: Stage,
+    /// The ray, in world space.
+    origin: DVec3,
+    direction: DVec3,
+    walk: Walk,
+    /// What arrives at the end of the ray counts this much, but for the ray's own weight.
+    carried: [f64; 3],
+    /// The ray's own weight: 1 at its start.
+    weight: [f64; 3],
+    /// Camera ray: the weight without the control by minorants, from which scattering is chosen.
+    analog: [f64; 3],
+    /// The tentative collision: rate there, the leaf's ends, random numbers.
+    rate: f64,
+    minorant: f64,
+    majorant: f64,
+    numbers: [f64; 4],
+    /// Camera ray: sum over possible events, and the kept one's distance, weight, mean weight.
+    total: f64,
+    kept_distance: f64,
+    kept: [f64; 3],
+    kept_mean: f64,
+    /// Whether a ray between events ended in one, at the kept distance.
+    scattered: bool,
+    /// The last scattering event.
+    vertex: DVec3,
+    throughput: [f64; 3],
+    next: DVec3,
+    scatterings: u32,
+    /// Largest throughput after the first event.
+    reference: f64,
+    /// Where the sampled ray hits the light of this event (NaN: nowhere), and what that adds.
+    hit_distance: f64,
+    hit: [f64; 3],
+    radiance: [f64; 3],
+    opacity: f64,
+}
+
+impl Tracer {
+    /// Traces a range of paths on the calling thread. The result depends on nothing else.
+    pub(super) fn trace(&self, work: &Work) -> Result<Sums> {
+        let per_pixel = u64::from(work.samples);
+        let first_pixel = (work.items.start / per_pixel) as usize;
+        let end_pixel = work.items.end.div_ceil(per_pixel) as usize;
+        let mut sums = Sums {
+            first_pixel,
+            pixels: vec![[0.0; 4]; end_pixel - first_pixel],
+            counters: Counters { paths: work.items.end - work.items.start, ..Counters::default() },
+        };
+        let mut evaluator = self.volume.evaluator()?;
+        let mut items = work.items.clone().map(|item| {
+            let sample = work.first_sample + (item % per_pixel) as u32;
+            self.begin((item / per_pixel) as u32, sample, work.seed)
+        });
+        let mut paths = Vec::with_capacity(PATHS);
+        let mut positions = Vec::with_capacity(PATHS);
+        let mut coefficients = Vec::with_capacity(PATHS);
+        loop {
+            // Finished paths make room for new ones.
+            positions.clear();
+            let mut index = 0;
+            loop {
+                if index == paths.len() {
+                    if paths.len() == PATHS {
+                        break;
+                    }
+                    let Some(path) = items.next() else { break };
+                    paths.push(path);
+                }
+                let path = &mut paths[index];
+                if self.advance(path, &mut sums.counters) {
+                    positions.push(self.position(path));
+                    index += 1;
+                    continue;
+                }
+                sums.add(path);
+                match items.next() {
+                    Some(path) => paths[index] = path,
+                    None => drop(paths.swap_remove(index)),
+                }
+            }
+            if paths.is_empty() {
+                return Ok(sums);
+            }
+            self.collide_all(&mut evaluator, &mut paths, &positions, &mut coefficients, &mut sums.counters)?;
+        }
+    }
+
+    fn collide_all(
+        &self,
+        evaluator: &mut CoefficientEvaluator<'_>,
+        paths: &mut [Path],
+        positions: &[[f32; 3]],
+        coefficients: &mut Vec<Coefficients>,
+        counters: &mut Counters,
+    ) -> Result<()> {
+        evaluator.evaluate(positions, coefficients);
+        counters.collisions += positions.len() as u64;
+        for ((path, found), position) in paths.iter_mut().zip(coefficients).zip(positions) {
+            let extinction = found
+                .extinction
+                .iter()
+                .copied()
+                .fold(0.0, |most: f64, value| if value.is_nan() { value } else { most.max(value) });
+            // NaN is not below the majorant.
+            if extinction.is_nan() || extinction > path.majorant {
+                return Err(violation(*position, extinction, path.majorant));
+            }
+            counters.null_collisions += 1.0 - extinction / path.rate.max(path.majorant);
+            self.collide(path, found);
+        }
+        Ok(())
+    }
+
+    /// A path at its camera ray.
+    fn begin(&self, pixel: u32, sample: u32, seed: u32) -> Path {
+        let sampler = Sampler::new(pixel, sample, seed);
+        let [x, y, flight, _] = sampler.camera();
+        let [width, height] = self.size;
+        let column = f64::from(pixel % width) + 0.5 + self.filter.offset(x);
+        let line = f64::from(height - 1 - pixel / width) + 0.5 + self.filter.offset(y);
+        let ray = self.camera.ray(DVec2::new(column, line));
+        let mut path = Path {
+            pixel,
+            sampler,
+            stage: Stage::Camera,
+            origin: ray.origin,
+            direction: ray.direction,
+            walk: Walk::default(),
+            carried: [1.0; 3],
+            weight: [1.0; 3],
+            analog: [1.0; 3],
+            rate: 0.0,
+            minorant: 0.0,
+            majorant: 0.0,
+            numbers: [flight, 0.0, 0.0, 0.0],
+            total: 0.0,
+            kept_distance: 0.0,
+            kept: [0.0; 3],
+            kept_mean: 0.0,
+            scattered: false,
+            vertex: DVec3::ZERO,
+            throughput: [0.0; 3],
+            next: DVec3::ZERO,
+            scatterings: 0,
+            reference: 0.0,
+            hit_distance: f64::NAN,
+            hit: [0.0; 3],
+            radiance: [0.0; 3],
+            opacity: 0.0,
+        };
+        // Cycles leaves out a medium that reaches across the far clip.
+        let whole = self.walk(ray.origin, ray.direction, f64::NEG_INFINITY, f64::INFINITY);
+        if whole.is_some_and(|walk| walk.end <= ray.far) {
+            path.walk = self.walk(ray.origin, ray.direction, ray.near, f64::INFINITY).unwrap_or_default();
+        }
+        path
+    }
+
+    /// A ray's way through the medium between two distances.
+    fn walk(&self, origin: DVec3, direction: DVec3, from: f64, to: f64) -> Option<Walk> {
+        let origin = self.volume.to_object.transform_point3(origin);
+        let direction = self.volume.to_object.transform_vector3(direction);
+        self.volume.majorants.as_ref()?.enter(origin, direction, from, to)
+    }
+
+    /// Where the path waits for a density.
+    fn position(&self, path: &Path) -> [f32; 3] {
+        let majorants = self.volume.majorants.as_ref().expect("a path waits in a medium");
+        majorants.position(&path.walk).as_vec3().to_array()
+    }
+
+    /// Goes to the next tentative collision; false where the path ends.
+    fn advance(&self, path: &mut Path, counters: &mut Counters) -> bool {
+        loop {
+            if let Some(majorants) = &self.volume.majorants
+                && self.travel(path, majorants)
+            {
+                return true;
+            }
+            if !self.end_ray(path, counters) {
+                return false;
+            }
+        }
+    }
+
+    /// Goes along the ray to its next tentative collision; false at the end of the ray.
+    fn travel(&self, path: &mut Path, majorants: &Majorants) -> bool {
+        let mut remaining = -(-path.numbers[0]).ln_1p();
+        while path.walk.distance < path.walk.end {
+            let crossing = majorants.crossing(&path.walk);
+            let controlled = path.stage != Stage::Bounce;
+            let (rate, minorant) = match path.stage {
+                Stage::Camera if self.volume.scatters() => (self.oversampling * crossing.majorant, crossing.minorant),
+                Stage::Bounce => (crossing.majorant, 0.0),
+                _ => (crossing.majorant - crossing.minorant, crossing.minorant),
+            };
+            let length = crossing.exit - path.walk.distance;
+            if remaining < rate * length {
+                let step = remaining / rate;
+                self.fly(path, minorant, step);
+                path.walk.distance += step;
+                path.rate = rate;
+                path.minorant = if controlled { minorant } else { 0.0 };
+                path.majorant = crossing.majorant;
+                path.numbers = path.sampler.next4();
+                return true;
+            }
+            remaining -= rate * length;
+            self.fly(path, minorant, length);
+            if !majorants.cross(&mut path.walk, &crossing) {
+                path.walk.distance = path.walk.end;
+            }
+        }
+        false
+    }
+
+    /// Emission and light along a flight, and its transmittance through the minorant.
+    fn fly(&self, path: &mut Path, minorant: f64, length: f64) {
+        // A shadow ray brings its own light and nothing else.
+        let collects = path.stage != Stage::Shadow;
+        let hit = path.hit_distance - path.walk.distance;
+        let light = collects && hit > 0.0 && hit <= length;
+        let emission = if collects { self.volume.emission } else { [0.0; 3] };
+        if light {
+            path.hit_distance = f64::NAN;
+        }
+        if minorant == 0.0 && !light && emission == [0.0; 3] {
+            return;
+        }
+        for channel in 0..3 {
+            let extinction = minorant * self.volume.share[channel];
+            let arriving = path.carried[channel] * path.weight[channel];
+            let depth = extinction * length;
+            // (1 - exp(-depth)) / extinction, without the division by zero.
+            let reach = if depth < 1e-12 { length } else { -(-depth).exp_m1() / extinction };
+            path.radiance[channel] += arriving * emission[channel] * reach;
+            if light {
+                path.radiance[channel] += arriving * (-extinction * hit).exp() * path.hit[channel];
+            }
+            path.weight[channel] *= (-depth).exp();
+        }
+    }
+
+    /// Handles a tentative collision whose coefficients are known.
+    fn collide(&self, path: &mut Path, found: &Coefficients) {
+        if path.stage == Stage::Bounce {
+            return collide_between_events(path, found);
+        }
+        if path.stage == Stage::Camera && self.volume.scatters() {
+            keep_or_not(path, found);
+        }
+        for channel in 0..3 {
+            let residual = found.extinction[channel] - path.minorant * self.volume.share[channel];
+            path.weight[channel] *= 1.0 - residual / path.rate;
+            path.analog[channel] *= 1.0 - found.extinction[channel] / path.rate;
+        }
+        let mut most = largest(&path.weight);
+        if path.stage == Stage::Camera {
+            most = most.max(largest(&path.analog));
+        }
+        if most < FAINT {
+            let factor = if path.numbers[2] < 0.5 { 2.0 } else { 0.0 };
+            path.weight = path.weight.map(|weight| weight * factor);
+            path.analog = path.analog.map(|weight| weight * factor);
+            if factor == 0.0 || most == 0.0 {
+                path.walk.distance = path.walk.end;
+            }
+        }
+        path.numbers[0] = path.numbers[3];
+    }
+
+    /// What the ray finds at its end, and the next ray; false where the path ends.
+    fn end_ray(&self, path: &mut Path, counters: &mut Counters) -> bool {
+        let arriving: [f64; 3] = std::array::from_fn(|channel| path.carried[channel] * path.weight[channel]);
+        let hit = if path.hit_distance > 0.0 { path.hit } else { [0.0; 3] };
+        let found = match path.stage {
+            Stage::Camera if self.transparent => [0.0; 3],
+            Stage::Camera => self.world,
+            Stage::Shadow => [1.0; 3],
+            Stage::Bounce | Stage::Last => std::array::from_fn(|channel| self.world[channel] + hit[channel]),
+        };
+        for channel in 0..3 {
+            path.radiance[channel] += arriving[channel] * found[channel];
+        }
+        match path.stage {
+            Stage::Camera => {
+                path.opacity = 1.0 - path.weight.iter().sum::<f64>() / 3.0;
+                if path.total == 0.0 {
+                    return false;
+                }
+                path.throughput = path.kept.map(|weight| weight * path.total / path.kept_mean);
+                path.reference = largest(&path.throughput);
+                if path.reference < self.first_weight {
+                    let chance = path.reference / self.first_weight;
+                    if path.sampler.next4()[0] >= chance {
+                        return false;
+                    }
+                    path.throughput = path.throughput.map(|weight| weight / chance);
+                    path.reference = self.first_weight;
+                }
+                self.scatter(path, counters)
+            }
+            Stage::Shadow => self.leave_event(path),
+            Stage::Bounce => path.scattered && survives(path) && self.scatter(path, counters),
+            Stage::Last => false,
+        }
+    }
+
+    /// A scattering event at the kept distance: samples the phase function and sends a shadow ray.
+    fn scatter(&self, path: &mut Path, counters: &mut Counters) -> bool {
+        counters.scatterings += 1;
+        let [[first, second, third, fourth], [choice, ..]] = path.sampler.scattering(path.scatterings);
+        path.scatterings += 1;
+        path.vertex = path.origin + path.direction * path.kept_distance;
+        let before = path.direction;
+        path.next = self.volume.sample_phase(before, [first, second]);
+        path.hit_distance = f64::NAN;
+        let Some((light, probability)) = self.choose_light(path.vertex, choice) else {
+            return self.leave_event(path);
+        };
+        if let Some(hit) = light.hit(path.vertex, path.next) {
+            let density = self.volume.phase(before, path.next);
+            let share = density / (density + hit.density) / probability;
+            path.hit_distance = hit.distance;
+            path.hit = hit.radiance.map(|radiance| radiance * share);
+        }
+        let Some(sample) = light.sample(path.vertex, [third, fourth]) else { return self.leave_event(path) };
+        let phase = self.volume.phase(before, sample.direction);
+        let share = sample.density.map_or(1.0, |density| density / (density + phase)) * phase / probability;
+        let arriving = std::array::from_fn(|channel| path.throughput[channel] * sample.radiance[channel] * share);
+        self.send(path, Stage::Shadow, sample.direction, sample.distance, arriving);
+        true
+    }
+
+    /// Sends the ray that the phase function sampled; false where it cannot find anything.
+    fn leave_event(&self, path: &mut Path) -> bool {
+        let last = path.scatterings >= self.events;
+        let dark = self.world == [0.0; 3] && !self.volume.emits() && path.hit_distance.is_nan();
+        if last && dark {
+            return false;
+        }
+        let stage = if last { Stage::Last } else { Stage::Bounce };
+        self.send(path, stage, path.next, f64::INFINITY, path.throughput);
+        true
+    }
+
+    /// Starts a ray at the last event.
+    fn send(&self, path: &mut Path, stage: Stage, direction: DVec3, end: f64, carried: [f64; 3]) {
+        path.stage = stage;
+        path.origin = path.vertex;
+        path.direction = direction;
+        path.walk = self.walk(path.vertex, direction, 0.0, end).unwrap_or_default();
+        path.carried = carried;
+        path.weight = [1.0; 3];
+        path.scattered = false;
+        path.numbers = path.sampler.next4();
+    }
+
+    /// A light, with the probability of its choice.
+    fn choose_light(&self, place: DVec3, choice: f64) -> Option<(&SampledLight, f64)> {
+        if let [light] = self.lights.as_slice() {
+            return Some((light, 1.0));
+        }
+        let total: f64 = self.lights.iter().map(|light| light.importance(place)).sum();
+        let mut rest = choice * total;
+        for (index, light) in self.lights.iter().enumerate() {
+            let importance = light.importance(place);
+            if rest < importance || index + 1 == self.lights.len() {
+                return Some((light, importance / total));
+            }
+            rest -= importance;
+        }
+        None
+    }
+}
+
+impl Sums {
+    fn add(&mut self, path: &Path) {
+        let sum = &mut self.pixels[path.pixel as usize - self.first_pixel];
+        for channel in 0..3 {
+            sum[channel] += path.radiance[channel];
+        }
+        sum[3] += path.opacity;
+    }
+}
+
+/// A tentative collision of a ray between scattering events: scattering or null.
+fn collide_between_events(path: &mut Path, found: &Coefficients) {
+    let weight: [f64; 3] = std::array::from_fn(|channel| path.carried[channel] * path.weight[channel]);
+    let scattering: f64 = (0..3).map(|channel| weight[channel] * found.scattering[channel]).sum();
+    let null: f64 = (0..3).map(|channel| weight[channel] * (path.rate - found.extinction[channel])).sum();
+    let both = scattering + null;
+    if path.numbers[1] * both < scattering {
+        let factor = both / (scattering * path.rate);
+        path.throughput = std::array::from_fn(|channel| weight[channel] * found.scattering[channel] * factor);
+        // The event takes over; nothing is left for the end of this ray.
+        path.weight = [0.0; 3];
+        path.kept_distance = path.walk.distance;
+        path.walk.distance = path.walk.end;
+        path.scattered = true;
+    } else if null > 0.0 {
+        let factor = both / (null * path.rate);
+        for channel in 0..3 {
+            path.weight[channel] *= (path.rate - found.extinction[channel]) * factor;
+        }
+    } else {
+        path.weight = [0.0; 3];
+        path.walk.distance = path.walk.end;
+    }
+    path.numbers[0] = path.numbers[3];
+}
+
+/// The reservoir of possible first scattering events.
+fn keep_or_not(path: &mut Path, found: &Coefficients) {
+    let weight: [f64; 3] = std::array::from_fn(|channel| path.analog[channel] * found.scattering[channel] / path.rate);
+    let mean = weight.iter().sum::<f64>() / 3.0;
+    path.total += mean;
+    if path.numbers[1] * path.total < mean {
+        path.kept_distance = path.walk.distance;
+        path.kept = weight;
+        path.kept_mean = mean;
+    }
+}
+
+/// Roulette by what is left of the throughput: unbiased, since survivors carry more.
+fn survives(path: &mut Path) -> bool {
+    if path.scatterings < EVENTS_BEFORE_ROULETTE {
+        return true;
+    }
+    let chance = largest(&path.throughput) / path.reference;
+    if chance >= 1.0 {
+        return true;
+    }
+    path.throughput = path.throughput.map(|weight| weight / chance);
+    path.numbers[2] < chance
+}
+
+fn largest(values: &[f64; 3]) -> f64 {
+    values.iter().copied().fold(0.0, f64::max)
+}
+
+fn violation(position: [f32; 3], extinction: f64, majorant: f64) -> Error {
+    Error::new(
+        format!("the object-space position {position:?}"),
+        format!("an extinction of {extinction} per metre"),
+        format!("at most the majorant {majorant} that was proven for its surroundings"),
+        "This is a defect of the bounds (or a NaN they missed): please report it with the scene file.",
+    )
+}

@@ -1,0 +1,415 @@
+//! The path integrator against closed forms and tabulated truths.
+//!
+//! Each figure is the mean of [`REPLICAS`] independent pictures, its standard error the spread of
+//! their means: the replica is the unit of statistics, whatever the samples within it share. A figure
+//! passes within 4 standard errors, and only where the standard error is below 0.2 % of it.
+//! Seeds are fixed, so that a test passes or fails for good.
+
+mod support;
+
+use cloudparity::image::Image;
+use cloudparity::integrate::majorant::Majorants;
+use cloudparity::integrate::path::{self, PathSettings};
+use cloudparity::scene::{Input, Light, LightKind, Scene};
+use std::f64::consts::PI;
+use support::cube::{SCATTERING, SUN, color, homogeneous, phase, ramp, set, slanted_sun, sphere};
+
+const REPLICAS: u32 = 16;
+
+/// f32 pixels and settings round by 6e-8; estimators without noise are met to this.
+const ROUNDING: f64 = 1e-6;
+
+fn replicas(scene: &Scene, samples: u32) -> Vec<Image> {
+    let settings = PathSettings { samples, ..PathSettings::default() };
+    let seeds: Vec<u32> = (0..REPLICAS).collect();
+    path::render_replicas(scene, &settings, &seeds, &|_, _| {}).expect("the scene renders")
+}
+
+/// Mean over replicas and its standard error, channel by channel.
+fn estimate(scene: &Scene, samples: u32) -> [(f64, f64); 4] {
+    let means: Vec<[f64; 4]> = replicas(scene, samples).iter().map(Image::mean).collect();
+    let count = f64::from(REPLICAS);
+    std::array::from_fn(|channel| {
+        let mean = means.iter().map(|means| means[channel]).sum::<f64>() / count;
+        let squares: f64 = means.iter().map(|means| (means[channel] - mean).powi(2)).sum();
+        (mean, (squares / (count - 1.0) / count).sqrt())
+    })
+}
+
+#[track_caller]
+fn meets((found, error): (f64, f64), expected: f64, truth_error: f64) {
+    let together = error.hypot(truth_error);
+    println!("{found:.6} ({error:.1e}), expected {expected:.6}: {:+.1} errors", (found - expected) / together);
+    assert!(error <= 0.002 * expected, "the standard error {error:e} is too large to test {expected}");
+    let allowed = 4.0 * together + ROUNDING * expected;
+    assert!((found - expected).abs() <= allowed, "{found} ({error:e}) is not {expected} ({truth_error:e})");
+}
+
+/// A scene without lights in a world of radiance 1.
+fn furnace() -> Scene {
+    let mut scene = homogeneous();
+    scene.lights.clear();
+    scene.world.color = [1.0; 3];
+    set(&mut scene, "Color", color([1.0; 3]));
+    scene
+}
+
+fn bounces(scene: &mut Scene, number: u32) {
+    scene.integrator.volume_bounces = number;
+    scene.integrator.max_bounces = number;
+}
+
+#[test]
+fn an_absorbing_cube_follows_beer_lambert_without_noise() {
+    let mut scene = furnace();
+    scene.world.color = [1.0, 0.5, 0.25];
+    set(&mut scene, "Color", color([0.0; 3]));
+    let found = estimate(&scene, 4);
+    for (channel, world) in [1.0, 0.5, 0.25].into_iter().enumerate() {
+        meets(found[channel], world * (-2.0_f64).exp(), 0.0);
+        assert!(found[channel].1 < ROUNDING, "a homogeneous medium needs no samples");
+    }
+}
+
+#[test]
+fn single_scattering_of_a_sun_meets_its_closed_forms() {
+    let root = 2.0_f64.sqrt();
+    let slanted =
+        (-root).exp() * (1.0 - (-1.0_f64).exp()) + (-(1.0 + root)).exp() * ((root - 1.0).exp() - 1.0) / (root - 1.0);
+    for anisotropy in [0.0, 0.6, -0.3] {
+        let mut scene = homogeneous();
+        scene.film.transparent = true;
+        set(&mut scene, "Anisotropy", Input::Number(anisotropy as f32));
+        let found = estimate(&scene, 1 << 13);
+        let straight = SUN * phase(anisotropy, 0.0) * (-1.0_f64).exp() * (1.0 - (-2.0_f64).exp());
+        for channel in 0..3 {
+            meets(found[channel], SCATTERING[channel] * straight, 0.0);
+        }
+        meets(found[3], 1.0 - (-2.0_f64).exp(), 0.0);
+        slanted_sun(&mut scene);
+        let found = estimate(&scene, 1 << 13);
+        for channel in 0..3 {
+            meets(found[channel], SCATTERING[channel] * SUN * phase(anisotropy, 1.0 / root) * slanted, 0.0);
+        }
+    }
+}
+
+#[test]
+fn emission_meets_its_closed_form_with_and_without_density() {
+    let mut scene = homogeneous();
+    scene.lights.clear();
+    scene.film.transparent = true;
+    set(&mut scene, "Emission Strength", Input::Number(0.5));
+    set(&mut scene, "Color", color([0.0; 3]));
+    for (density, expected) in [(0.0_f64, 1.0), (0.7, 0.5 * (1.0 - (-1.4_f64).exp()) / 0.7)] {
+        set(&mut scene, "Density", Input::Number(density as f32));
+        let found = estimate(&scene, 4);
+        meets(found[0], expected, 0.0);
+        assert!((found[3].0 - (1.0 - (-2.0 * density).exp())).abs() < ROUNDING, "emission adds no alpha");
+    }
+}
+
+#[test]
+fn emission_is_scattered_as_far_as_bounces_allow() {
+    // Extinction 1, albedo 0.8, emission 0.1 per metre; truths of an independent random walk, 1e-4.
+    let mut scene = homogeneous();
+    scene.lights.clear();
+    set(&mut scene, "Color", color([0.8; 3]));
+    set(&mut scene, "Emission Strength", Input::Number(0.1));
+    for (number, truth) in [(0, 0.12928), (1, 0.14981), (4, 0.16575), (64, 0.16738)] {
+        bounces(&mut scene, number);
+        meets(estimate(&scene, 1 << 11)[0], truth, 1e-4);
+    }
+}
+
+#[test]
+fn ramps_of_density_meet_their_closed_forms() {
+    // E1: along the view, absorbing.
+    let mut scene = furnace();
+    ramp(&mut scene, "Y", 2.0);
+    set(&mut scene, "Color", color([0.0; 3]));
+    meets(estimate(&scene, 1 << 9)[0], (-2.0_f64).exp(), 0.0);
+    let sphere_angle = 4.0 * PI;
+    // E3: towards the sun.
+    let mut scene = homogeneous();
+    ramp(&mut scene, "Z", 2.0);
+    set(&mut scene, "Color", color([1.0; 3]));
+    meets(estimate(&scene, 1 << 13)[0], SUN / sphere_angle * (-1.5_f64).exp() * (1.0 - (-2.0_f64).exp()), 0.0);
+    // E4: along the view, scattering.
+    let mut scene = homogeneous();
+    ramp(&mut scene, "Y", 4.0);
+    set(&mut scene, "Color", color([1.0; 3]));
+    let steps = 200_000;
+    let width = 2.0 / f64::from(steps);
+    let integral: f64 = (0..steps)
+        .map(|step| (f64::from(step) + 0.5) * width)
+        .map(|t| 2.0 * t * (-2.0 * t).exp() * (-t * t).exp() * width)
+        .sum();
+    meets(estimate(&scene, 1 << 13)[0], SUN / sphere_angle * integral, 0.0);
+}
+
+#[test]
+fn a_sphere_in_the_cube_meets_its_closed_forms() {
+    let radius = 0.7_f64;
+    let mut scene = furnace();
+    sphere(&mut scene);
+    set(&mut scene, "Color", color([0.0; 3]));
+    meets(estimate(&scene, 1 << 12)[0], (-6.0 * radius).exp(), 0.0);
+    let mut scene = homogeneous();
+    sphere(&mut scene);
+    set(&mut scene, "Color", color([1.0; 3]));
+    let steps = 200_000;
+    let width = 2.0 * radius / f64::from(steps);
+    let integral: f64 = (0..steps)
+        .map(|step| -radius + (f64::from(step) + 0.5) * width)
+        .map(|y| 3.0 * (-3.0 * (y + radius)).exp() * (-3.0 * (radius * radius - y * y).sqrt()).exp() * width)
+        .sum();
+    meets(estimate(&scene, 1 << 13)[0], SUN / (4.0 * PI) * integral, 0.0);
+}
+
+#[test]
+fn every_number_of_bounces_has_its_brightness() {
+    // Extinction 2, albedo 0.9, world 1; truths of an independent random walk with their standard errors.
+    let mut scene = furnace();
+    set(&mut scene, "Density", Input::Number(2.0));
+    set(&mut scene, "Color", color([0.9; 3]));
+    let table: [(u32, (f64, f64), (f64, f64)); 5] = [
+        (0, (0.20556, 2.7e-4), (0.09086, 1.9e-4)),
+        (1, (0.33472, 3.0e-4), (0.20617, 2.6e-4)),
+        (2, (0.42875, 3.0e-4), (0.33716, 2.8e-4)),
+        (4, (0.54671, 2.6e-4), (0.53865, 2.3e-4)),
+        (16, (0.66393, 1.5e-4), (0.65831, 1.1e-4)),
+    ];
+    for (number, isotropic, forward) in table {
+        bounces(&mut scene, number);
+        for (anisotropy, (truth, error)) in [(0.0, isotropic), (0.8, forward)] {
+            set(&mut scene, "Anisotropy", Input::Number(anisotropy));
+            meets(estimate(&scene, 1 << 12)[0], truth, error);
+        }
+    }
+    set(&mut scene, "Anisotropy", Input::Number(0.0));
+    bounces(&mut scene, 1024);
+    meets(estimate(&scene, 1 << 12)[0], 0.66528, 1.5e-4);
+}
+
+#[test]
+fn a_white_furnace_is_white_however_thick() {
+    // Optical depth 50, homogeneous: every path ends in the world with weight 1.
+    let mut scene = furnace();
+    bounces(&mut scene, 1 << 20);
+    set(&mut scene, "Density", Input::Number(25.0));
+    let found = estimate(&scene, 64);
+    for channel in 0..3 {
+        meets(found[channel], 1.0, 0.0);
+    }
+    // A ramp up to optical depth 25, with a phase function that prefers a direction.
+    ramp(&mut scene, "Y", 25.0);
+    set(&mut scene, "Anisotropy", Input::Number(0.6));
+    meets(estimate(&scene, 1 << 11)[0], 1.0, 0.0);
+}
+
+#[test]
+fn coloured_extinction_is_without_bias() {
+    // One channel scatters a hundred times as much as another; the furnace is white in each.
+    let mut scene = furnace();
+    bounces(&mut scene, 1 << 20);
+    set(&mut scene, "Density", Input::Number(1.0));
+    set(&mut scene, "Color", color([0.05, 1.0, 5.0]));
+    set(&mut scene, "Absorption Color", color([1.0; 3]));
+    let found = estimate(&scene, 1 << 13);
+    for channel in 0..3 {
+        meets(found[channel], 1.0, 0.0);
+    }
+}
+
+/// The light's irradiance through an optically thin cube: the single scattering of a faint medium,
+/// which is the mean of the fluence over the central ray.
+fn faint(light: LightKind, strength: f32) -> Scene {
+    let mut scene = homogeneous();
+    set(&mut scene, "Density", Input::Number(1e-3));
+    set(&mut scene, "Color", color([1.0; 3]));
+    set(&mut scene, "Anisotropy", Input::Number(0.5));
+    scene.lights = vec![Light { kind: light, strength, ..scene.lights[0].clone() }];
+    scene.lights[0].matrix_world[2][3] = 3.0;
+    scene
+}
+
+/// Quadrature over the central ray of density 1e-3 of what arrives from `light` times the phase
+/// function, with `light` a list of directions (towards the light, per place) and irradiances.
+fn faint_truth(arriving: impl Fn([f64; 3]) -> Vec<([f64; 3], f64)>) -> f64 {
+    let steps = 64;
+    let width = 2.0 / f64::from(steps);
+    (0..steps)
+        .map(|step| -1.0 + (f64::from(step) + 0.5) * width)
+        .map(|y| {
+            let lit: f64 = arriving([0.0, y, 0.0]).iter().map(|(towards, power)| phase(0.5, towards[1]) * power).sum();
+            // Attenuation on the way to the camera; towards the light it is that of about a metre.
+            lit * 1e-3 * (-1e-3 * (y + 1.0)).exp() * width
+        })
+        .sum()
+}
+
+/// Points of a surface as seen from `place`: directions, with radiance times solid angle.
+fn surface(place: [f64; 3], points: &[([f64; 3], [f64; 3])], radiance: f64, area: f64) -> Vec<([f64; 3], f64)> {
+    points
+        .iter()
+        .map(|(point, normal)| {
+            let offset: [f64; 3] = std::array::from_fn(|axis| point[axis] - place[axis]);
+            let square: f64 = offset.iter().map(|part| part * part).sum();
+            let towards = offset.map(|part| part / square.sqrt());
+            let cosine: f64 = -(0..3).map(|axis| towards[axis] * normal[axis]).sum::<f64>();
+            // The light's way through the medium: up to the face z = 1.
+            let way = 1.0 / towards[2];
+            (towards, radiance * cosine.max(0.0) * area / points.len() as f64 / square * (-1e-3 * way).exp())
+        })
+        .collect()
+}
+
+#[test]
+fn lights_with_extent_deliver_what_quadrature_says() {
+    let strength = 100.0;
+    let grid = |count: i32| {
+        (0..count * count).map(move |index| {
+            let middle = |number: i32| (2.0 * f64::from(number) + 1.0) / f64::from(count) - 1.0;
+            [middle(index % count), middle(index / count)]
+        })
+    };
+    let down = [0.0, 0.0, -1.0];
+    // A square of 2 x 2 m, 3 m above the centre.
+    let area = |shape: &str| LightKind::Area { shape: shape.into(), size: [2.0, 2.0] };
+    let square: Vec<_> = grid(64).map(|[x, y]| ([x, y, 3.0], down)).collect();
+    let truth = faint_truth(|place| surface(place, &square, strength / (PI * 4.0), 4.0));
+    meets(estimate(&faint(area("SQUARE"), strength as f32), 1 << 12)[0], truth, 0.0);
+    // The ellipse in it. A grid of 256 points a side covers a circle's area to 1e-4 at worst.
+    let round: Vec<_> = grid(256).filter(|[x, y]| x * x + y * y < 1.0).map(|[x, y]| ([x, y, 3.0], down)).collect();
+    let truth = faint_truth(|place| surface(place, &round, strength / (PI * PI), PI));
+    meets(estimate(&faint(area("DISK"), strength as f32), 1 << 12)[0], truth, 1e-4 * truth);
+    // A disc that faces each receiver: radiance P / (4 pi^2 r^2).
+    let radius = 0.5;
+    let disc = |place: [f64; 3]| {
+        let length = (place[1] * place[1] + 9.0).sqrt();
+        let normal = [0.0, place[1] / length, -3.0 / length];
+        // Orthogonal to the normal and to x.
+        let side = [0.0, -normal[2], normal[1]];
+        let points: Vec<_> = grid(128)
+            .filter(|[x, y]| x * x + y * y < 1.0)
+            .map(|[x, y]| ([radius * x, radius * y * side[1], 3.0 + radius * y * side[2]], normal))
+            .collect();
+        surface(place, &points, strength / (2.0 * PI * radius).powi(2), PI * radius * radius)
+    };
+    let truth = faint_truth(disc);
+    let soft = LightKind::Point { radius: radius as f32, soft_falloff: true };
+    meets(estimate(&faint(soft, strength as f32), 1 << 12)[0], truth, 3e-4 * truth);
+    // A wide sun: radiance P / (pi sin^2 a) in a cone.
+    let half = 0.6_f64;
+    let cone: Vec<[f64; 3]> = (0..256)
+        .flat_map(|ring| (0..256).map(move |turn| (ring, turn)))
+        .map(|(ring, turn)| {
+            let cosine = 1.0 - (1.0 - half.cos()) * (f64::from(ring) + 0.5) / 256.0;
+            let angle = 2.0 * PI * (f64::from(turn) + 0.5) / 256.0;
+            let sine = (1.0 - cosine * cosine).sqrt();
+            [sine * angle.cos(), sine * angle.sin(), cosine]
+        })
+        .collect();
+    let each = strength / (PI * half.sin().powi(2)) * 2.0 * PI * (1.0 - half.cos()) / cone.len() as f64;
+    let truth = faint_truth(|place| {
+        let way = |towards: &[f64; 3]| {
+            let sideways =
+                if towards[1] > 0.0 { (1.0 - place[1]) / towards[1] } else { (1.0 + place[1]) / -towards[1] };
+            sideways.min(1.0 / towards[2]).min(1.0 / towards[0].abs())
+        };
+        cone.iter().map(|towards| (*towards, each * (-1e-3 * way(towards)).exp())).collect()
+    });
+    let sun = LightKind::Sun { angle: 2.0 * half as f32 };
+    meets(estimate(&faint(sun, strength as f32), 1 << 12)[0], truth, 0.0);
+}
+
+#[test]
+fn a_planted_percent_of_density_is_seen() {
+    let mut scene = homogeneous();
+    set(&mut scene, "Density", Input::Number(1.01));
+    let (found, error) = estimate(&scene, 1 << 13)[0];
+    let expected = SCATTERING[0] * SUN * phase(0.0, 0.0) * (-1.0_f64).exp() * (1.0 - (-2.0_f64).exp());
+    // One percent of density changes this radiance by -0.7 %.
+    assert!((found - expected).abs() > 4.0 * error, "{found} ({error:e}) against {expected}");
+}
+
+#[test]
+fn equal_seeds_give_equal_bits_on_any_number_of_threads() {
+    let mut scene = support::scene("procedural-clouds");
+    scene.film.resolution = [24, 14];
+    scene.integrator.volume_bounces = 2;
+    let render = |threads: usize, seed: u32| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("a pool");
+        let settings = PathSettings { samples: 4, seed, ..PathSettings::default() };
+        pool.install(|| path::render(&scene, &settings, None, &|_, _| {})).expect("the scene renders").pixels
+    };
+    let one = render(1, 7);
+    assert_eq!(one, render(2, 7));
+    assert_ne!(one, render(1, 8));
+}
+
+#[test]
+fn no_density_exceeds_its_majorant_and_the_null_share_is_told() {
+    let mut scene = support::scene("procedural-clouds");
+    scene.film.resolution = [48, 27];
+    let settings = PathSettings { samples: 16, seed: 1, ..PathSettings::default() };
+    let image = path::render(&scene, &settings, None, &|_, _| {}).expect("it renders");
+    let collisions: u64 = image.provenance["collisions"].parse().expect("a number");
+    assert!(collisions > 1000, "{collisions} collisions");
+    assert_eq!(image.provenance["violations"], "0");
+    let null: f64 = image.provenance["null_share"].parse().expect("a number");
+    assert!((0.0..1.0).contains(&null), "null share {null}");
+}
+
+#[test]
+fn a_density_without_bound_is_refused_with_its_place() {
+    let mut scene = homogeneous();
+    ramp(&mut scene, "Y", 1.0);
+    // One over the ramp: infinite where the ramp begins.
+    let slope = scene.graph_mut().nodes.iter_mut().find(|node| node.name == "Slope").expect("the ramp has it");
+    slope.properties.insert("operation".into(), "DIVIDE".into());
+    let ramp = slope.inputs.insert("Value".to_owned(), Input::Number(1.0)).expect("it is linked");
+    slope.inputs.insert("Value_001".to_owned(), ramp);
+    let error = path::render(&scene, &PathSettings::default(), None, &|_, _| {}).expect_err("it is refused").to_string();
+    assert!(error.contains("object's frame"), "{error}");
+}
+
+#[test]
+fn a_medium_across_the_far_clip_is_left_out_and_the_near_clip_cuts_it() {
+    let mut scene = furnace();
+    set(&mut scene, "Color", color([0.0; 3]));
+    scene.camera.clip_end = 5.0;
+    meets(estimate(&scene, 4)[0], 1.0, 0.0);
+    scene.camera.clip_end = 100.0;
+    scene.camera.clip_start = 4.5;
+    meets(estimate(&scene, 4)[0], (-1.5_f64).exp(), 0.0);
+}
+
+#[test]
+fn majorants_enclose_what_is_there() {
+    use cloudparity::graph::Program;
+    use cloudparity::graph::evaluate::Points;
+    use glam::{DMat4, DVec3};
+    use rand::{Rng, SeedableRng};
+    let program = Program::density(&support::scene("procedural-clouds")).expect("it compiles");
+    let corners = [DVec3::splat(-1.0), DVec3::splat(1.0)];
+    let tree = Majorants::build(corners, &DMat4::IDENTITY, 1e5, |boxes| program.bounds_many(boxes)).expect("it builds");
+    let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(1);
+    // Half of the points in the layer where the cloud is.
+    let positions: Vec<[f32; 3]> = (0..100_000)
+        .map(|index| {
+            let height = if index % 2 == 0 { random.random_range(-1.0..1.0) } else { random.random_range(0.0..0.5) };
+            [random.random_range(-1.0..1.0), random.random_range(-1.0..1.0), height]
+        })
+        .collect();
+    let values = program.evaluate_single(Points::new(&positions)).expect("it evaluates");
+    let mut filled = 0;
+    for (position, value) in positions.iter().zip(values) {
+        let [low, high] = tree.at(DVec3::from(position.map(f64::from)));
+        let value = f64::from(value.max(0.0));
+        assert!(low <= value && value <= high, "{position:?}: {value} is not between {low} and {high}");
+        filled += u32::from(value > 0.0);
+    }
+    assert!(filled > 1000, "only {filled} points hold anything");
+}
