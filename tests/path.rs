@@ -8,6 +8,7 @@
 mod support;
 
 use cloudparity::image::Image;
+use cloudparity::integrate::Backend;
 use cloudparity::integrate::majorant::Majorants;
 use cloudparity::integrate::path::{self, PathSettings};
 use cloudparity::scene::{Input, Light, LightKind, Scene};
@@ -22,7 +23,7 @@ const ROUNDING: f64 = 1e-6;
 fn replicas(scene: &Scene, samples: u32) -> Vec<Image> {
     let settings = PathSettings { samples, ..PathSettings::default() };
     let seeds: Vec<u32> = (0..REPLICAS).collect();
-    path::render_replicas(scene, &settings, &seeds, &|_, _| {}).expect("the scene renders")
+    path::render_replicas(scene, &settings, Backend::Cpu, &seeds, &|_, _| {}).expect("the scene renders")
 }
 
 /// Mean over replicas and its standard error, channel by channel.
@@ -342,7 +343,9 @@ fn equal_seeds_give_equal_bits_on_any_number_of_threads() {
     let render = |threads: usize, seed: u32| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("a pool");
         let settings = PathSettings { samples: 4, seed, ..PathSettings::default() };
-        pool.install(|| path::render(&scene, &settings, None, &|_, _| {})).expect("the scene renders").pixels
+        pool.install(|| path::render(&scene, &settings, Backend::Cpu, None, &|_, _| {}))
+            .expect("the scene renders")
+            .pixels
     };
     let one = render(1, 7);
     assert_eq!(one, render(2, 7));
@@ -354,7 +357,7 @@ fn no_density_exceeds_its_majorant_and_the_null_share_is_told() {
     let mut scene = support::scene("procedural-clouds");
     scene.film.resolution = [48, 27];
     let settings = PathSettings { samples: 16, seed: 1, ..PathSettings::default() };
-    let image = path::render(&scene, &settings, None, &|_, _| {}).expect("it renders");
+    let image = path::render(&scene, &settings, Backend::Cpu, None, &|_, _| {}).expect("it renders");
     let collisions: u64 = image.provenance["collisions"].parse().expect("a number");
     assert!(collisions > 1000, "{collisions} collisions");
     assert_eq!(image.provenance["violations"], "0");
@@ -371,7 +374,9 @@ fn a_density_without_bound_is_refused_with_its_place() {
     slope.properties.insert("operation".into(), "DIVIDE".into());
     let ramp = slope.inputs.insert("Value".to_owned(), Input::Number(1.0)).expect("it is linked");
     slope.inputs.insert("Value_001".to_owned(), ramp);
-    let error = path::render(&scene, &PathSettings::default(), None, &|_, _| {}).expect_err("it is refused").to_string();
+    let error = path::render(&scene, &PathSettings::default(), Backend::Cpu, None, &|_, _| {})
+        .expect_err("it is refused")
+        .to_string();
     assert!(error.contains("object's frame"), "{error}");
 }
 

@@ -79,7 +79,7 @@ struct PathArguments {
 enum Integrator {
     /// Deterministic ray marching of single scattering.
     March,
-    /// Path tracing without bias, on the CPU.
+    /// Path tracing without bias.
     Path,
 }
 
@@ -109,28 +109,20 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
         bar.set_position((done * 1000.0) as u64);
         bar.set_message(what.to_owned());
     };
-    let image = match (arguments.integrator, arguments.backend) {
-        (Integrator::March, backend) => {
+    let backend = match arguments.backend {
+        BackendName::Cpu => Backend::Cpu,
+        BackendName::Gpu => Backend::Gpu,
+    };
+    let image = match arguments.integrator {
+        Integrator::March => {
             refuse("path", &arguments.path.given())?;
-            let backend = match backend {
-                BackendName::Cpu => Backend::Cpu,
-                BackendName::Gpu => Backend::Gpu,
-            };
             integrate::render(&scene, &arguments.march.settings(), backend, &report)?
         }
-        (Integrator::Path, BackendName::Cpu) => {
+        Integrator::Path => {
             refuse("march", &arguments.march.given())?;
             let mut state = arguments.picture.output.clone().into_os_string();
             state.push(".state");
-            path::render(&scene, &arguments.path.settings(), Some(state.as_ref()), &report)?
-        }
-        (Integrator::Path, BackendName::Gpu) => {
-            return Err(Error::new(
-                "--backend gpu",
-                "--integrator path",
-                "--backend cpu: paths are traced on the CPU",
-                "Leave --backend out.",
-            ));
+            path::render(&scene, &arguments.path.settings(), backend, Some(state.as_ref()), &report)?
         }
     };
     bar.finish_and_clear();

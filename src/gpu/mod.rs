@@ -32,6 +32,13 @@ pub struct Adapter {
     pub kind: String,
 }
 
+impl Adapter {
+    /// Whether it computes on the CPU.
+    pub fn is_software(&self) -> bool {
+        self.kind == "Cpu"
+    }
+}
+
 impl Gpu {
     /// Opens the fastest adapter; `WGPU_ADAPTER_NAME` chooses another by a part of its name.
     pub fn open() -> Result<Self> {

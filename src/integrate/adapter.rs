@@ -317,23 +317,29 @@ impl<'a> Kernels<'a> {
 }
 
 /// A slice size that follows the adapter's speed.
-struct Slices {
-    size: usize,
+pub(super) struct Slices {
+    pub(super) size: usize,
+    range: std::ops::RangeInclusive<usize>,
 }
 
 impl Slices {
     fn new() -> Self {
-        Self { size: 1024 }
+        Self::within(1024, SLICES)
     }
 
-    fn adapt(&mut self, begin: Instant) {
+    /// Slices that begin with a size and stay in a range.
+    pub(super) fn within(size: usize, range: std::ops::RangeInclusive<usize>) -> Self {
+        Self { size, range }
+    }
+
+    pub(super) fn adapt(&mut self, begin: Instant) {
         let seconds = begin.elapsed().as_secs_f64();
         if seconds > SLICE_SECONDS {
             self.size /= 2;
         } else if seconds < SLICE_SECONDS / 3.0 {
             self.size *= 2;
         }
-        self.size = self.size.clamp(*SLICES.start(), *SLICES.end());
+        self.size = self.size.clamp(*self.range.start(), *self.range.end());
     }
 }
 
@@ -476,7 +482,7 @@ fn zeros(gpu: &Gpu, label: &str, floats: usize) -> Result<wgpu::Buffer> {
 }
 
 /// Submits one kernel with its buffers in the order of their bindings.
-fn dispatch(gpu: &Gpu, pipeline: &wgpu::ComputePipeline, buffers: &[&wgpu::Buffer], groups: [u32; 3]) {
+pub(super) fn dispatch(gpu: &Gpu, pipeline: &wgpu::ComputePipeline, buffers: &[&wgpu::Buffer], groups: [u32; 3]) {
     let entries: Vec<wgpu::BindGroupEntry<'_>> = buffers
         .iter()
         .enumerate()

@@ -59,6 +59,21 @@ pub struct Majorants {
     pub boxes: usize,
 }
 
+/// The octree as the shader reads it.
+pub(super) struct Flat {
+    /// Lower corner of the box in the object's frame.
+    pub(super) low: DVec3,
+    /// Sides of a cell of the finest level.
+    pub(super) cell: DVec3,
+    /// Where the nodes begin in `tree`.
+    pub(super) nodes: u32,
+    /// The node over each cell of the table; then per node its first child, and its level in the upper
+    /// four bits.
+    pub(super) tree: Vec<u32>,
+    /// Minorant and majorant of each node, per metre.
+    pub(super) bounds: Vec<[f32; 2]>,
+}
+
 /// A leaf and where a ray leaves it.
 #[derive(Debug, Clone, Copy)]
 pub struct Crossing {
@@ -247,6 +262,18 @@ impl Majorants {
         let least = leaves().map(|leaf| self.minorants[leaf]).fold(f32::INFINITY, f32::min);
         let most = leaves().map(|leaf| self.majorants[leaf]).fold(0.0, f32::max);
         [f64::from(least), f64::from(most)]
+    }
+
+    /// The tree in the form of the shader.
+    pub(super) fn flat(&self) -> Flat {
+        let nodes = self.children.iter().zip(&self.levels).map(|(&child, &level)| child | u32::from(level) << 28);
+        Flat {
+            low: self.low,
+            cell: self.size / FINEST,
+            nodes: self.table.len() as u32,
+            tree: self.table.iter().copied().chain(nodes).collect(),
+            bounds: self.minorants.iter().zip(&self.majorants).map(|(&low, &high)| [low, high]).collect(),
+        }
     }
 
     /// Number of leaves.

@@ -34,6 +34,16 @@ pub enum Backend {
     Gpu,
 }
 
+impl Backend {
+    /// The adapter, where one is asked for.
+    fn open(self) -> Result<Option<Gpu>> {
+        match self {
+            Self::Cpu => Ok(None),
+            Self::Gpu => Gpu::open().map(Some),
+        }
+    }
+}
+
 /// How light finds its way to a view sample.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
@@ -135,10 +145,7 @@ pub type Progress<'a> = &'a (dyn Fn(f64, &str) + Sync);
 pub fn render(scene: &Scene, settings: &MarchSettings, backend: Backend, progress: Progress<'_>) -> Result<Image> {
     let begin = std::time::Instant::now();
     let settings = settings.resolved(scene)?;
-    let gpu = match backend {
-        Backend::Cpu => None,
-        Backend::Gpu => Some(Gpu::open()?),
-    };
+    let gpu = backend.open()?;
     let mut image = march::render(scene, &settings, gpu.as_ref(), progress)?;
     let adapter = gpu.as_ref().map_or_else(
         || format!("CPU, {} threads", rayon::current_num_threads()),

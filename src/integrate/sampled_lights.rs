@@ -9,6 +9,7 @@
 
 use crate::error::{Error, Result};
 use crate::scene::{self, Light, LightKind, Scene};
+use bytemuck::{Pod, Zeroable};
 use glam::DVec3;
 use std::f64::consts::{PI, TAU};
 
@@ -22,6 +23,21 @@ pub struct SampledLight {
     spot: Option<Spot>,
     /// Roughly what it delivers at distance 1: the basis for choosing among lights.
     strength: f64,
+}
+
+/// A light as `shaders/integrate/path.wgsl` reads it.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Pod, Zeroable)]
+pub(super) struct AdapterLight {
+    pub(super) place: [f32; 3],
+    pub(super) kind: u32,
+    pub(super) axis: [f32; 3],
+    pub(super) edge: f32,
+    pub(super) power: [f32; 3],
+    pub(super) blend: f32,
+    pub(super) opening: f32,
+    pub(super) strength: f32,
+    pub(super) padding: [f32; 2],
 }
 
 #[derive(Debug, Clone, PartialEq)]
@@ -151,6 +167,37 @@ impl SampledLight {
                 };
                 made(shape, times(1.0 / (PI * area)), largest / PI)
             }
+        }
+    }
+
+    /// The light in the form of the shader, which knows suns and points without extent or spots.
+    pub(super) fn on_adapter(&self) -> Result<AdapterLight> {
+        let vector = |value: DVec3| value.as_vec3().to_array();
+        let light = AdapterLight {
+            power: self.power.map(|power| power as f32),
+            strength: self.strength as f32,
+            ..AdapterLight::zeroed()
+        };
+        match (&self.shape, &self.spot) {
+            (Shape::Direction(towards), _) => Ok(AdapterLight { place: vector(*towards), ..light }),
+            (Shape::Cone(towards, opening), _) => {
+                Ok(AdapterLight { place: vector(*towards), kind: 1, opening: *opening as f32, ..light })
+            }
+            (Shape::Point(place), None) => Ok(AdapterLight { place: vector(*place), kind: 2, ..light }),
+            (Shape::Point(place), Some(spot)) => Ok(AdapterLight {
+                place: vector(*place),
+                kind: 3,
+                axis: vector(spot.axis),
+                edge: spot.edge as f32,
+                blend: spot.blend as f32,
+                ..light
+            }),
+            _ => Err(Error::new(
+                "--backend gpu",
+                "a point, spot or area light with an extent",
+                "suns, and points and spots of radius 0: the adapter knows no other lights yet",
+                "Give --backend cpu.",
+            )),
         }
     }
 

@@ -1,4 +1,4 @@
-//! Path tracing of participating media without bias, on the CPU.
+//! Path tracing of participating media without bias, on the CPU or the adapter.
 //!
 //! [`render`] gives a picture, [`render_replicas`] several with other seeds that share the majorants.
 //! The algorithm is that of `tracer`; `volume` is what it asks of a medium.
@@ -8,6 +8,7 @@
 //! whatever the number of threads.
 
 mod accumulation;
+mod adapter;
 mod tracer;
 mod volume;
 
@@ -17,8 +18,9 @@ use super::camera::Camera;
 use super::film::Warp;
 use super::lights::world_radiance;
 use super::sampled_lights::sampled_lights;
-use super::{Progress as Report, json};
+use super::{Backend, Progress as Report, json};
 use crate::error::{Error, Result};
+use crate::gpu::Gpu;
 use crate::image::Image;
 use crate::scene::Scene;
 use accumulation::Accumulation;
@@ -89,8 +91,41 @@ impl PathSettings {
 
     /// What the samples depend on: renders that agree in it may go on from each other's state. The
     /// number of samples decides how far majorants are refined, and so belongs to it.
-    fn identity(&self, scene: &Scene) -> String {
-        format!("{} {} {} {}", env!("CARGO_PKG_VERSION"), scene.content_hash(), self.samples, self.seed)
+    fn identity(&self, scene: &Scene, engine: &Engine<'_>) -> String {
+        let version = env!("CARGO_PKG_VERSION");
+        format!("{version} {} {} {} {}", scene.content_hash(), self.samples, self.seed, engine.name())
+    }
+}
+
+/// What traces paths.
+enum Engine<'a> {
+    Cpu(&'a Tracer),
+    Adapter(adapter::Kernel<'a>),
+}
+
+impl<'a> Engine<'a> {
+    fn new(tracer: &'a Tracer, gpu: Option<&'a Gpu>) -> Result<Self> {
+        let kernel = match gpu {
+            // Where no ray can meet the medium there is nothing to do on an adapter.
+            Some(gpu) => adapter::Kernel::new(tracer, gpu)?,
+            None => None,
+        };
+        Ok(kernel.map_or(Self::Cpu(tracer), Self::Adapter))
+    }
+
+    /// Sums over some samples of every pixel.
+    fn pass(&self, first_sample: u32, samples: u32, seed: u32) -> Result<(Vec<[f64; 4]>, Counters)> {
+        match self {
+            Self::Cpu(tracer) => tracer.pass(first_sample, samples, seed),
+            Self::Adapter(kernel) => kernel.pass(first_sample, samples, seed),
+        }
+    }
+
+    fn name(&self) -> String {
+        match self {
+            Self::Cpu(_) => "CPU".to_owned(),
+            Self::Adapter(kernel) => format!("GPU, {}", json(kernel.adapter())),
+        }
     }
 }
 
@@ -98,13 +133,21 @@ impl PathSettings {
 ///
 /// With a `state` file, what is done is written there now and then, a render goes on from what it finds there, and the file is removed
 /// at the end. The picture is, bit for bit, the one of an uninterrupted render of as many samples.
-pub fn render(scene: &Scene, settings: &PathSettings, state: Option<&Path>, progress: Report<'_>) -> Result<Image> {
+pub fn render(
+    scene: &Scene,
+    settings: &PathSettings,
+    backend: Backend,
+    state: Option<&Path>,
+    progress: Report<'_>,
+) -> Result<Image> {
     settings.check()?;
+    let gpu = backend.open()?;
     let begin = Instant::now();
     progress(0.0, "majorants");
     let tracer = Tracer::new(scene, settings)?;
+    let engine = Engine::new(&tracer, gpu.as_ref())?;
     let preparation = begin.elapsed().as_secs_f64();
-    let image = tracer.render(scene, settings, state, preparation, progress)?;
+    let image = tracer.render(scene, settings, &engine, state, preparation, progress)?;
     if let Some(path) = state {
         match std::fs::remove_file(path) {
             Err(cause) if cause.kind() != std::io::ErrorKind::NotFound => {
@@ -120,18 +163,21 @@ pub fn render(scene: &Scene, settings: &PathSettings, state: Option<&Path>, prog
 pub fn render_replicas(
     scene: &Scene,
     settings: &PathSettings,
+    backend: Backend,
     seeds: &[u32],
     progress: Report<'_>,
 ) -> Result<Vec<Image>> {
     settings.check()?;
+    let gpu = backend.open()?;
     let begin = Instant::now();
     progress(0.0, "majorants");
     let tracer = Tracer::new(scene, settings)?;
+    let engine = Engine::new(&tracer, gpu.as_ref())?;
     let preparation = begin.elapsed().as_secs_f64();
     let count = seeds.len() as f64;
     let replica = |(number, &seed): (usize, &u32)| {
         let report = |done: f64, what: &str| progress((number as f64 + done) / count, what);
-        tracer.render(scene, &PathSettings { seed, ..settings.clone() }, None, preparation, &report)
+        tracer.render(scene, &PathSettings { seed, ..settings.clone() }, &engine, None, preparation, &report)
     };
     seeds.iter().enumerate().map(replica).collect()
 }
@@ -175,6 +221,7 @@ impl Tracer {
         &self,
         scene: &Scene,
         settings: &PathSettings,
+        engine: &Engine<'_>,
         state: Option<&Path>,
         preparation: f64,
         progress: Report<'_>,
@@ -182,7 +229,7 @@ impl Tracer {
         let begin = Instant::now();
         let pixels = self.size.iter().map(|&side| u64::from(side)).product::<u64>();
         let per_pass = (PASS_PATHS / pixels).clamp(1, MOST_SAMPLES as u64) as u32;
-        let mut sums = Accumulation::new(settings.identity(scene), pixels as usize);
+        let mut sums = Accumulation::new(settings.identity(scene, engine), pixels as usize);
         if let Some(path) = state {
             sums = Accumulation::load(path, sums)?;
         }
@@ -190,7 +237,7 @@ impl Tracer {
         let mut saved = 0.0;
         while sums.progress.samples < settings.samples {
             let samples = per_pass.min(settings.samples - sums.progress.samples);
-            let (pass, counters) = self.pass(sums.progress.samples, samples, settings.seed)?;
+            let (pass, counters) = engine.pass(sums.progress.samples, samples, settings.seed)?;
             sums.add(&pass, samples);
             sums.progress.counters.add(&counters);
             let now = begin.elapsed().as_secs_f64();
@@ -211,7 +258,7 @@ impl Tracer {
                 saved = now;
             }
         }
-        Ok(self.picture(scene, settings, &sums, preparation))
+        Ok(self.picture(scene, settings, engine, &sums, preparation))
     }
 
     /// Sums over some samples of every pixel.
@@ -237,7 +284,14 @@ impl Tracer {
     }
 
     /// The picture with its provenance.
-    fn picture(&self, scene: &Scene, settings: &PathSettings, sums: &Accumulation, preparation: f64) -> Image {
+    fn picture(
+        &self,
+        scene: &Scene,
+        settings: &PathSettings,
+        engine: &Engine<'_>,
+        sums: &Accumulation,
+        preparation: f64,
+    ) -> Image {
         let mut image = Image::new(self.size[0] as usize, self.size[1] as usize);
         let scale = 1.0 / f64::from(sums.progress.samples);
         for (pixel, sum) in image.pixels.iter_mut().zip(&sums.sums) {
@@ -255,7 +309,8 @@ impl Tracer {
             ("settings", json(settings)),
             ("film", json(&scene.film)),
             ("integrator", json(&scene.integrator)),
-            ("backend", format!("CPU, {} threads", rayon::current_num_threads())),
+            ("backend", engine.name()),
+            ("threads", rayon::current_num_threads().to_string()),
             ("samples", sums.progress.samples.to_string()),
             ("relative_error", sums.relative_error().map_or("unknown".to_owned(), |error| format!("{error:.3e}"))),
             ("majorant_boxes", boxes.to_string()),
@@ -287,14 +342,14 @@ mod tests {
         let settings = PathSettings { samples: 8, seed: 3, ..PathSettings::default() };
         let tracer = Tracer::new(&scene, &settings).expect("a tracer");
         let (pass, counters) = tracer.pass(0, 4, settings.seed).expect("a pass");
-        let mut sums = Accumulation::new(settings.identity(&scene), pass.len());
+        let mut sums = Accumulation::new(settings.identity(&scene, &Engine::Cpu(&tracer)), pass.len());
         sums.add(&pass, 4);
         sums.progress.counters.add(&counters);
         let folder = tempfile::tempdir().expect("a folder");
         let state = folder.path().join("a.exr.state");
         sums.save(&state).expect("it is written");
-        let resumed = render(&scene, &settings, Some(&state), &|_, _| {}).expect("it goes on");
-        let whole = render(&scene, &settings, None, &|_, _| {}).expect("it renders");
+        let resumed = render(&scene, &settings, Backend::Cpu, Some(&state), &|_, _| {}).expect("it goes on");
+        let whole = render(&scene, &settings, Backend::Cpu, None, &|_, _| {}).expect("it renders");
         assert_eq!(resumed.pixels, whole.pixels);
         assert_eq!(resumed.provenance["collisions"], whole.provenance["collisions"]);
         assert!(!state.exists(), "the state is removed at the end");

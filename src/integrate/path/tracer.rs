@@ -114,14 +114,14 @@ enum Stage {
 }
 
 /// The state of a path.
-struct Path {
+pub(super) struct Path {
     pixel: u32,
     sampler: Sampler,
     stage: Stage,
     /// The ray, in world space.
-    origin: DVec3,
-    direction: DVec3,
-    walk: Walk,
+    pub(super) origin: DVec3,
+    pub(super) direction: DVec3,
+    pub(super) walk: Walk,
     /// What arrives at the end of the ray counts this much, but for the ray's own weight.
     carried: [f64; 3],
     /// The ray's own weight: 1 at its start.
@@ -231,7 +231,7 @@ impl Tracer {
     }
 
     /// A path at its camera ray.
-    fn begin(&self, pixel: u32, sample: u32, seed: u32) -> Path {
+    pub(super) fn begin(&self, pixel: u32, sample: u32, seed: u32) -> Path {
         let sampler = Sampler::new(pixel, sample, seed);
         let [x, y, flight, _] = sampler.camera();
         let [width, height] = self.size;
@@ -558,7 +558,7 @@ fn largest(values: &[f64; 3]) -> f64 {
     values.iter().copied().fold(0.0, f64::max)
 }
 
-fn violation(position: [f32; 3], extinction: f64, majorant: f64) -> Error {
+pub(super) fn violation(position: [f32; 3], extinction: f64, majorant: f64) -> Error {
     Error::new(
         format!("the object-space position {position:?}"),
         format!("an extinction of {extinction} per metre"),

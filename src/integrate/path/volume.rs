@@ -5,7 +5,8 @@ use crate::error::{Error, Result};
 use crate::graph::Operand;
 use crate::graph::evaluate::Evaluator;
 use crate::integrate::majorant::Majorants;
-use crate::integrate::medium::{Medium, henyey_greenstein};
+use crate::integrate::medium::Medium;
+use crate::integrate::phase::henyey_greenstein;
 use crate::integrate::sampled_lights::around;
 use crate::nodes::Interval;
 use crate::scene::{self, Scene};
@@ -79,6 +80,11 @@ impl Volume {
             to_object: medium.to_object,
             medium,
         })
+    }
+
+    /// Coefficients per density.
+    pub(super) fn medium(&self) -> &Medium {
+        &self.medium
     }
 
     /// Whether any channel scatters anywhere.
