@@ -123,8 +123,7 @@ impl Majorants {
                 density * volume * 0.125_f64.powi(level as i32) * (high - low)
             };
             let mut wanted: Vec<_> = pending.iter().map(|node| (gain(node), *node)).collect();
-            let worthwhile = std::env::var("TUNE_WORTH").map_or(WORTHWHILE, |text| text.parse().unwrap());
-            wanted.retain(|(gain, _)| *gain > worthwhile);
+            wanted.retain(|(gain, _)| *gain > WORTHWHILE);
             // Where not all can be divided, those that pay most are; equal ones in their order.
             wanted.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.node.cmp(&b.1.node)));
             let most = if level == LEVELS { 0 } else { (MOST_BOXES - tree.boxes.min(MOST_BOXES)) / 8 };

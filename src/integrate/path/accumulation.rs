@@ -122,11 +122,7 @@ impl Accumulation {
             .map(|bytes| f64::from_le_bytes(bytes.try_into().expect("chunks of eight bytes")))
             .collect();
         let (sums, squares) = values.split_at(4 * pixels);
-        Ok(Self {
-            progress,
-            sums: sums.as_chunks::<4>().0.to_vec(),
-            squares: squares.as_chunks::<3>().0.to_vec(),
-        })
+        Ok(Self { progress, sums: sums.as_chunks::<4>().0.to_vec(), squares: squares.as_chunks::<3>().0.to_vec() })
     }
 }
 
