@@ -206,8 +206,6 @@ impl Tracer {
             world: finite("$.world", world_radiance(scene))?,
             volume: Volume::new(scene, rays)?,
             events,
-            oversampling: std::env::var("TUNE_OVER").map_or(1.0, |text| text.parse().unwrap()),
-            first_weight: std::env::var("TUNE_FIRST").map_or(0.0, |text| text.parse().unwrap()),
         })
     }
 

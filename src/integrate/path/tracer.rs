@@ -54,10 +54,6 @@ pub(super) struct Tracer {
     pub(super) world: [f64; 3],
     /// Most scattering events of a path.
     pub(super) events: u32,
-    /// Tentative collisions of camera rays per optical depth of the majorant, at least 1.
-    pub(super) oversampling: f64,
-    /// First scattering events of less weight go on with a chance in proportion to it.
-    pub(super) first_weight: f64,
 }
 
 /// What paths did.
@@ -309,7 +305,7 @@ impl Tracer {
             let crossing = majorants.crossing(&path.walk);
             let controlled = path.stage != Stage::Bounce;
             let (rate, minorant) = match path.stage {
-                Stage::Camera if self.volume.scatters() => (self.oversampling * crossing.majorant, crossing.minorant),
+                Stage::Camera if self.volume.scatters() => (crossing.majorant, crossing.minorant),
                 Stage::Bounce => (crossing.majorant, 0.0),
                 _ => (crossing.majorant - crossing.minorant, crossing.minorant),
             };
@@ -409,14 +405,6 @@ impl Tracer {
                 }
                 path.throughput = path.kept.map(|weight| weight * path.total / path.kept_mean);
                 path.reference = largest(&path.throughput);
-                if path.reference < self.first_weight {
-                    let chance = path.reference / self.first_weight;
-                    if path.sampler.next4()[0] >= chance {
-                        return false;
-                    }
-                    path.throughput = path.throughput.map(|weight| weight / chance);
-                    path.reference = self.first_weight;
-                }
                 self.scatter(path, counters)
             }
             Stage::Shadow => self.leave_event(path),
