@@ -219,7 +219,8 @@ impl<'a> Flattener<'a> {
                 match node_type.role {
                     Role::Closure(role) => self.closure(tree, node, node_type, role, factors, found),
                     _ => {
-                        let Some((kind, sources)) = self.output(tree, node, output)? else { return Ok(()) };
+                        // The node is marked as open already.
+                        let Some((kind, sources)) = self.output_unguarded(tree, node, output)? else { return Ok(()) };
                         let color = self.convert(tree, node, kind, SocketType::Color, sources);
                         self.emitting(tree, node, color, factors, found)
                     }

@@ -311,7 +311,8 @@ impl<'a> Flattener<'a> {
         result
     }
 
-    fn output_unguarded(&mut self, tree: usize, node: &'a Node, socket: &str) -> Result<Option<Resolved>> {
+    /// [`Self::output`] of a node that is marked as open.
+    pub(super) fn output_unguarded(&mut self, tree: usize, node: &'a Node, socket: &str) -> Result<Option<Resolved>> {
         if node.muted {
             return self.bypassed(tree, node, socket);
         }
