@@ -6,6 +6,7 @@ use cloudparity::blender::reference::{ReferenceSettings, reference};
 use cloudparity::image::Image;
 use cloudparity::integrate::{self, Backend, LightMode, MarchSettings};
 use cloudparity::scene::{Input, Scene};
+use serde_json::json;
 use std::f64::consts::PI;
 use support::cube::{SCATTERING, SUN, color, homogeneous, phase, ramp, set, slanted_sun};
 
