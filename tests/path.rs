@@ -146,7 +146,7 @@ fn ramps_of_density_meet_their_closed_forms() {
         .map(|step| (f64::from(step) + 0.5) * width)
         .map(|t| 2.0 * t * (-2.0 * t).exp() * (-t * t).exp() * width)
         .sum();
-    meets(estimate(&scene, 1 << 13)[0], SUN / sphere_angle * integral, 0.0);
+    meets(estimate(&scene, 1 << 14)[0], SUN / sphere_angle * integral, 0.0);
 }
 
 #[test]
@@ -155,7 +155,7 @@ fn a_sphere_in_the_cube_meets_its_closed_forms() {
     let mut scene = furnace();
     sphere(&mut scene);
     set(&mut scene, "Color", color([0.0; 3]));
-    meets(estimate(&scene, 1 << 16)[0], (-6.0 * radius).exp(), 0.0);
+    meets(estimate(&scene, 1 << 18)[0], (-6.0 * radius).exp(), 0.0);
     let mut scene = homogeneous();
     sphere(&mut scene);
     set(&mut scene, "Color", color([1.0; 3]));
@@ -185,7 +185,7 @@ fn every_number_of_bounces_has_its_brightness() {
         bounces(&mut scene, number);
         for (anisotropy, (truth, error)) in [(0.0, isotropic), (0.8, forward)] {
             set(&mut scene, "Anisotropy", Input::Number(anisotropy));
-            meets(estimate(&scene, 1 << 14)[0], truth, error);
+            meets(estimate(&scene, 1 << 13)[0], truth, error);
         }
     }
     set(&mut scene, "Anisotropy", Input::Number(0.0));
@@ -289,11 +289,11 @@ fn lights_with_extent_deliver_what_quadrature_says() {
     let area = |shape: &str| LightKind::Area { shape: shape.into(), size: [2.0, 2.0] };
     let square: Vec<_> = grid(64).map(|[x, y]| ([x, y, 3.0], down)).collect();
     let truth = thin_truth(|place| surface(place, &square, strength / (PI * 4.0), 4.0));
-    meets(estimate(&thin(area("SQUARE"), strength), 1 << 12)[0], truth, 0.0);
+    meets(estimate(&thin(area("SQUARE"), strength), 1 << 14)[0], truth, 0.0);
     // The ellipse in it. A grid of 256 points a side covers a circle's area to 1e-4 at worst.
     let round: Vec<_> = grid(256).filter(|[x, y]| x * x + y * y < 1.0).map(|[x, y]| ([x, y, 3.0], down)).collect();
     let truth = thin_truth(|place| surface(place, &round, strength / (PI * PI), PI));
-    meets(estimate(&thin(area("DISK"), strength), 1 << 12)[0], truth, 1e-4 * truth);
+    meets(estimate(&thin(area("DISK"), strength), 1 << 14)[0], truth, 1e-4 * truth);
     // A disc that faces each receiver: radiance P / (4 pi^2 r^2).
     let radius = 0.5;
     let disc = |place: [f64; 3]| {
@@ -309,7 +309,7 @@ fn lights_with_extent_deliver_what_quadrature_says() {
     };
     let truth = thin_truth(disc);
     let soft = LightKind::Point { radius: radius as f32, soft_falloff: true };
-    meets(estimate(&thin(soft, strength), 1 << 12)[0], truth, 3e-4 * truth);
+    meets(estimate(&thin(soft, strength), 1 << 14)[0], truth, 3e-4 * truth);
     // A wide sun: radiance P / (pi sin^2 a) in a cone.
     let half = 0.6_f64;
     let cone: Vec<[f64; 3]> = (0..256)
@@ -324,7 +324,7 @@ fn lights_with_extent_deliver_what_quadrature_says() {
     let each = strength / (PI * half.sin().powi(2)) * 2.0 * PI * (1.0 - half.cos()) / cone.len() as f64;
     let truth = thin_truth(|_| cone.iter().map(|towards| (*towards, each)).collect());
     let sun = LightKind::Sun { angle: 2.0 * half as f32 };
-    meets(estimate(&thin(sun, strength), 1 << 12)[0], truth, 0.0);
+    meets(estimate(&thin(sun, strength), 1 << 14)[0], truth, 0.0);
 }
 
 #[test]
