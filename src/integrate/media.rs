@@ -71,7 +71,7 @@ pub struct Lobe {
     pub phase: PhaseFunction,
 }
 
-/// The lobes at a point. In each channel they mix in proportion to their scattering.
+/// The lobes at a point. They mix in proportion to the mean of their scattering over the channels.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PhaseMixture {
     lobes: Vec<Lobe>,
@@ -361,56 +361,34 @@ impl PhaseMixture {
         self.lobes.append(&mut other.lobes);
     }
 
-    /// Phase function of each channel in 1/sr for the cosine between the directions of travel before and after;
-    /// 0 in a channel that does not scatter.
-    pub fn evaluate(&self, cosine: f64) -> [f64; 3] {
-        if let [only] = self.lobes.as_slice() {
-            let value = only.phase.evaluate(cosine);
-            return only.scattering.map(|scattering| if scattering == 0.0 { 0.0 } else { value });
-        }
-        let mut total = [0.0; 3];
-        let mut weighted = [0.0; 3];
-        for lobe in &self.lobes {
-            let value = lobe.phase.evaluate(cosine);
-            for channel in 0..3 {
-                total[channel] += lobe.scattering[channel];
-                weighted[channel] += lobe.scattering[channel] * value;
-            }
-        }
-        per_channel(|channel| if total[channel] == 0.0 { 0.0 } else { weighted[channel] / total[channel] })
+    /// Phase function in 1/sr for the cosine between the directions of travel before and after, the same for all
+    /// channels; 0 where nothing scatters. It is also the density of [`Self::sample`] over solid angle.
+    ///
+    /// Lobes count by the mean of their channels, as Cycles 5.0.1 does (measured with a delta light): where lobes
+    /// differ in colour, exact transport would mix them in each channel by that channel's scattering.
+    pub fn evaluate(&self, cosine: f64) -> f64 {
+        self.lobes.iter().zip(self.shares()).map(|(lobe, share)| share * lobe.phase.evaluate(cosine)).sum()
     }
 
-    /// Probability of choosing each lobe where channels count by `weights`, for example a path's throughput.
-    fn shares(&self, weights: [f64; 3]) -> impl Iterator<Item = f64> + '_ {
-        let amount =
-            move |lobe: &Lobe| (0..3).map(|channel| weights[channel].abs() * lobe.scattering[channel]).sum::<f64>();
+    /// Part of each lobe.
+    fn shares(&self) -> impl Iterator<Item = f64> + '_ {
+        let amount = |lobe: &Lobe| lobe.scattering.iter().sum::<f64>();
         let total: f64 = self.lobes.iter().map(amount).sum();
-        let count = self.lobes.len() as f64;
-        // Weights that see no lobe leave the choice free.
-        self.lobes.iter().map(move |lobe| if total > 0.0 { amount(lobe) / total } else { 1.0 / count })
-    }
-
-    /// Density of [`Self::sample`] over solid angle, 1/sr.
-    pub fn density(&self, weights: [f64; 3], cosine: f64) -> f64 {
-        self.lobes.iter().zip(self.shares(weights)).map(|(lobe, share)| share * lobe.phase.evaluate(cosine)).sum()
+        self.lobes.iter().map(move |lobe| amount(lobe) / total)
     }
 
     /// Samples a cosine with a number uniform in [0, 1): a lobe by its share, then its phase function. None where
     /// nothing scatters.
-    pub fn sample(&self, weights: [f64; 3], uniform: f64) -> Option<f64> {
+    pub fn sample(&self, uniform: f64) -> Option<f64> {
         let mut rest = uniform;
-        let mut last = None;
-        for (lobe, share) in self.lobes.iter().zip(self.shares(weights)) {
-            if share > 0.0 {
-                if rest < share {
-                    return Some(lobe.phase.sample(rest / share));
-                }
-                last = Some(lobe);
+        for (lobe, share) in self.lobes.iter().zip(self.shares()) {
+            if rest < share {
+                return Some(lobe.phase.sample(rest / share));
             }
             rest -= share;
         }
         // Rounding can leave a rest behind the last lobe.
-        last.map(|lobe| lobe.phase.sample(1.0 - f64::EPSILON))
+        self.lobes.last().map(|lobe| lobe.phase.sample(1.0 - f64::EPSILON))
     }
 }
 
