@@ -44,6 +44,32 @@ impl Image {
         std::array::from_fn(|channel| self.pixels.iter().map(|pixel| f64::from(pixel[channel])).sum::<f64>() / count)
     }
 
+    /// Mean of pictures of one size, summed in f64. Its provenance is what theirs agree in, and that it is a mean.
+    pub fn mean_of(images: &[Self]) -> Result<Self> {
+        let Some(first) = images.first() else {
+            return Err(Error::new("mean of pictures", "no picture", "at least one", "Render one."));
+        };
+        if let Some(other) = images.iter().find(|image| (image.width, image.height) != (first.width, first.height)) {
+            return Err(Error::new(
+                "mean of pictures",
+                format!("{} x {} pixels", other.width, other.height),
+                format!("{} x {}, as the first", first.width, first.height),
+                "Average renders of one picture.",
+            ));
+        }
+        let mut mean = Self::new(first.width, first.height);
+        for (index, pixel) in mean.pixels.iter_mut().enumerate() {
+            *pixel = std::array::from_fn(|channel| {
+                let sum: f64 = images.iter().map(|image| f64::from(image.pixels[index][channel])).sum();
+                (sum / images.len() as f64) as f32
+            });
+        }
+        let shared = |(name, value): &(&String, &String)| images.iter().all(|i| i.provenance.get(*name) == Some(value));
+        mean.provenance = first.provenance.iter().filter(shared).map(|(n, v)| (n.clone(), v.clone())).collect();
+        mean.provenance.insert("content".to_owned(), format!("mean of {} replicas", images.len()));
+        Ok(mean)
+    }
+
     /// An error that counts the pixels with NaN or infinity and places the first one.
     pub fn check_finite(&self, place: &str) -> Result<()> {
         let wrong = |pixel: &[f32; 4]| pixel.iter().any(|value| !value.is_finite());

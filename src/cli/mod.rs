@@ -110,6 +110,12 @@ pub(crate) fn need_bpy(what: &str) -> Result<()> {
     ))
 }
 
+/// `R.exr` and `variance` make `R.variance.exr`.
+pub(crate) fn beside(output: &std::path::Path, what: &str) -> std::path::PathBuf {
+    let extension = output.extension().map_or("exr".into(), |extension| extension.to_string_lossy().into_owned());
+    output.with_extension(format!("{what}.{extension}"))
+}
+
 /// Prints to stdout; a reader that closed the pipe early is no error.
 pub(crate) fn print(text: &str) -> Result<()> {
     use std::io::Write;
@@ -118,5 +124,17 @@ pub(crate) fn print(text: &str) -> Result<()> {
             Err(crate::error::Error::io(std::path::Path::new("stdout"), "a place to print to", &cause))
         }
         _ => Ok(()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::beside;
+    use std::path::Path;
+
+    #[test]
+    fn files_of_replicas_lie_beside_their_mean() {
+        assert_eq!(beside(Path::new("a/R.exr"), "seed-5000"), Path::new("a/R.seed-5000.exr"));
+        assert_eq!(beside(Path::new("R"), "variance"), Path::new("R.variance.exr"));
     }
 }

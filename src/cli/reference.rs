@@ -102,11 +102,11 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
         return Ok(ExitCode::SUCCESS);
     }
     for (reference, seed) in found.iter().zip(&seeds) {
-        let path = beside(output, &format!("seed-{seed}"));
+        let path = super::beside(output, &format!("seed-{seed}"));
         copy(reference, &path)?;
         super::print(&line(reference, &path))?;
     }
-    let variance = beside(output, "variance");
+    let variance = super::beside(output, "variance");
     let images: Vec<&PathBuf> = found.iter().map(|reference| &reference.path).collect();
     let request = json!({"op": "combine", "images": images, "mean": output, "variance": variance});
     run_script(compare::SCRIPT, &request, Kernel::Default, |_| ())?;
@@ -123,12 +123,6 @@ fn copy(reference: &Reference, path: &Path) -> Result<()> {
 fn line(reference: &Reference, path: &Path) -> String {
     let source = if reference.cached { "from the cache" } else { "rendered" };
     format!("{} {source} ({})\n", path.display(), reference.key)
-}
-
-/// `R.exr` and `variance` make `R.variance.exr`.
-fn beside(output: &Path, what: &str) -> PathBuf {
-    let extension = output.extension().map_or("exr".into(), |extension| extension.to_string_lossy().into_owned());
-    output.with_extension(format!("{what}.{extension}"))
 }
 
 #[cfg(test)]
@@ -158,11 +152,5 @@ mod tests {
         assert_eq!(settings.world_sampling, WorldSampling::Automatic);
         let mixed = "reference scene.json -o R.exr --replicas 2 --multilayer";
         assert!(Line::try_parse_from(mixed.split(' ')).is_err());
-    }
-
-    #[test]
-    fn files_of_replicas_lie_beside_their_mean() {
-        assert_eq!(beside(Path::new("a/R.exr"), "seed-5000"), Path::new("a/R.seed-5000.exr"));
-        assert_eq!(beside(Path::new("R"), "variance"), Path::new("R.variance.exr"));
     }
 }

@@ -2,8 +2,10 @@
 
 use super::picture::{Filter, PictureArguments};
 use crate::error::{Error, Result};
+use crate::image::Image;
 use crate::integrate::path::{self, PathSettings};
 use crate::integrate::{self, Backend, LightMode, MarchSettings};
+use crate::scene::Scene;
 use std::process::ExitCode;
 
 /// Render a scene into a scene-linear EXR.
@@ -67,6 +69,10 @@ struct PathArguments {
     /// path: chooses the random numbers; pictures of different seeds are independent [default: 0].
     #[arg(long)]
     seed: Option<u32>,
+    /// path: as many pictures with seeds that count on from --seed. OUTPUT is their mean, each is OUTPUT.seed-N.exr,
+    /// which `cloudparity diff --ours` takes.
+    #[arg(long, conflicts_with_all = ["time", "error"], value_parser = clap::value_parser!(u32).range(2..=1024))]
+    replicas: Option<u32>,
     /// path: stop after so many seconds, preparation not counted; --samples is the most then [default: 16777216].
     #[arg(long, value_name = "SECONDS")]
     time: Option<f64>,
@@ -120,6 +126,9 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
         }
         Integrator::Path => {
             refuse("march", &arguments.march.given())?;
+            if let Some(count) = arguments.path.replicas {
+                return replicas(arguments, &scene, backend, count, &report);
+            }
             let mut state = arguments.picture.output.clone().into_os_string();
             state.push(".state");
             path::render(&scene, &arguments.path.settings(), backend, Some(state.as_ref()), &report)?
@@ -127,6 +136,28 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
     };
     bar.finish_and_clear();
     image.write_exr(&arguments.picture.output, arguments.allow_nonfinite)?;
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Renders and writes several pictures and their mean.
+fn replicas(
+    arguments: &Arguments,
+    scene: &Scene,
+    backend: Backend,
+    count: u32,
+    report: integrate::Progress<'_>,
+) -> Result<ExitCode> {
+    let settings = arguments.path.settings();
+    let seeds: Vec<u32> = (0..count).map(|number| settings.seed.wrapping_add(number)).collect();
+    let images = path::render_replicas(scene, &settings, backend, &seeds, report)?;
+    let output = &arguments.picture.output;
+    for (image, seed) in images.iter().zip(&seeds) {
+        let file = super::beside(output, &format!("seed-{seed}"));
+        image.write_exr(&file, arguments.allow_nonfinite)?;
+        super::print(&format!("{}\n", file.display()))?;
+    }
+    Image::mean_of(&images)?.write_exr(output, arguments.allow_nonfinite)?;
+    super::print(&format!("{} mean\n", output.display()))?;
     Ok(ExitCode::SUCCESS)
 }
 
@@ -177,8 +208,9 @@ impl MarchArguments {
 }
 
 impl PathArguments {
-    fn given(&self) -> [(&'static str, bool); 4] {
+    fn given(&self) -> [(&'static str, bool); 5] {
         [
+            ("--replicas", self.replicas.is_some()),
             ("--samples", self.samples.is_some()),
             ("--seed", self.seed.is_some()),
             ("--time", self.time.is_some()),

@@ -198,7 +198,8 @@ fn is_own_mode(node_type: &NodeType, mode: &Map<String, Json>) -> bool {
 pub enum Selection {
     /// Every mode; half of a texture's points are wild, and Voronoi textures have fewer.
     Everything,
-    /// Modes with an output that jumps, all points ordinary.
+    /// Outputs that jump, all points ordinary; modes that differ in the normalisation of distances, which
+    /// these outputs do not show, once.
     Jumping,
 }
 
@@ -209,12 +210,14 @@ pub fn cases(points: usize, seed: u64, node: Option<&str>, selection: Selection)
     for node_type in evaluated().filter(|node| node.type_name.starts_with("ShaderNode")) {
         if node.is_none_or(|label| label == node_type.label) {
             for properties in modes(node_type) {
-                let mode = Mode::read(node_type, &properties, node_type.label)?;
-                let jumps = node_type
-                    .outputs_of(&mode)
-                    .any(|output| limits::wgsl(node_type, &mode, output.identifier, false).jumps);
-                if selection == Selection::Jumping && !jumps {
-                    continue;
+                if selection == Selection::Jumping {
+                    let mode = Mode::read(node_type, &properties, node_type.label)?;
+                    let normalized = properties.get("normalize") == Some(&Json::Bool(true));
+                    if normalized
+                        || !node_type.outputs_of(&mode).any(|output| jumps(node_type, &mode, output.identifier))
+                    {
+                        continue;
+                    }
                 }
                 let variants: &[bool] = if node_type.module == "noise_texture" { &[false, true] } else { &[false] };
                 for &distorted in variants {
@@ -240,6 +243,11 @@ pub fn cases(points: usize, seed: u64, node: Option<&str>, selection: Selection)
         ));
     }
     Ok(cases)
+}
+
+/// Whether a last bit may decide between two values of an output that are far apart.
+fn jumps(node_type: &NodeType, mode: &Mode, output: &str) -> bool {
+    limits::wgsl(node_type, mode, output, false).jumps
 }
 
 /// A scene that holds nothing but this graph.
@@ -400,7 +408,10 @@ impl Case {
         graph.push(json!({"name": "Node", "type": node_type.type_name, "properties": properties, "inputs": inputs}));
         let mut words = mode.words();
         words.extend(distorted.then(|| "distorted".to_owned()));
-        let outputs: Vec<_> = node_type.outputs_of(&mode).collect();
+        let outputs: Vec<_> = node_type
+            .outputs_of(&mode)
+            .filter(|output| wild_points || jumps(node_type, &mode, output.identifier))
+            .collect();
         let attributes: Vec<(String, Vec<[f32; 3]>)> =
             attributes.into_iter().enumerate().map(|(number, values)| (attribute_name(number), values)).collect();
         // WGSL promises no sign of zero. Hashed lattice cells and arctan2 depend on it.

@@ -97,16 +97,19 @@ fn search(graph: &Graph, nodes: &[Node], groups: &mut Vec<String>, visit: &mut i
 
 /// The Material Output whose Volume closes the graph.
 pub(super) fn output_with_volume(graph: &Graph) -> Result<&Node> {
-    material_output(&graph.nodes)
-        .filter(|output| matches!(output.inputs.get("Volume"), Some(Input::Link { .. })))
-        .ok_or_else(|| {
-            Error::new(
-                format!("material {}", graph.material),
-                "no Material Output with a link to its Volume input",
-                "a Material Output whose Volume input is linked to a volume closure",
-                "Link a Principled Volume to the Volume socket of the Material Output.",
-            )
-        })
+    let missing = |found: &str| {
+        Error::new(
+            format!("material {}", graph.material),
+            found,
+            "a Material Output whose Volume input is linked to a volume closure",
+            "Link a Principled Volume to the Volume socket of the Material Output.",
+        )
+    };
+    let output = material_output(&graph.nodes).ok_or_else(|| missing("no Material Output"))?;
+    match output.inputs.get("Volume") {
+        Some(Input::Link { .. }) => Ok(output),
+        _ => Err(missing("no link to its Volume input")),
+    }
 }
 
 /// The closing node of the scene's material: the only closure that feeds Volume of the Material Output,

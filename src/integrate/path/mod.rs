@@ -309,6 +309,7 @@ impl Tracer {
             ("integrator", json(&scene.integrator)),
             ("backend", engine.name()),
             ("threads", rayon::current_num_threads().to_string()),
+            ("seed", settings.seed.to_string()),
             ("samples", sums.progress.samples.to_string()),
             ("relative_error", sums.relative_error().map_or("unknown".to_owned(), |error| format!("{error:.3e}"))),
             ("majorant_boxes", boxes.to_string()),
