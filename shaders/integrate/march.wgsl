@@ -1,6 +1,7 @@
 // Single scattering by ray marching, one view ray per invocation: twin of src/integrate/march.rs,
 // whose head gives the equations. Light comes from the baked grid. Rays arrive finished (their part
-// in the medium, their steps), so the camera has no second implementation.
+// in the medium, their steps), so the camera has no second implementation. A dispatch takes the steps from `first_step` to
+// before `end_step`.
 
 #import cloudparity::graph
 
@@ -22,9 +23,9 @@ struct Stage {
     grid_scale: vec3f,
     lit_by_world: u32,
     grid_size: vec3u,
-    padding: u32,
+    first_step: u32,
     extinction_of_channel: vec3u,
-    more_padding: u32,
+    end_step: u32,
 }
 
 // Positions are those of the middle of the first step.
@@ -138,7 +139,11 @@ fn main(@builtin(global_invocation_id) invocation: vec3u) {
     let ray = rays[number];
     var radiance = vec3f(0.0);
     var transmittance = vec3f(1.0);
-    for (var step = 0u; step < ray.steps; step++) {
+    if stage.first_step > 0u {
+        radiance = outcomes[number].radiance;
+        transmittance = outcomes[number].transmittance;
+    }
+    for (var step = stage.first_step; step < min(ray.steps, stage.end_step); step++) {
         if all(transmittance < vec3f(stage.exit_transmittance)) { break; }
         let local = ray.local + ray.local_step * f32(step);
         if !may_hold(local) { continue; }

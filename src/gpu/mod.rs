@@ -32,6 +32,12 @@ pub struct Adapter {
     pub kind: String,
 }
 
+/// Iterations after which Mesa's llvmpipe ends the loops of an invocation, all loops together and
+/// without a word (its constant `LP_MAX_TGSI_LOOP_ITERATIONS`): a kernel that evaluates the density many times gives wrong values
+/// from there on. Found as a density of 402 where 47 is right, and as a picture of a quarter of its brightness. A
+/// 4D Voronoi texture alone takes up to 625 iterations per octave, so kernels split their work below it.
+pub const SOFTWARE_LOOPS: u32 = 65_535;
+
 impl Adapter {
     /// Whether it computes on the CPU.
     pub fn is_software(&self) -> bool {

@@ -244,8 +244,7 @@ impl<'a> Flattener<'a> {
     }
 
     pub(super) fn node_type(&self, tree: usize, node: &Node) -> Result<&'static NodeType> {
-        // The compiler's own types, "(...)", are no nodes of a file.
-        nodes::find(&node.kind).filter(|node_type| !node_type.label.starts_with('(')).ok_or_else(|| {
+        nodes::find(&node.kind).ok_or_else(|| {
             let known: Vec<_> = nodes::registry()
                 .iter()
                 .map(|node_type| node_type.label)

@@ -25,6 +25,10 @@ const MARCH: &str = include_str!("../../shaders/integrate/march.wgsl");
 /// Invocations per workgroup of every kernel.
 const WORKGROUP: u32 = 64;
 
+/// Steps of a ray in one dispatch of a software adapter, whose loops end early otherwise
+/// ([`crate::gpu::SOFTWARE_LOOPS`]): a step of the cloud with light from the world goes through about 1,000 iterations.
+const SOFTWARE_STEPS: usize = 16;
+
 /// A slice that takes longer makes the next one smaller.
 const SLICE_SECONDS: f64 = 0.1;
 
@@ -95,9 +99,9 @@ struct StageUniform {
     grid_scale: [f32; 3],
     lit_by_world: u32,
     grid_size: [u32; 3],
-    padding: u32,
+    first_step: u32,
     extinction_of_channel: [u32; 3],
-    more_padding: u32,
+    end_step: u32,
 }
 
 #[repr(C)]
@@ -206,9 +210,9 @@ impl<'a> Kernels<'a> {
             grid_scale: vector(1.0 / layout.step),
             lit_by_world: lit_by_world.into(),
             grid_size: layout.size.map(|count| count as u32),
-            padding: 0,
+            first_step: 0,
             extinction_of_channel: layout.extinction_of_channel.map(|number| number as u32),
-            more_padding: 0,
+            end_step: 0,
         };
         // A buffer cannot be empty: a scene without lights has one that is never read.
         let mut lights: Vec<Light> = stage
@@ -289,23 +293,27 @@ impl<'a> Kernels<'a> {
             })
             .collect();
         let gpu = self.gpu;
-        let uniform = StageUniform { rays: rays.len() as u32, ..self.uniform };
+        let steps = rays.iter().map(|ray| ray.steps).max().unwrap_or(0);
+        let together = if gpu.adapter().is_software() { SOFTWARE_STEPS } else { steps.max(1) };
         let storage = wgpu::BufferUsages::STORAGE;
         // NaN in what no invocation wrote is seen in the picture.
         let nothing = Outcome { radiance: [f32::NAN; 3], transmittance: [f32::NAN; 3], ..Outcome::zeroed() };
         let unwritten = vec![nothing; rays.len()];
         let unwritten: &[u8] = bytemuck::cast_slice(&unwritten);
         let outcomes = gpu.upload("outcomes", unwritten, storage | wgpu::BufferUsages::COPY_SRC);
-        let buffers = [
-            &gpu.upload("stage", bytemuck::bytes_of(&uniform), wgpu::BufferUsages::UNIFORM),
-            &gpu.upload("rays", bytemuck::cast_slice(&data), storage),
-            &self.lights,
-            &gpu.upload("bases", bytemuck::cast_slice(&bases), storage),
-            &self.cells,
-            &self.grid,
-            &outcomes,
-        ];
-        dispatch(gpu, &self.march, &buffers, [(rays.len() as u32).div_ceil(WORKGROUP), 1, 1]);
+        let data = gpu.upload("rays", bytemuck::cast_slice(&data), storage);
+        let bases = gpu.upload("bases", bytemuck::cast_slice(&bases), storage);
+        for first_step in (0..steps).step_by(together) {
+            let uniform = StageUniform {
+                rays: rays.len() as u32,
+                first_step: first_step as u32,
+                end_step: (first_step + together) as u32,
+                ..self.uniform
+            };
+            let stage = gpu.upload("stage", bytemuck::bytes_of(&uniform), wgpu::BufferUsages::UNIFORM);
+            let buffers = [&stage, &data, &self.lights, &bases, &self.cells, &self.grid, &outcomes];
+            dispatch(gpu, &self.march, &buffers, [(rays.len() as u32).div_ceil(WORKGROUP), 1, 1]);
+        }
         let bytes = gpu.read_back(&outcomes, unwritten.len() as u64)?;
         let found: Vec<Outcome> = bytemuck::pod_collect_to_vec(&bytes);
         for (ray, outcome) in rays.iter_mut().zip(found) {

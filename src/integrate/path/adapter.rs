@@ -43,6 +43,10 @@ const FIRST_BUDGET: usize = 4;
 /// Tentative collisions per pixel of one dispatch.
 const BUDGETS: std::ops::RangeInclusive<usize> = 1..=1 << 16;
 
+/// The same of a software adapter, whose loops end early otherwise ([`crate::gpu::SOFTWARE_LOOPS`]): a
+/// texture of 16 octaves of 625 cells goes through 10,000 iterations, the way to a collision through some thousand.
+const SOFTWARE_BUDGETS: std::ops::RangeInclusive<usize> = 1..=4;
+
 #[repr(C)]
 #[derive(Clone, Copy, Pod, Zeroable)]
 struct Stage {
@@ -164,7 +168,8 @@ impl<'a> Kernel<'a> {
         let total = self.tracer.size.iter().map(|&side| side as usize).product::<usize>();
         let mut sums = vec![[0.0; 4]; total];
         let mut counters = Counters { paths: total as u64 * u64::from(samples), ..Counters::default() };
-        let mut budget = Slices::within(FIRST_BUDGET, BUDGETS);
+        let budgets = if self.gpu.adapter().is_software() { SOFTWARE_BUDGETS } else { BUDGETS };
+        let mut budget = Slices::within(FIRST_BUDGET, budgets);
         let together = (RAY_BYTES / size_of::<Ray>() / self.pixels).clamp(1, SAMPLES_TOGETHER as usize) as u32;
         for first_pixel in (0..total).step_by(self.pixels) {
             let pixels = self.pixels.min(total - first_pixel);
