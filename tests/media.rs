@@ -300,7 +300,7 @@ fn closures_pass_groups_reroutes_and_muted_nodes_as_in_blender() {
         json!({"Shader": link("A", "Volume"), "Shader_001": link("B", "Volume")}),
     );
     let both = [absorbing("A", 0.3), absorbing("B", 0.5)];
-    extinction("add", &[&both[..], &[add.clone()]].concat(), &[], link("Add", "Shader"), 0.8);
+    extinction("add", &[&both[..], std::slice::from_ref(&add)].concat(), &[], link("Add", "Shader"), 0.8);
     let silent = muted(add.clone(), json!({"Shader": "Shader"}));
     extinction("muted add", &[&both[..], &[silent]].concat(), &[], link("Add", "Shader"), 0.3);
     let nothing = [absorbing("A", 0.3), muted(absorbing("B", 0.5), json!({})), add];

@@ -102,7 +102,7 @@ impl PathSettings {
 /// What traces paths.
 enum Engine<'a> {
     Cpu(&'a Tracer),
-    Adapter(adapter::Kernel<'a>),
+    Adapter(Box<adapter::Kernel<'a>>),
 }
 
 impl<'a> Engine<'a> {
@@ -112,7 +112,7 @@ impl<'a> Engine<'a> {
             Some(gpu) => adapter::Kernel::new(tracer, scene, gpu)?,
             None => None,
         };
-        Ok(kernel.map_or(Self::Cpu(tracer), Self::Adapter))
+        Ok(kernel.map_or(Self::Cpu(tracer), |kernel| Self::Adapter(Box::new(kernel))))
     }
 
     /// Sums over some samples of every pixel.

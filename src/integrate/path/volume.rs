@@ -98,7 +98,11 @@ impl Volume {
         let Some(region) = volume.region() else { return Ok(volume) };
         let to_world = volume.to_frame.inverse();
         if volume.emission_varies {
-            volume.emission_rate = EMISSION_COLLISIONS / (volume.most_emission()? * diagonal(&region, &to_world));
+            let most = volume.most_emission()?;
+            volume.emission_varies = most > 0.0;
+            if volume.emission_varies {
+                volume.emission_rate = EMISSION_COLLISIONS / (most * diagonal(&region, &to_world));
+            }
         }
         let enclose = |boxes: &[Bounds3]| volume.enclose(boxes);
         let majorants = Majorants::build([region.low, region.high], &to_world, rays, enclose)?;
@@ -135,8 +139,7 @@ impl Volume {
             }
             sum += most;
         }
-        // Emission that is 0 everywhere needs no collisions, but the rate has to stay a number.
-        Ok(sum.max(f64::MIN_POSITIVE))
+        Ok(sum)
     }
 
     /// Encloses, over boxes of the frame, the extinction and what is added to it for the sake of emission. The
