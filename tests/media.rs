@@ -13,32 +13,9 @@ use cloudparity::scene::{Graph, Scene, Volume};
 use glam::DVec3;
 use rand::{Rng as _, SeedableRng as _};
 use serde_json::{Value as Json, json};
+use support::graphs::{graph, graph_with, link, node};
 
 const SUN: f64 = 10.0;
-
-fn link(node: &str, socket: &str) -> Json {
-    json!({"node": node, "socket": socket})
-}
-
-fn node(name: &str, kind: &str, properties: Json, inputs: Json) -> Json {
-    json!({"name": name, "type": kind, "location": [0.0, 0.0], "properties": properties, "inputs": inputs})
-}
-
-/// A graph whose Volume is fed by `end`, with groups.
-fn graph_with(end: Json, nodes: &[Json], groups: &[Json]) -> Graph {
-    let output = node(
-        "Material Output",
-        "ShaderNodeOutputMaterial",
-        json!({"is_active_output": true, "target": "ALL"}),
-        json!({"Volume": end}),
-    );
-    let nodes: Vec<&Json> = std::iter::once(&output).chain(nodes).collect();
-    serde_json::from_value(json!({"material": "Material", "nodes": nodes, "groups": groups})).expect("a graph")
-}
-
-fn graph(end: Json, nodes: &[Json]) -> Graph {
-    graph_with(end, nodes, &[])
-}
 
 /// The cube with this graph, lit by a sun from above, before a black world, film transparent.
 fn cube(graph: Graph) -> Scene {
@@ -323,7 +300,7 @@ fn closures_pass_groups_reroutes_and_muted_nodes_as_in_blender() {
         json!({"Shader": link("A", "Volume"), "Shader_001": link("B", "Volume")}),
     );
     let both = [absorbing("A", 0.3), absorbing("B", 0.5)];
-    extinction("add", &[&both[..], &[add.clone()]].concat(), &[], link("Add", "Shader"), 0.8);
+    extinction("add", &[&both[..], std::slice::from_ref(&add)].concat(), &[], link("Add", "Shader"), 0.8);
     let silent = muted(add.clone(), json!({"Shader": "Shader"}));
     extinction("muted add", &[&both[..], &[silent]].concat(), &[], link("Add", "Shader"), 0.3);
     let nothing = [absorbing("A", 0.3), muted(absorbing("B", 0.5), json!({})), add];

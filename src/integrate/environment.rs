@@ -131,6 +131,12 @@ impl Environment {
         self.total() == 0.0
     }
 
+    /// Roughly the luminance that arrives from all directions together: the sum of the cells' luminance times their
+    /// solid angle, the basis for choosing between the picture and lights.
+    pub fn fluence(&self) -> f64 {
+        self.total()
+    }
+
     fn total(&self) -> f64 {
         self.bands[self.height]
     }

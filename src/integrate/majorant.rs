@@ -1,6 +1,6 @@
-//! Provable majorants and minorants of a medium's extinction: an octree that rays walk through.
+//! Provable majorants and minorants of the extinction of media: an octree that rays walk through.
 //!
-//! The box of the medium is halved along its three axes, level by level. Each node knows an interval that
+//! The box of the medium, or of several in world space, is halved along its three axes, level by level. Each node knows an interval that
 //! encloses the extinction (of the channel with the most) over its part of the box, from interval
 //! arithmetic through the node graph: proven, never sampled. A node is divided where that pays: the
 //! null collisions that a render is expected to spend in it, `rays / area * volume * (majorant -
@@ -9,7 +9,7 @@
 //! 2023, "Volume rendering for Elemental".)
 //!
 //! Three flat arrays hold the tree, ready for an adapter: the first child of each node, the ends of
-//! its interval. A dense table enters it at level [`TABLE_LEVEL`].
+//! its interval. A dense table enters it at level `TABLE_LEVEL`.
 
 use super::medium::Region;
 use crate::error::{Error, Result};
@@ -37,7 +37,7 @@ const MOST_BOXES: usize = 1 << 19;
 const PADDING: f64 = 1e-3;
 
 /// Padding as a fraction of the largest coordinate: 4 ulps.
-const COORDINATE_PADDING: f64 = 4.0 / 16_777_216.0;
+pub(super) const COORDINATE_PADDING: f64 = 4.0 / 16_777_216.0;
 
 /// Cells of the finest level along a side.
 const FINEST: f64 = (1_u32 << LEVELS) as f64;
@@ -189,8 +189,8 @@ impl Majorants {
         let bounds = self.bounds_of(place, level);
         Error::new(
             format!("extinction between {:?} and {:?} of the object's frame", bounds.low, bounds.high),
-            "a density that may be infinite or NaN there",
-            "a density with a finite bound",
+            "a density, a coefficient or an emission that may be infinite or NaN there",
+            "one with a finite bound",
             "Look at the density there (cloudparity eval), and clamp it in the material.",
         )
     }

@@ -250,8 +250,45 @@ impl ObjectMedium {
 
     /// Evaluates what varies at positions of the object's frame. Whether they are inside is not asked.
     pub fn evaluate(&self, positions: &[[f32; 3]]) -> Result<Values<'_>> {
-        let rows = self.program.evaluate_single(Points::new(positions))?;
-        Ok(Values { medium: self, rows: rows.into_iter().map(f64::from).collect() })
+        Ok(self.values(&self.program.evaluate_single(Points::new(positions))?))
+    }
+
+    /// What [`Self::program`] gave for a batch of points, point by point.
+    pub fn values(&self, rows: &[f32]) -> Values<'_> {
+        Values { medium: self, rows: rows.iter().copied().map(f64::from).collect() }
+    }
+
+    /// Coefficients where the only column of [`Self::program`] is 1, if they are proportional to it: one density varies and
+    /// nothing else does. Emission does not depend on it. Without a column these are the coefficients everywhere.
+    pub fn proportional(&self) -> Option<Coefficients<f64>> {
+        let constant = |factor: &Factor| matches!(factor.value, Value::Constant(_));
+        let fits = |term: &Term| {
+            term.scaled.as_ref().is_some_and(|Scaled { unit, density }| {
+                let filled = unit.scattering != [0.0; 3] || unit.extinction != [0.0; 3];
+                term.closure.factors.iter().all(constant) && (*density == Value::Column(0) || !filled)
+            })
+        };
+        let row: &[f64] = match self.program.output_components() {
+            0 => &[],
+            1 if self.terms.iter().all(fits) => &[1.0],
+            _ => return None,
+        };
+        Some(sum(self.terms.iter().map(|term| term.coefficients(row)), 0.0))
+    }
+
+    /// The emission, radiance per metre, if it is the same everywhere.
+    pub fn constant_emission(&self) -> Option<[f64; 3]> {
+        // NaN in place of what varies: what still comes out as a number does not depend on it.
+        let row = vec![f64::NAN; self.program.output_components()];
+        let emission = sum(self.terms.iter().map(|term| term.coefficients(&row)), 0.0).emission;
+        (!emission.iter().any(|channel| channel.is_nan())).then_some(emission)
+    }
+
+    /// The phase function of each closure that may scatter; none for one whose phase function varies.
+    pub fn phases(&self) -> impl Iterator<Item = Option<PhaseFunction>> + '_ {
+        let unknown = vec![Interval::EVERYTHING; self.program.output_components()];
+        let scatters = move |term: &&Term| term.bounds(&unknown).scattering != [Interval::ZERO; 3];
+        self.terms.iter().filter(scatters).map(|term| term.phase)
     }
 
     /// Encloses the coefficients over boxes of the object's frame, each divided `depth` times into eight to make

@@ -1,4 +1,4 @@
-//! The medium as `march` knows it: one varying density, constant factors, one lobe, in one object.
+//! The medium as `march` and the adapter know it: one varying density, constant factors, one lobe, in one object.
 //!
 //! [`super::media`] knows media in full.
 

@@ -2,6 +2,8 @@
 #![allow(dead_code, reason = "each test file uses a part of it")]
 
 pub mod cube;
+pub mod estimate;
+pub mod graphs;
 
 use cloudparity::scene::Scene;
 use std::path::{Path, PathBuf};

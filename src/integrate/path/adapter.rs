@@ -7,12 +7,14 @@
 //! The random numbers along rays are those of the CPU, the others are not stratified: pictures of the same seed
 //! are neither equal nor independent. Compare them with different seeds.
 
-use super::tracer::{Counters, Tracer, violation};
-use crate::error::Result;
+use super::tracer::{Counters, Tracer, World, violation};
+use crate::error::{Error, Result};
 use crate::gpu::Gpu;
 use crate::graph::wgsl::Linker;
 use crate::integrate::adapter::{Slices, dispatch};
+use crate::integrate::medium::Medium;
 use crate::integrate::sampled_lights::AdapterLight;
+use crate::scene::Scene;
 use bytemuck::{Pod, Zeroable};
 use glam::DVec3;
 use std::time::Instant;
@@ -114,14 +116,30 @@ pub(super) struct Kernel<'a> {
 }
 
 impl<'a> Kernel<'a> {
-    /// Compiles the kernel; None where no ray can meet the medium.
-    pub(super) fn new(tracer: &'a Tracer, gpu: &'a Gpu) -> Result<Option<Self>> {
+    /// Compiles the kernel; None where no ray can meet the medium. It knows one object whose coefficients are one
+    /// density times constants, one Henyey-Greenstein lobe and a constant world, and refuses the rest.
+    pub(super) fn new(tracer: &'a Tracer, scene: &Scene, gpu: &'a Gpu) -> Result<Option<Self>> {
         let Some(majorants) = &tracer.volume.majorants else { return Ok(None) };
-        let medium = tracer.volume.medium();
+        let medium = Medium::new(scene).map_err(|cause| {
+            Error::new(
+                format!("--backend gpu, {}", cause.place),
+                cause.found,
+                "one object whose coefficients are one density times constants, and one Henyey-Greenstein lobe",
+                "Give --backend cpu, which knows all media.",
+            )
+        })?;
+        let World::Constant(world) = tracer.world else {
+            return Err(Error::new(
+                "--backend gpu, $.world.image",
+                "a picture around the scene",
+                "a constant world: the adapter knows no other yet",
+                "Give --backend cpu.",
+            ));
+        };
         let flat = majorants.flat();
         let single = |values: [f64; 3]| values.map(|value| value as f32);
         let vector = |value: DVec3| value.as_vec3().to_array();
-        let transform = tracer.volume.to_object;
+        let transform = tracer.volume.to_frame;
         let mut lights = tracer.lights.iter().map(|light| light.on_adapter()).collect::<Result<Vec<AdapterLight>>>()?;
         let stage = Stage {
             scattering: single(medium.scattering),
@@ -132,7 +150,7 @@ impl<'a> Kernel<'a> {
             lights: lights.len() as u32,
             emission: single(tracer.volume.emission),
             scatters: tracer.volume.scatters().into(),
-            world: single(tracer.world),
+            world: single(world),
             transparent: tracer.transparent.into(),
             low: vector(flat.low),
             cells_per_metre: vector(1.0 / flat.cell),

@@ -1,7 +1,8 @@
 //! Path tracing of participating media without bias, on the CPU or the adapter.
 //!
 //! [`render`] gives a picture, [`render_replicas`] several with other seeds that share the majorants.
-//! The algorithm is that of `tracer`; `volume` is what it asks of a medium.
+//! The algorithm is that of `tracer`; `volume` is what it asks of the media. All closures, several objects that may
+//! overlap and a picture around the scene are known on the CPU; the adapter knows less and refuses the rest.
 //!
 //! A picture is made in passes of a fixed number of samples, a pass in ranges of paths that are traced
 //! on all cores. Ranges are summed in order, so that equal settings and seeds give equal bits
@@ -15,6 +16,7 @@ mod volume;
 pub use tracer::Counters;
 
 use super::camera::Camera;
+use super::environment::Environment;
 use super::film::Warp;
 use super::lights::world_radiance;
 use super::sampled_lights::sampled_lights;
@@ -28,7 +30,7 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 use std::time::Instant;
-use tracer::{Tracer, Work};
+use tracer::{Tracer, Work, World};
 use volume::Volume;
 
 /// Paths of one pass: enough to keep all cores busy, few enough to show progress.
@@ -100,17 +102,17 @@ impl PathSettings {
 /// What traces paths.
 enum Engine<'a> {
     Cpu(&'a Tracer),
-    Adapter(adapter::Kernel<'a>),
+    Adapter(Box<adapter::Kernel<'a>>),
 }
 
 impl<'a> Engine<'a> {
-    fn new(tracer: &'a Tracer, gpu: Option<&'a Gpu>) -> Result<Self> {
+    fn new(tracer: &'a Tracer, scene: &Scene, gpu: Option<&'a Gpu>) -> Result<Self> {
         let kernel = match gpu {
             // Where no ray can meet the medium there is nothing to do on an adapter.
-            Some(gpu) => adapter::Kernel::new(tracer, gpu)?,
+            Some(gpu) => adapter::Kernel::new(tracer, scene, gpu)?,
             None => None,
         };
-        Ok(kernel.map_or(Self::Cpu(tracer), Self::Adapter))
+        Ok(kernel.map_or(Self::Cpu(tracer), |kernel| Self::Adapter(Box::new(kernel))))
     }
 
     /// Sums over some samples of every pixel.
@@ -145,7 +147,7 @@ pub fn render(
     let begin = Instant::now();
     progress(0.0, "majorants");
     let tracer = Tracer::new(scene, settings)?;
-    let engine = Engine::new(&tracer, gpu.as_ref())?;
+    let engine = Engine::new(&tracer, scene, gpu.as_ref())?;
     let preparation = begin.elapsed().as_secs_f64();
     let image = tracer.render(scene, settings, &engine, state, preparation, progress)?;
     if let Some(path) = state {
@@ -172,7 +174,7 @@ pub fn render_replicas(
     let begin = Instant::now();
     progress(0.0, "majorants");
     let tracer = Tracer::new(scene, settings)?;
-    let engine = Engine::new(&tracer, gpu.as_ref())?;
+    let engine = Engine::new(&tracer, scene, gpu.as_ref())?;
     let preparation = begin.elapsed().as_secs_f64();
     let count = seeds.len() as f64;
     let replica = |(number, &seed): (usize, &u32)| {
@@ -182,6 +184,22 @@ pub fn render_replicas(
     seeds.iter().enumerate().map(replica).collect()
 }
 
+impl World {
+    fn new(scene: &Scene) -> Result<Self> {
+        match Environment::load(scene)? {
+            Some(picture) if picture.is_black() => return Ok(Self::Constant([0.0; 3])),
+            Some(picture) => return Ok(Self::Picture(picture)),
+            None => {}
+        }
+        let radiance = world_radiance(scene);
+        if radiance.iter().all(|value| value.is_finite() && *value >= 0.0) {
+            return Ok(Self::Constant(radiance));
+        }
+        let found = format!("radiance {radiance:?}");
+        Err(Error::new("$.world", found, "finite radiance, none below 0", "Correct the color."))
+    }
+}
+
 impl Tracer {
     fn new(scene: &Scene, settings: &PathSettings) -> Result<Self> {
         let size = scene.image_size();
@@ -189,13 +207,6 @@ impl Tracer {
         let paths = f64::from(size[0]) * f64::from(size[1]) * f64::from(settings.samples.min(SAMPLES_FOR_MAJORANTS));
         // The camera ray, and per event a shadow ray and a sampled one.
         let rays = paths * f64::from(1 + 2 * events.min(RAYS_PER_PATH));
-        let finite = |name: &str, values: [f64; 3]| {
-            let fine = values.iter().all(|value| value.is_finite() && *value >= 0.0);
-            let error = || {
-                Error::new(name, format!("radiance {values:?}"), "finite radiance, none below 0", "Correct the color.")
-            };
-            if fine { Ok(values) } else { Err(error()) }
-        };
         Ok(Self {
             camera: Camera::new(scene, size)?,
             size,
@@ -203,7 +214,7 @@ impl Tracer {
             transparent: scene.film.transparent,
             exposure: f64::from(scene.film.exposure),
             lights: sampled_lights(scene)?,
-            world: finite("$.world", world_radiance(scene))?,
+            world: World::new(scene)?,
             volume: Volume::new(scene, rays)?,
             events,
         })

@@ -20,17 +20,28 @@
 //!   one technique per channel, conditional on the path so far, so that the weights are those of
 //!   multiple importance sampling over channels with the path's densities in the balance heuristic (Miller,
 //!   Georgiev and Jarosz 2019; Wilkie et al. 2014): the sum of b over channels never grows.
-//! * *Emission* j along a flight of length l: b j l, or b j (1 - exp(-m l))/m with a minorant.
+//! * *Emission* j that is the same everywhere, along a flight of length l: b j l, or b j (1 - exp(-m l))/m with a
+//!   minorant. Emission that varies: b j / r at every tentative collision, before anything else happens there; a
+//!   part of M that is in proportion to the bound of j makes r > 0 wherever j is not 0 (Novak et al. 2018, section 5).
 //! * *Lights*: next-event estimation towards one light per event, chosen in proportion to what it roughly delivers; if it has an
-//!   extent, weighted against hits of the sampled ray on that light (balance heuristic; Veach 1997).
+//!   extent, weighted against hits of the sampled ray on that light (balance heuristic; Veach 1997). A picture around
+//!   the scene is chosen like a light; rays that leave the medium see it whatever was chosen, and the chance that
+//!   it was counts in the weights of both.
+//!
+//! Where phase functions vary, or several mix in proportions that do, a path waits once more at a scattering event: the batch evaluates
+//! the lobes there, and they are used up before the path goes on. So a path carries none, however many there are.
 
-use super::volume::{CoefficientEvaluator, Coefficients, Volume};
+use super::volume::{CoefficientEvaluator, Lobes, Volume};
 use crate::error::{Error, Result};
 use crate::integrate::camera::Camera;
+use crate::integrate::environment::Environment;
 use crate::integrate::film::Warp;
 use crate::integrate::majorant::{Majorants, Walk};
+use crate::integrate::media::PhaseMixture;
+use crate::integrate::phase::{PhaseFunction, turned};
 use crate::integrate::sampled_lights::SampledLight;
 use crate::integrate::sampler::Sampler;
+use crate::nodes::closure::Coefficients;
 use glam::{DVec2, DVec3};
 
 /// Paths side by side on a thread: batches of the density program are full.
@@ -51,9 +62,46 @@ pub(super) struct Tracer {
     pub(super) exposure: f64,
     pub(super) volume: Volume,
     pub(super) lights: Vec<SampledLight>,
-    pub(super) world: [f64; 3],
+    pub(super) world: World,
     /// Most scattering events of a path.
     pub(super) events: u32,
+}
+
+/// What lies around the scene.
+pub(super) enum World {
+    /// Radiance, the same from everywhere.
+    Constant([f64; 3]),
+    /// A picture that is not black.
+    Picture(Environment),
+}
+
+/// How light scatters at an event.
+enum Scattering<'a> {
+    Single(&'a PhaseFunction),
+    Mixture(&'a PhaseMixture),
+}
+
+/// What next-event estimation turns to.
+enum Source<'a> {
+    Light(&'a SampledLight),
+    Picture(&'a Environment),
+    Nothing,
+}
+
+/// A source, with the chance of its choice.
+struct Choice<'a> {
+    source: Source<'a>,
+    probability: f64,
+    /// The chance that the picture around the scene is chosen.
+    picture: f64,
+}
+
+/// What a path does after the end of a ray.
+enum Then {
+    Travel,
+    /// Waits at an event for its lobes.
+    Wait,
+    End,
 }
 
 /// What paths did.
@@ -107,6 +155,9 @@ enum Stage {
     Bounce,
     /// After the last event that is allowed.
     Last,
+    /// At a scattering event whose lobes have to be evaluated.
+    Event,
+    Finished,
 }
 
 /// The state of a path.
@@ -140,6 +191,8 @@ pub(super) struct Path {
     vertex: DVec3,
     throughput: [f64; 3],
     next: DVec3,
+    /// Weight of what the sampled ray sees of a picture around the scene.
+    escape: f64,
     scatterings: u32,
     /// Largest throughput after the first event.
     reference: f64,
@@ -196,21 +249,28 @@ impl Tracer {
             if paths.is_empty() {
                 return Ok(sums);
             }
-            self.collide_all(&mut evaluator, &mut paths, &positions, &mut coefficients, &mut sums.counters)?;
+            evaluator.evaluate(&positions, &mut coefficients)?;
+            self.collide_all(&evaluator, &mut paths, &positions, &coefficients, &mut sums.counters)?;
         }
     }
 
     fn collide_all(
         &self,
-        evaluator: &mut CoefficientEvaluator<'_>,
+        evaluator: &CoefficientEvaluator<'_>,
         paths: &mut [Path],
-        positions: &[[f32; 3]],
-        coefficients: &mut Vec<Coefficients>,
+        positions: &[DVec3],
+        coefficients: &[Coefficients<f64>],
         counters: &mut Counters,
     ) -> Result<()> {
-        evaluator.evaluate(positions, coefficients);
-        counters.collisions += positions.len() as u64;
-        for ((path, found), position) in paths.iter_mut().zip(coefficients).zip(positions) {
+        for (lane, ((path, found), position)) in paths.iter_mut().zip(coefficients).zip(positions).enumerate() {
+            if path.stage == Stage::Event {
+                let mixture = evaluator.mixture(lane)?;
+                if !self.scatter(path, &Scattering::Mixture(&mixture), counters) {
+                    path.stage = Stage::Finished;
+                }
+                continue;
+            }
+            counters.collisions += 1;
             let extinction = found
                 .extinction
                 .iter()
@@ -218,7 +278,7 @@ impl Tracer {
                 .fold(0.0, |most: f64, value| if value.is_nan() { value } else { most.max(value) });
             // NaN is not below the majorant.
             if extinction.is_nan() || extinction > path.majorant {
-                return Err(violation(*position, extinction, path.majorant));
+                return Err(violation(position.as_vec3().to_array(), extinction, path.majorant));
             }
             counters.null_collisions += 1.0 - extinction / path.rate.max(path.majorant);
             self.collide(path, found);
@@ -256,6 +316,7 @@ impl Tracer {
             vertex: DVec3::ZERO,
             throughput: [0.0; 3],
             next: DVec3::ZERO,
+            escape: 1.0,
             scatterings: 0,
             reference: 0.0,
             hit_distance: f64::NAN,
@@ -263,37 +324,39 @@ impl Tracer {
             radiance: [0.0; 3],
             opacity: 0.0,
         };
-        // Cycles leaves out a medium that reaches across the far clip.
-        let whole = self.walk(ray.origin, ray.direction, f64::NEG_INFINITY, f64::INFINITY);
-        if whole.is_some_and(|walk| walk.end <= ray.far) {
-            path.walk = self.walk(ray.origin, ray.direction, ray.near, f64::INFINITY).unwrap_or_default();
-        }
+        let end = self.volume.last_face(ray.origin, ray.direction, ray.far);
+        path.walk = self.walk(ray.origin, ray.direction, ray.near, end).unwrap_or_default();
         path
     }
 
     /// A ray's way through the medium between two distances.
     fn walk(&self, origin: DVec3, direction: DVec3, from: f64, to: f64) -> Option<Walk> {
-        let origin = self.volume.to_object.transform_point3(origin);
-        let direction = self.volume.to_object.transform_vector3(direction);
+        let origin = self.volume.to_frame.transform_point3(origin);
+        let direction = self.volume.to_frame.transform_vector3(direction);
         self.volume.majorants.as_ref()?.enter(origin, direction, from, to)
     }
 
-    /// Where the path waits for a density.
-    fn position(&self, path: &Path) -> [f32; 3] {
+    /// Where the path waits for coefficients, in the frame of the media.
+    fn position(&self, path: &Path) -> DVec3 {
         let majorants = self.volume.majorants.as_ref().expect("a path waits in a medium");
-        majorants.position(&path.walk).as_vec3().to_array()
+        majorants.position(&path.walk)
     }
 
-    /// Goes to the next tentative collision; false where the path ends.
+    /// Goes to where coefficients are needed next; false where the path ends.
     fn advance(&self, path: &mut Path, counters: &mut Counters) -> bool {
+        if path.stage == Stage::Finished {
+            return false;
+        }
         loop {
             if let Some(majorants) = &self.volume.majorants
                 && self.travel(path, majorants)
             {
                 return true;
             }
-            if !self.end_ray(path, counters) {
-                return false;
+            match self.end_ray(path, counters) {
+                Then::Travel => {}
+                Then::Wait => return true,
+                Then::End => return false,
             }
         }
     }
@@ -357,7 +420,13 @@ impl Tracer {
     }
 
     /// Handles a tentative collision whose coefficients are known.
-    fn collide(&self, path: &mut Path, found: &Coefficients) {
+    fn collide(&self, path: &mut Path, found: &Coefficients<f64>) {
+        if self.volume.emission_varies && path.stage != Stage::Shadow {
+            for channel in 0..3 {
+                path.radiance[channel] +=
+                    path.carried[channel] * path.weight[channel] * found.emission[channel] / path.rate;
+            }
+        }
         if path.stage == Stage::Bounce {
             return collide_between_events(path, found);
         }
@@ -384,65 +453,114 @@ impl Tracer {
         path.numbers[0] = path.numbers[3];
     }
 
-    /// What the ray finds at its end, and the next ray; false where the path ends.
-    fn end_ray(&self, path: &mut Path, counters: &mut Counters) -> bool {
+    /// What the ray finds at its end, and what comes next.
+    fn end_ray(&self, path: &mut Path, counters: &mut Counters) -> Then {
         let arriving: [f64; 3] = std::array::from_fn(|channel| path.carried[channel] * path.weight[channel]);
-        let hit = if path.hit_distance > 0.0 { path.hit } else { [0.0; 3] };
         let found = match path.stage {
             Stage::Camera if self.transparent => [0.0; 3],
-            Stage::Camera => self.world,
+            Stage::Camera => self.world(path.direction),
             Stage::Shadow => [1.0; 3],
-            Stage::Bounce | Stage::Last => std::array::from_fn(|channel| self.world[channel] + hit[channel]),
+            _ if arriving == [0.0; 3] => [0.0; 3],
+            _ => {
+                let world = self.world(path.direction);
+                let hit = if path.hit_distance > 0.0 { path.hit } else { [0.0; 3] };
+                std::array::from_fn(|channel| path.escape * world[channel] + hit[channel])
+            }
         };
         for channel in 0..3 {
             path.radiance[channel] += arriving[channel] * found[channel];
         }
+        let travel = |goes_on: bool| if goes_on { Then::Travel } else { Then::End };
         match path.stage {
             Stage::Camera => {
                 path.opacity = 1.0 - path.weight.iter().sum::<f64>() / 3.0;
                 if path.total == 0.0 {
-                    return false;
+                    return Then::End;
                 }
                 path.throughput = path.kept.map(|weight| weight * path.total / path.kept_mean);
                 path.reference = largest(&path.throughput);
-                self.scatter(path, counters)
+                self.meet_event(path, counters)
             }
-            Stage::Shadow => self.leave_event(path),
-            Stage::Bounce => path.scattered && survives(path) && self.scatter(path, counters),
-            Stage::Last => false,
+            Stage::Shadow => travel(self.leave_event(path)),
+            Stage::Bounce => {
+                if path.scattered && survives(path) {
+                    self.meet_event(path, counters)
+                } else {
+                    Then::End
+                }
+            }
+            Stage::Last | Stage::Event | Stage::Finished => Then::End,
         }
     }
 
-    /// A scattering event at the kept distance: samples the phase function and sends a shadow ray.
-    fn scatter(&self, path: &mut Path, counters: &mut Counters) -> bool {
+    /// What the world sends against a direction of travel.
+    fn world(&self, direction: DVec3) -> [f64; 3] {
+        match &self.world {
+            World::Constant(radiance) => *radiance,
+            World::Picture(picture) => picture.radiance(direction),
+        }
+    }
+
+    /// A scattering event at the kept distance: scatters, or waits for its lobes at the very position where the
+    /// coefficients were evaluated.
+    fn meet_event(&self, path: &mut Path, counters: &mut Counters) -> Then {
+        let phase = match &self.volume.lobes {
+            Lobes::Single(phase) => Scattering::Single(phase),
+            Lobes::Constant(mixture) => Scattering::Mixture(mixture),
+            Lobes::Varying => {
+                path.stage = Stage::Event;
+                path.walk.distance = path.kept_distance;
+                return Then::Wait;
+            }
+        };
+        if self.scatter(path, &phase, counters) { Then::Travel } else { Then::End }
+    }
+
+    /// Samples the phase function at an event and sends a shadow ray; false where the path ends.
+    fn scatter(&self, path: &mut Path, phase: &Scattering<'_>, counters: &mut Counters) -> bool {
         counters.scatterings += 1;
         let [[first, second, third, fourth], [choice, ..]] = path.sampler.scattering(path.scatterings);
         path.scatterings += 1;
         path.vertex = path.origin + path.direction * path.kept_distance;
         let before = path.direction;
-        path.next = self.volume.sample_phase(before, [first, second]);
+        path.next = turned(before, phase.sample(first), second);
         path.hit_distance = f64::NAN;
-        let Some((light, probability)) = self.choose_light(path.vertex, choice) else {
-            return self.leave_event(path);
-        };
-        if let Some(hit) = light.hit(path.vertex, path.next) {
-            let density = self.volume.phase(before, path.next);
-            let share = density / (density + hit.density) / probability;
-            path.hit_distance = hit.distance;
-            path.hit = hit.radiance.map(|radiance| radiance * share);
+        let Choice { source, probability, picture } = self.choose(path.vertex, choice);
+        if let World::Picture(world) = &self.world {
+            path.escape = balance(phase.evaluate(before, path.next), picture * world.density(path.next));
         }
-        let Some(sample) = light.sample(path.vertex, [third, fourth]) else { return self.leave_event(path) };
-        let phase = self.volume.phase(before, sample.direction);
-        let share = sample.density.map_or(1.0, |density| density / (density + phase)) * phase / probability;
-        let arriving = std::array::from_fn(|channel| path.throughput[channel] * sample.radiance[channel] * share);
-        self.send(path, Stage::Shadow, sample.direction, sample.distance, arriving);
+        let (direction, distance, radiance, density) = match source {
+            Source::Nothing => return self.leave_event(path),
+            Source::Picture(picture) => {
+                let Some((direction, density)) = picture.sample([third, fourth]) else {
+                    return self.leave_event(path);
+                };
+                let radiance = picture.radiance(direction).map(|radiance| radiance / density);
+                // The sampled ray sees the picture whatever was chosen: the choice belongs to the density.
+                (direction, f64::INFINITY, radiance, Some(probability * density))
+            }
+            Source::Light(light) => {
+                if let Some(hit) = light.hit(path.vertex, path.next) {
+                    let share = balance(phase.evaluate(before, path.next), hit.density) / probability;
+                    path.hit_distance = hit.distance;
+                    path.hit = hit.radiance.map(|radiance| radiance * share);
+                }
+                let Some(sample) = light.sample(path.vertex, [third, fourth]) else { return self.leave_event(path) };
+                (sample.direction, sample.distance, sample.radiance, sample.density)
+            }
+        };
+        let phase = phase.evaluate(before, direction);
+        let share = density.map_or(1.0, |density| balance(density, phase)) * phase / probability;
+        let arriving = std::array::from_fn(|channel| path.throughput[channel] * radiance[channel] * share);
+        self.send(path, Stage::Shadow, direction, distance, arriving);
         true
     }
 
     /// Sends the ray that the phase function sampled; false where it cannot find anything.
     fn leave_event(&self, path: &mut Path) -> bool {
         let last = path.scatterings >= self.events;
-        let dark = self.world == [0.0; 3] && !self.volume.emits() && path.hit_distance.is_nan();
+        let black = matches!(self.world, World::Constant([0.0, 0.0, 0.0]));
+        let dark = black && !self.volume.emits() && path.hit_distance.is_nan();
         if last && dark {
             return false;
         }
@@ -463,22 +581,58 @@ impl Tracer {
         path.numbers = path.sampler.next4();
     }
 
-    /// A light, with the probability of its choice.
-    fn choose_light(&self, place: DVec3, choice: f64) -> Option<(&SampledLight, f64)> {
-        if let [light] = self.lights.as_slice() {
-            return Some((light, 1.0));
+    /// A light or the picture around the scene, in proportion to what it roughly delivers.
+    fn choose(&self, place: DVec3, choice: f64) -> Choice<'_> {
+        let (picture, fluence) = match &self.world {
+            World::Constant(_) => (Source::Nothing, 0.0),
+            World::Picture(picture) => (Source::Picture(picture), picture.fluence()),
+        };
+        if let ([light], Source::Nothing) = (self.lights.as_slice(), &picture) {
+            return Choice { source: Source::Light(light), probability: 1.0, picture: 0.0 };
         }
-        let total: f64 = self.lights.iter().map(|light| light.importance(place)).sum();
-        let mut rest = choice * total;
-        for (index, light) in self.lights.iter().enumerate() {
+        let total = fluence + self.lights.iter().map(|light| light.importance(place)).sum::<f64>();
+        let mut rest = choice * total - fluence;
+        if total == 0.0 || rest < 0.0 || self.lights.is_empty() {
+            return Choice { source: picture, probability: fluence / total, picture: fluence / total };
+        }
+        let last = self.lights.len() - 1;
+        for light in &self.lights[..last] {
             let importance = light.importance(place);
-            if rest < importance || index + 1 == self.lights.len() {
-                return Some((light, importance / total));
+            if rest < importance {
+                let probability = importance / total;
+                return Choice { source: Source::Light(light), probability, picture: fluence / total };
             }
             rest -= importance;
         }
-        None
+        let light = &self.lights[last];
+        let probability = light.importance(place) / total;
+        Choice { source: Source::Light(light), probability, picture: fluence / total }
     }
+}
+
+impl Scattering<'_> {
+    /// Phase function in 1/sr between two directions of travel, which is the density of [`Self::sample`].
+    fn evaluate(&self, before: DVec3, after: DVec3) -> f64 {
+        let cosine = before.dot(after).clamp(-1.0, 1.0);
+        match self {
+            Self::Single(phase) => phase.evaluate(cosine),
+            Self::Mixture(mixture) => mixture.evaluate(cosine),
+        }
+    }
+
+    /// Samples the cosine between the directions with a number in [0, 1).
+    fn sample(&self, uniform: f64) -> f64 {
+        match self {
+            Self::Single(phase) => phase.sample(uniform),
+            // Where nothing scatters there is no event.
+            Self::Mixture(mixture) => mixture.sample(uniform).unwrap_or(1.0),
+        }
+    }
+}
+
+/// Weight of a sample by the balance heuristic: its density over the sum with that of the other way to sample.
+fn balance(own: f64, other: f64) -> f64 {
+    if own > 0.0 { own / (own + other) } else { 0.0 }
 }
 
 impl Sums {
@@ -492,7 +646,7 @@ impl Sums {
 }
 
 /// A tentative collision of a ray between scattering events: scattering or null.
-fn collide_between_events(path: &mut Path, found: &Coefficients) {
+fn collide_between_events(path: &mut Path, found: &Coefficients<f64>) {
     let weight: [f64; 3] = std::array::from_fn(|channel| path.carried[channel] * path.weight[channel]);
     let scattering: f64 = (0..3).map(|channel| weight[channel] * found.scattering[channel]).sum();
     let null: f64 = (0..3).map(|channel| weight[channel] * (path.rate - found.extinction[channel])).sum();
@@ -518,7 +672,7 @@ fn collide_between_events(path: &mut Path, found: &Coefficients) {
 }
 
 /// The reservoir of possible first scattering events.
-fn keep_or_not(path: &mut Path, found: &Coefficients) {
+fn keep_or_not(path: &mut Path, found: &Coefficients<f64>) {
     let weight: [f64; 3] = std::array::from_fn(|channel| path.analog[channel] * found.scattering[channel] / path.rate);
     let mean = weight.iter().sum::<f64>() / 3.0;
     path.total += mean;
