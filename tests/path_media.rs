@@ -297,7 +297,7 @@ fn a_white_furnace_in_a_white_picture_is_white() {
 
 #[test]
 fn single_scattering_of_a_picture_with_a_bright_pixel_meets_quadrature() {
-    let density = 0.1;
+    let density = 0.1_f64;
     let mut scene = cube(graph(link("S", "Volume"), &[scatter("S", "HENYEY_GREENSTEIN", json!(density), json!(0.5))]));
     scene.film.transparent = true;
     let mut picture = Image::new(16, 8);
@@ -321,17 +321,17 @@ fn single_scattering_of_a_picture_with_a_bright_pixel_meets_quadrature() {
                 .map(|y| {
                     let sideways = (1.0 - y * towards.y.signum()) / towards.y.abs();
                     let way = sideways.min(1.0 / towards.z.abs()).min(1.0 / towards.x.abs());
-                    (-f64::from(density) * (y + 1.0 + way)).exp() * 2.0 / f64::from(steps)
+                    (-density * (y + 1.0 + way)).exp() * 2.0 / f64::from(steps)
                 })
                 .sum();
-            let weight = lit * f64::from(density) * phase(0.5, towards.y) * 4.0 * PI / f64::from(rings * turns);
+            let weight = lit * density * phase(0.5, towards.y) * 4.0 * PI / f64::from(rings * turns);
             for (truth, radiance) in truth.iter_mut().zip(environment.radiance(towards)) {
                 *truth += radiance * weight;
             }
         }
     }
     // The sun beside it, which is chosen now and then instead.
-    let sun = SUN * phase(0.5, 0.0) * (-f64::from(density)).exp() * (1.0 - (-2.0 * f64::from(density)).exp());
+    let sun = SUN * phase(0.5, 0.0) * (-density).exp() * (1.0 - (-2.0 * density).exp());
     for (with_sun, extra) in [(true, sun), (false, 0.0)] {
         if !with_sun {
             scene.lights.clear();
@@ -340,7 +340,7 @@ fn single_scattering_of_a_picture_with_a_bright_pixel_meets_quadrature() {
         for channel in 0..3 {
             meets(found[channel], truth[channel] + extra, 2e-4 * truth[channel]);
         }
-        let alpha = 1.0 - (-2.0 * f64::from(density)).exp();
+        let alpha = 1.0 - (-2.0 * density).exp();
         assert!((found[3].0 - alpha).abs() < 10.0 * ROUNDING, "alpha {} is not {alpha}", found[3].0);
     }
 }
