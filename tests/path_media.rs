@@ -200,7 +200,7 @@ fn sampled_directions_of_a_varying_mixture_follow_it() {
         scene.lights.clear();
         scene.world.color = [1.0; 3];
         bounces(&mut scene, 1);
-        estimate(&scene, 1 << 13)[0]
+        estimate(&scene, 3 << 11)[0]
     };
     let constant = brightness(false, &["A", "B"]);
     let varying = brightness(true, &["A", "B"]);
@@ -260,7 +260,7 @@ fn varying_emission_meets_its_closed_form_even_without_extinction() {
     };
     for absorbing in [0.0, 0.7] {
         let truth = along_the_ray(|y| 0.25 * (y + 1.0) * (-absorbing * (y + 1.0)).exp());
-        let found = estimate(&emission(absorbing as f32), 1 << 12);
+        let found = estimate(&emission(absorbing as f32), 1 << 11);
         for (channel, color) in [1.0, 0.5, 0.25].into_iter().enumerate() {
             meets(found[channel], color * truth, 0.0);
         }
