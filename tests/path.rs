@@ -120,15 +120,17 @@ fn a_sphere_in_the_cube_meets_its_closed_forms() {
     meets(estimate(&scene, 1 << 13)[0], SUN / (4.0 * PI) * integral, 0.0);
 }
 
+/// A figure and its standard error.
+type Truth = (f64, f64);
+
 #[test]
 fn every_number_of_bounces_has_its_brightness() {
     // Extinction 2, albedo 0.9, world 1; truths of an independent random walk with their standard errors.
     let mut scene = furnace();
     set(&mut scene, "Density", Input::Number(2.0));
     set(&mut scene, "Color", color([0.9; 3]));
-    // Bounces, then value and standard error for anisotropy 0 and 0.8.
-    let table = [
-        (0_u32, (0.20556, 2.7e-4), (0.09086, 1.9e-4)),
+    let table: [(u32, Truth, Truth); 5] = [
+        (0, (0.20556, 2.7e-4), (0.09086, 1.9e-4)),
         (1, (0.33472, 3.0e-4), (0.20617, 2.6e-4)),
         (2, (0.42875, 3.0e-4), (0.33716, 2.8e-4)),
         (4, (0.54671, 2.6e-4), (0.53865, 2.3e-4)),
