@@ -76,7 +76,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
 }
 
 /// Points of all modes that one Blender process evaluates: bounds its memory.
-const POINTS_TOGETHER: usize = 8_000_000;
+const POINTS_TOGETHER: usize = 2_000_000;
 
 /// Points per random graph.
 const GRAPH_POINTS: usize = 256;
