@@ -124,8 +124,8 @@ def scene(nodes, groups=()):
     )
 
 
-def absorbing_nodes(density):
-    """A graph that only absorbs, sigma_t = `density`: a number or a link."""
+def principled_nodes(inputs):
+    """A graph of one Principled Volume with these `inputs`, {identifier: number, list or link}."""
     return [
         node(
             "Material Output",
@@ -134,9 +134,10 @@ def absorbing_nodes(density):
             is_active_output=True,
             target="ALL",
         ),
-        node(
-            "Principled Volume",
-            "ShaderNodeVolumePrincipled",
-            {"Color": [0.0, 0.0, 0.0, 1.0], "Density": density},
-        ),
+        node("Principled Volume", "ShaderNodeVolumePrincipled", inputs),
     ]
+
+
+def absorbing_nodes(density):
+    """A graph that only absorbs, sigma_t = `density`: a number or a link."""
+    return principled_nodes({"Color": [0.0, 0.0, 0.0, 1.0], "Density": density})

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from blend_support import Recorder, absorbing_nodes, link, matrix, node, requires_bpy, run_script, scene
+from blend_support import Recorder, absorbing_nodes, matrix, principled_nodes, requires_bpy, run_script, scene
 from protocol import InputError, located
 from scene_io import scene_hash
 
@@ -239,20 +239,7 @@ def test_the_world_is_sampled_as_a_light_where_the_request_says_so():
 
 def scattering_nodes():
     """A graph that scatters, so that pictures have noise."""
-    return [
-        node(
-            "Material Output",
-            "ShaderNodeOutputMaterial",
-            {"Volume": link("Principled Volume", "Volume")},
-            is_active_output=True,
-            target="ALL",
-        ),
-        node(
-            "Principled Volume",
-            "ShaderNodeVolumePrincipled",
-            {"Color": [0.9, 0.8, 0.7, 1.0], "Density": 1.0, "Anisotropy": 0.3},
-        ),
-    ]
+    return principled_nodes({"Color": [0.9, 0.8, 0.7, 1.0], "Density": 1.0, "Anisotropy": 0.3})
 
 
 def test_replicas_of_one_process_have_the_bits_of_processes_of_their_own(tmp_path):
