@@ -39,14 +39,15 @@ def render_reference(request, messages):
     results = []
     for index, replica in enumerate(replicas):
         settings = apply_request(bpy.context.scene, request, replica["seed"])
-        _report_progress(messages, index, len(replicas))
+        clock = Clock()
+        _report_progress(messages, index, len(replicas), clock)
         with tempfile.TemporaryDirectory() as folder:
             rendered = Path(folder) / "render.exr"
-            seconds = _render(rendered)
-            provenance = _provenance(request, replica, settings, seconds)
+            times = _render(rendered, clock)
+            provenance = _provenance(request, replica, settings, times)
             with replaced_file(replica["exr"]) as temporary:
                 copy_with_attributes(rendered, temporary, provenance)
-        results.append({"exr": replica["exr"], "seconds": seconds, "settings": settings})
+        results.append({"exr": replica["exr"], "seconds": times["render_seconds"], "settings": settings})
     blender = {"blender": bpy.app.version_string}
     return ({"replicas": results} if request.get("replicas") else results[0]) | blender
 
@@ -116,14 +117,38 @@ def _world_sampling(request):
     return method
 
 
-def _report_progress(messages, index, count):
-    """Send a progress event for each percent of the samples of render `index` of `count`."""
+class Clock:
+    """Seconds by the wall clock and of processor time (of all threads) since a render began."""
+
+    def __init__(self):
+        self.restart()
+
+    def restart(self):
+        """Begin again at zero."""
+        self._begin = (time.perf_counter(), time.process_time())
+        self.first_sample = None
+
+    def now(self):
+        """Both times, [wall, processor]."""
+        return [
+            now - begin
+            for now, begin in zip((time.perf_counter(), time.process_time()), self._begin, strict=True)
+        ]
+
+
+def _report_progress(messages, index, count, clock):
+    """Send a progress event for each percent of the samples of render `index` of `count`.
+
+    When the first sample is done the clock notes it.
+    """
     last_percent = -1
 
     def report(status, *_):
         nonlocal last_percent
         match = SAMPLE_STATUS.search(str(status))
         done = int(match[1]) / int(match[2]) if match else 0.0
+        if clock.first_sample is None and match and int(match[1]) > 0:
+            clock.first_sample = clock.now()
         percent = int(100 * done)
         if percent > last_percent:
             last_percent = percent
@@ -134,22 +159,29 @@ def _report_progress(messages, index, count):
     bpy.app.handlers.render_stats.append(report)
 
 
-def _render(path):
-    """Render the open file into `path`; return the seconds of the render."""
-    begin = time.perf_counter()
+def _render(path, clock):
+    """Render the open file into `path`; return its times in seconds.
+
+    Processor time hardly depends on what else the machine does. The times of the preparation end where the
+    first sample of every pixel is reported, so they hold that sample, too.
+    """
+    clock.restart()
     bpy.ops.render.render()
-    seconds = time.perf_counter() - begin
+    wall, processor = clock.now()
     bpy.data.images["Render Result"].save_render(str(path), scene=bpy.context.scene)
-    return seconds
+    times = {"render_seconds": wall, "processor_seconds": processor}
+    if clock.first_sample is not None:
+        times["preparation_seconds"], times["preparation_processor_seconds"] = clock.first_sample
+    return times
 
 
-def _provenance(request, replica, settings, seconds):
+def _provenance(request, replica, settings, times):
     """The attributes of the EXR, {name: number or text}."""
     values = {
         "scene": request["scene"]["name"],
         "scene_sha256": scene_hash(request["scene"]),
         "renderer": f"Cycles, bpy {bpy.app.version_string} ({bpy.app.build_hash.decode()})",
-        "render_seconds": seconds,
+        **times,
         **settings,
         **request["metadata"],
         **(replica.get("metadata") or {}),
