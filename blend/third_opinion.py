@@ -10,6 +10,7 @@ A command of its own, not a script for the program: Mitsuba has an environment o
 """
 
 import argparse
+import hashlib
 import json
 import math
 import sys
@@ -21,13 +22,12 @@ import OpenImageIO as oiio
 
 from mitsuba_scene import extinction, film_resolution, mitsuba_scene, volume_bounces
 from protocol import InputError, located
-from scene_io import matrix_array, replaced_file, scene_hash
+from scene_io import matrix_array, replaced_file
 
 VARIANT = "scalar_rgb"
 BLOCK = 32  # the edge of Mitsuba's blocks in pixels; few pixels on many threads make smaller ones
-EXTINCTION_TOLERANCE = (
-    1e-5  # relative; f32 transforms and weights round a few times 6e-8, the rest is reserve
-)
+# Relative: f32 transforms and weights round a few times, 6e-8 each; half a cell off would be tenths.
+EXTINCTION_TOLERANCE = 1e-5
 EXTINCTION_POINTS = 256
 
 
@@ -40,29 +40,27 @@ def main(arguments):
     description = mitsuba_scene(scene, resolution)
     _check_extinction(mitsuba, scene, description)
     loaded = mitsuba.load_dict(_converted(mitsuba, description))
+    provenance = _provenance(mitsuba, scene, options, resolution)
     pictures = []
-    for replica in range(options.replicas):
-        seed = options.seed + replica
-        begin = time.perf_counter()
+    for seed in range(options.seed, options.seed + options.replicas):
         render_seed = _render_seed(seed, resolution)
+        begin = time.perf_counter()
         image = np.array(mitsuba.render(loaded, spp=options.samples, seed=render_seed), np.float32)
-        made = {"seed": seed, "mitsuba_seed": render_seed, "render_seconds": time.perf_counter() - begin}
+        seconds = time.perf_counter() - begin
         if not np.isfinite(image).all():
-            raise InputError(f"seed {seed}", "NaN or infinity", "finite pixels", "try another version")
-        attributes = _provenance(mitsuba, scene, resolution, options.samples) | made
-        if options.replicas > 1:
-            path = options.output.with_suffix(f".seed-{seed}{options.output.suffix}")
-            _write(path, image, attributes)
-            pictures.append(image)
-        else:
-            _write(options.output, image, attributes)
-        print(
-            f"Mitsuba, {replica + 1} of {options.replicas}: {made['render_seconds']:.1f} s", file=sys.stderr
-        )
-    if pictures:
+            raise InputError(f"seed {seed}", "NaN or infinity", "finite pixels", "report this to Mitsuba")
+        made = {"seed": seed, "mitsuba_seed": render_seed, "render_seconds": seconds}
+        _write(_replica_path(options, seed), image, provenance | made)
+        pictures.append(image)
+        print(f"Mitsuba, {len(pictures)} of {options.replicas}: {seconds:.1f} s", file=sys.stderr)
+    if len(pictures) > 1:
         mean = np.mean(pictures, axis=0, dtype=np.float64).astype(np.float32)
-        attributes = _provenance(mitsuba, scene, resolution, options.samples)
-        _write(options.output, mean, attributes | {"replicas": options.replicas, "seed": options.seed})
+        _write(options.output, mean, provenance | {"seed": options.seed, "replicas": len(pictures)})
+
+
+def _replica_path(options, seed):
+    output = options.output
+    return output if options.replicas == 1 else output.with_suffix(f".seed-{seed}{output.suffix}")
 
 
 def _options(arguments):
@@ -160,13 +158,13 @@ def _render_seed(seed, resolution):
     return chosen
 
 
-def _provenance(mitsuba, scene, resolution, samples):
+def _provenance(mitsuba, scene, options, resolution):
     return {
         "scene": scene["name"],
-        "scene_sha256": scene_hash(scene),
+        "scene_file_sha256": hashlib.sha256(options.scene.read_bytes()).hexdigest(),
         "renderer": f"Mitsuba {mitsuba.__version__} {VARIANT} volpath",
         "resolution": json.dumps([int(size) for size in resolution]),
-        "samples": samples,
+        "samples": options.samples,
         "volume_bounces": volume_bounces(scene),
         "pixel_filter": "BOX",
         "film_transparent": "false",
