@@ -34,6 +34,8 @@ EXTINCTION_POINTS = 256
 def main(arguments):
     """Parse, render, write."""
     options = _options(arguments)
+    if not options.output.parent.is_dir():  # before the render, not after it
+        raise InputError(str(options.output), "no such folder", "an existing one", "create the folder")
     mitsuba = _load_mitsuba()
     scene = _read_scene(options.scene)
     resolution = options.resolution or film_resolution(scene["film"])
