@@ -20,7 +20,7 @@ macro_rules! scripts {
     };
 }
 
-/// Every script and module of `blend/`, by file name.
+/// Every script and module of `blend/` that the program runs, by file name.
 pub const SCRIPTS: &[(&str, &str)] = scripts!(
     "blender_file.py",
     "build_scene.py",
