@@ -64,7 +64,7 @@ pub struct Scene {
 pub enum GraphSource {
     /// `{"file": "name.graph.json"}`, relative to the scene file.
     File {
-        /// Path of the graph file.
+        /// Path of the graph file, or of another scene file that holds its graph in place.
         file: String,
     },
     /// The graph in place.
@@ -373,8 +373,7 @@ impl Scene {
         let mut scene: Self = parse(&text, &path.display().to_string())?;
         if let GraphSource::File { file } = &scene.graph {
             let graph_path = path.parent().unwrap_or(Path::new(".")).join(file);
-            let graph_text = files::read_text(&graph_path, "the graph file that the scene names")?;
-            scene.graph = GraphSource::Inline(parse(&graph_text, &graph_path.display().to_string())?);
+            scene.graph = GraphSource::Inline(load_graph(&graph_path)?);
         }
         let folder = path.parent().unwrap_or(Path::new("."));
         scene.folder = std::path::absolute(folder).unwrap_or_else(|_| folder.to_owned());
@@ -597,6 +596,25 @@ pub fn schema() -> serde_json::Value {
 
 /// Parses JSON with the path and line in the error, and refuses numbers beyond the f32 range,
 /// which would otherwise turn into infinities without a word.
+/// The graph of a graph file, or that of another scene file that holds one in place.
+fn load_graph(path: &Path) -> Result<Graph> {
+    let text = files::read_text(path, "the graph file that the scene names")?;
+    let place = path.display().to_string();
+    let value: serde_json::Value = parse(&text, &place)?;
+    if value.get("format").is_none() {
+        return parse(&text, &place);
+    }
+    match parse::<Scene>(&text, &place)?.graph {
+        GraphSource::Inline(graph) => Ok(graph),
+        GraphSource::File { file } => Err(Error::new(
+            format!("{place}: $.graph.file"),
+            format!("\"{file}\""),
+            "the graph in place, in a scene whose graph another scene takes",
+            "Name the file that holds the graph.",
+        )),
+    }
+}
+
 fn parse<T: serde::de::DeserializeOwned>(text: &str, place: &str) -> Result<T> {
     let value: serde_json::Value = serde_json::from_str(text).map_err(|cause| {
         Error::new(
