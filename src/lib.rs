@@ -16,6 +16,7 @@ pub mod graph;
 pub mod image;
 pub mod integrate;
 pub mod nodes;
+pub mod parity;
 pub mod report;
 pub mod scene;
 

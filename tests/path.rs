@@ -165,6 +165,22 @@ fn a_white_furnace_is_white_however_thick() {
 }
 
 #[test]
+fn a_white_furnace_stays_white_with_the_cloud_in_it() {
+    // At ten times its density the cloud is thick: paths scatter dozens of times, through a thousand leaves.
+    let mut scene = support::scene("clouds-close");
+    scene.set("Density=10").expect("an input of the material");
+    scene.lights.clear();
+    scene.world.color = [1.0; 3];
+    scene.film.transparent = false;
+    scene.film.resolution = [16, 9];
+    bounces(&mut scene, 1 << 20);
+    for (channel, found) in estimate(&scene, 16).into_iter().take(3).enumerate() {
+        println!("channel {channel}");
+        meets(found, 1.0, 0.0);
+    }
+}
+
+#[test]
 fn coloured_extinction_is_without_bias() {
     // One channel scatters a hundred times as much as another; the furnace is white in each.
     let mut scene = furnace();

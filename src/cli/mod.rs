@@ -14,6 +14,7 @@ mod eval;
 pub(crate) mod explain;
 mod export;
 mod modes;
+mod parity;
 mod picture;
 mod probe;
 mod reference;
@@ -48,6 +49,7 @@ enum Command {
     Explain(explain::Arguments),
     Export(export::Arguments),
     Modes(modes::Arguments),
+    Parity(parity::Arguments),
     Probe(probe::Arguments),
     Reference(reference::Arguments),
     Render(render::Arguments),
@@ -74,6 +76,7 @@ pub fn run() -> ExitCode {
         Command::Explain(arguments) => explain::run(&arguments),
         Command::Export(arguments) => export::run(&arguments),
         Command::Modes(arguments) => modes::run(&arguments),
+        Command::Parity(arguments) => parity::run(&arguments),
         Command::Probe(arguments) => probe::run(&arguments),
         Command::Reference(arguments) => reference::run(&arguments),
         Command::Render(arguments) => render::run(&arguments),

@@ -39,8 +39,7 @@ impl PictureArguments {
             scene.film.transparent = transparent;
         }
         if let Some(bounces) = self.volume_bounces {
-            scene.integrator.volume_bounces = bounces;
-            scene.integrator.max_bounces = scene.integrator.max_bounces.max(bounces);
+            scene.set_volume_bounces(bounces);
         }
         Ok(scene)
     }

@@ -11,11 +11,14 @@ pub use field::FieldKernel;
 
 use crate::error::{Error, Result};
 use serde::Serialize;
+use std::sync::{Arc, Mutex, PoisonError};
 
 /// An open device.
 pub struct Gpu {
     device: wgpu::Device,
     queue: wgpu::Queue,
+    /// The first error that no call returned.
+    fault: Arc<Mutex<Option<String>>>,
     adapter: Adapter,
 }
 
@@ -80,9 +83,20 @@ impl Gpu {
         let descriptor =
             wgpu::DeviceDescriptor { label: Some("cloudparity"), required_limits: limits, ..Default::default() };
         let (device, queue) = adapter.request_device(&descriptor).await.map_err(|cause| missing(cause.to_string()))?;
+        // Without these wgpu ends the program at an error that no call returns.
+        let fault = Arc::new(Mutex::new(None));
+        let note = |fault: &Mutex<Option<String>>, cause: String| {
+            fault.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(cause);
+        };
+        let noted = fault.clone();
+        device.on_uncaptured_error(Arc::new(move |cause| note(&noted, cause.to_string())));
+        let noted = fault.clone();
+        // A device is also "lost" when it is dropped at the end, which nobody asks about then.
+        device.set_device_lost_callback(move |_, cause| note(&noted, format!("the device is lost: {cause}")));
         Ok(Self {
             device,
             queue,
+            fault,
             adapter: Adapter {
                 name: info.name,
                 backend: format!("{:?}", info.backend),
@@ -159,14 +173,8 @@ impl Gpu {
         let mut encoder = self.device.create_command_encoder(&Default::default());
         encoder.copy_buffer_to_buffer(buffer, 0, &staging, 0, size);
         self.queue.submit([encoder.finish()]);
-        let lost = |cause: String| {
-            Error::new(
-                format!("adapter {}", self.adapter.name),
-                cause,
-                "finished work",
-                "Try again, or use the CPU evaluator.",
-            )
-        };
+        self.check()?;
+        let lost = |cause: String| self.failed(cause);
         let slice = staging.slice(..);
         let (sender, receiver) = std::sync::mpsc::channel();
         slice.map_async(wgpu::MapMode::Read, move |result| {
@@ -181,14 +189,25 @@ impl Gpu {
 
     /// Waits until all submitted work is done.
     pub fn wait(&self) -> Result<()> {
-        self.device.poll(wgpu::PollType::wait_indefinitely()).map(|_| ()).map_err(|cause| {
-            Error::new(
-                format!("adapter {}", self.adapter.name),
-                cause.to_string(),
-                "finished work",
-                "Try again, or use the CPU evaluator.",
-            )
-        })
+        self.device.poll(wgpu::PollType::wait_indefinitely()).map_err(|cause| self.failed(cause.to_string()))?;
+        self.check()
+    }
+
+    /// An error if the device was lost or refused a call; everything it gives after that is worthless.
+    fn check(&self) -> Result<()> {
+        match self.fault.lock().unwrap_or_else(PoisonError::into_inner).as_ref() {
+            None => Ok(()),
+            Some(cause) => Err(self.failed(cause.clone())),
+        }
+    }
+
+    fn failed(&self, cause: String) -> Error {
+        Error::new(
+            format!("adapter {}", self.adapter.name),
+            cause,
+            "finished work",
+            "Try again, or do without the adapter (the CPU gives the same values).",
+        )
     }
 }
 

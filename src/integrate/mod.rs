@@ -13,6 +13,7 @@ pub mod majorant;
 pub mod march;
 pub mod media;
 pub mod medium;
+mod memory;
 pub mod path;
 pub mod phase;
 pub mod sampled_lights;
@@ -140,11 +141,15 @@ fn mean_world_side(scene: &Scene) -> f64 {
 /// What a run tells while it works: the fraction done, and of what.
 pub type Progress<'a> = &'a (dyn Fn(f64, &str) + Sync);
 
+/// Memory that a picture takes at most while it is made: the pixels, and their channels for the file.
+const BYTES_PER_PIXEL: u64 = 2 * 16;
+
 /// Renders a scene by ray marching. The picture's provenance names the scene, the settings, the
 /// backend and the time.
 pub fn render(scene: &Scene, settings: &MarchSettings, backend: Backend, progress: Progress<'_>) -> Result<Image> {
     let begin = std::time::Instant::now();
     let settings = settings.resolved(scene)?;
+    memory::check(scene.image_size(), BYTES_PER_PIXEL)?;
     let gpu = backend.open()?;
     let mut image = march::render(scene, &settings, gpu.as_ref(), progress)?;
     let adapter = gpu.as_ref().map_or_else(

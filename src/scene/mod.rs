@@ -391,6 +391,12 @@ impl Scene {
         Ok(scene)
     }
 
+    /// Changes `volume_bounces`, and raises `max_bounces` to it, which would cap it otherwise.
+    pub fn set_volume_bounces(&mut self, bounces: u32) {
+        self.integrator.volume_bounces = bounces;
+        self.integrator.max_bounces = self.integrator.max_bounces.max(bounces);
+    }
+
     /// Reads a scene from a JSON value, for example from the exporter; `place` names its source.
     pub fn from_value(value: serde_json::Value, place: &str) -> Result<Self> {
         let scene: Self = parse(&value.to_string(), place)?;

@@ -20,7 +20,7 @@ use super::environment::Environment;
 use super::film::Warp;
 use super::lights::world_radiance;
 use super::sampled_lights::sampled_lights;
-use super::{Backend, Progress as Report, json};
+use super::{Backend, Progress as Report, json, memory};
 use crate::error::{Error, Result};
 use crate::gpu::Gpu;
 use crate::image::Image;
@@ -36,8 +36,15 @@ use volume::Volume;
 /// Paths of one pass: enough to keep all cores busy, few enough to show progress.
 const PASS_PATHS: u64 = 1 << 20;
 
+/// The same on a software adapter, which is slower.
+const SOFTWARE_PASS_PATHS: u64 = 1 << 16;
+
 /// Paths of one range: the last paths of a range share batches with nobody.
 const RANGE_PATHS: u64 = 1 << 15;
+
+/// Memory that a pixel takes while a picture is made: sums (7 numbers of 8 bytes), the sums of a pass, those of its ranges
+/// (4 each), the picture and its channels for the file (4 of 4 bytes each).
+const BYTES_PER_PIXEL: u64 = (7 + 4 + 4) * 8 + 2 * 16;
 
 /// Rays per path of which majorants take account: of a long path most rays are short.
 const RAYS_PER_PATH: u32 = 8;
@@ -123,6 +130,14 @@ impl<'a> Engine<'a> {
         }
     }
 
+    /// How many paths a pass has.
+    fn pass_paths(&self) -> u64 {
+        match self {
+            Self::Adapter(kernel) if kernel.adapter().is_software() => SOFTWARE_PASS_PATHS,
+            _ => PASS_PATHS,
+        }
+    }
+
     fn name(&self) -> String {
         match self {
             Self::Cpu(_) => "CPU".to_owned(),
@@ -142,14 +157,8 @@ pub fn render(
     state: Option<&Path>,
     progress: Report<'_>,
 ) -> Result<Image> {
-    settings.check()?;
-    let gpu = backend.open()?;
-    let begin = Instant::now();
-    progress(0.0, "majorants");
-    let tracer = Tracer::new(scene, settings)?;
-    let engine = Engine::new(&tracer, scene, gpu.as_ref())?;
-    let preparation = begin.elapsed().as_secs_f64();
-    let image = tracer.render(scene, settings, &engine, state, preparation, progress)?;
+    let prepared = Prepared::new(scene, settings, backend, progress)?;
+    let image = prepared.render(scene, settings, state, progress)?;
     if let Some(path) = state {
         match std::fs::remove_file(path) {
             Err(cause) if cause.kind() != std::io::ErrorKind::NotFound => {
@@ -169,19 +178,45 @@ pub fn render_replicas(
     seeds: &[u32],
     progress: Report<'_>,
 ) -> Result<Vec<Image>> {
-    settings.check()?;
-    let gpu = backend.open()?;
-    let begin = Instant::now();
-    progress(0.0, "majorants");
-    let tracer = Tracer::new(scene, settings)?;
-    let engine = Engine::new(&tracer, scene, gpu.as_ref())?;
-    let preparation = begin.elapsed().as_secs_f64();
+    let prepared = Prepared::new(scene, settings, backend, progress)?;
     let count = seeds.len() as f64;
     let replica = |(number, &seed): (usize, &u32)| {
         let report = |done: f64, what: &str| progress((number as f64 + done) / count, what);
-        tracer.render(scene, &PathSettings { seed, ..settings.clone() }, &engine, None, preparation, &report)
+        prepared.render(scene, &PathSettings { seed, ..settings.clone() }, None, &report)
     };
     seeds.iter().enumerate().map(replica).collect()
+}
+
+/// What all pictures of a scene share, whatever their seed.
+struct Prepared {
+    tracer: Tracer,
+    gpu: Option<Gpu>,
+    /// Time that it took.
+    seconds: f64,
+}
+
+impl Prepared {
+    fn new(scene: &Scene, settings: &PathSettings, backend: Backend, progress: Report<'_>) -> Result<Self> {
+        settings.check()?;
+        memory::check(scene.image_size(), BYTES_PER_PIXEL)?;
+        let gpu = backend.open()?;
+        let begin = Instant::now();
+        progress(0.0, "majorants");
+        let tracer = Tracer::new(scene, settings)?;
+        Ok(Self { tracer, gpu, seconds: begin.elapsed().as_secs_f64() })
+    }
+
+    /// One picture, from its state if there is one.
+    fn render(
+        &self,
+        scene: &Scene,
+        settings: &PathSettings,
+        state: Option<&Path>,
+        progress: Report<'_>,
+    ) -> Result<Image> {
+        let engine = Engine::new(&self.tracer, scene, self.gpu.as_ref())?;
+        self.tracer.render(scene, settings, &engine, state, self.seconds, progress)
+    }
 }
 
 impl World {
@@ -237,7 +272,7 @@ impl Tracer {
     ) -> Result<Image> {
         let begin = Instant::now();
         let pixels = self.size.iter().map(|&side| u64::from(side)).product::<u64>();
-        let per_pass = (PASS_PATHS / pixels).clamp(1, MOST_SAMPLES as u64) as u32;
+        let per_pass = (engine.pass_paths() / pixels).clamp(1, MOST_SAMPLES as u64) as u32;
         let mut sums = Accumulation::new(settings.identity(scene, engine), pixels as usize);
         if let Some(path) = state {
             sums = Accumulation::load(path, sums)?;
@@ -246,7 +281,16 @@ impl Tracer {
         let mut saved = 0.0;
         while sums.progress.samples < settings.samples {
             let samples = per_pass.min(settings.samples - sums.progress.samples);
-            let (pass, counters) = engine.pass(sums.progress.samples, samples, settings.seed)?;
+            let (pass, counters) = match engine.pass(sums.progress.samples, samples, settings.seed) {
+                Ok(done) => done,
+                // A lost device, say: what is done so far is kept for the next try.
+                Err(cause) => {
+                    if let Some(path) = state.filter(|_| sums.progress.samples > 0) {
+                        sums.save(path)?;
+                    }
+                    return Err(cause);
+                }
+            };
             sums.add(&pass, samples);
             sums.progress.counters.add(&counters);
             let now = begin.elapsed().as_secs_f64();
@@ -343,10 +387,40 @@ impl Tracer {
 mod tests {
     use super::*;
 
+    fn cube() -> Scene {
+        let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("parity/scenes/homogeneous-cube.scene.json");
+        Scene::load(&file).expect("the committed scene loads")
+    }
+
+    #[test]
+    fn a_lost_device_is_an_error_that_keeps_what_is_done() {
+        let Ok(gpu) = Gpu::open() else {
+            assert!(
+                !std::env::var("CLOUDPARITY_REQUIRE").unwrap_or_default().contains("vulkan"),
+                "an adapter is required"
+            );
+            return;
+        };
+        let scene = cube();
+        let settings = PathSettings { samples: 1 << 16, seed: 3, ..PathSettings::default() };
+        let tracer = Tracer::new(&scene, &settings).expect("a tracer");
+        let engine = Engine::new(&tracer, &scene, Some(&gpu)).expect("a kernel");
+        let Engine::Adapter(_) = engine else { panic!("the cube is rendered on the adapter") };
+        let folder = tempfile::tempdir().expect("a folder");
+        let state = folder.path().join("a.exr.state");
+        // The device goes away at the first report, which is after the first pass.
+        let report = |_: f64, _: &str| gpu.device().destroy();
+        let error = tracer.render(&scene, &settings, &engine, Some(&state), 0.0, &report).expect_err("it is lost");
+        assert!(error.place.contains("adapter"), "{error}");
+        let fresh = Accumulation::new(settings.identity(&scene, &engine), tracer.size.iter().product::<u32>() as usize);
+        let kept = Accumulation::load(&state, fresh).expect("the state is whole");
+        assert_eq!(kept.progress.passes, 1);
+        assert!(kept.progress.samples > 0 && kept.progress.samples < settings.samples);
+    }
+
     #[test]
     fn an_interrupted_render_ends_in_the_picture_of_an_uninterrupted_one() {
-        let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("parity/scenes/homogeneous-cube.scene.json");
-        let mut scene = Scene::load(&file).expect("the committed scene loads");
+        let mut scene = cube();
         // Passes of four samples.
         scene.film.resolution = [512, 512];
         let settings = PathSettings { samples: 8, seed: 3, ..PathSettings::default() };

@@ -1,0 +1,46 @@
+//! `cloudparity parity`: a suite of scenes against Cycles, judged by statistics.
+
+use crate::compare::Verdict;
+use crate::error::Result;
+use crate::parity;
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+/// Render every scene of a suite with Cycles and by path tracing, and judge whether they agree.
+///
+/// References come from the cache. An entry that is done and whose inputs are the same is not repeated.
+/// OUTPUT/parity.md and parity.json sum up; OUTPUT/NAME holds the pictures of an entry. Exit status 0: all agree; 1: one
+/// differs; 2: could not tell.
+#[derive(clap::Args)]
+pub(super) struct Arguments {
+    /// The suite file.
+    #[arg(default_value = "parity/parity.suite.json")]
+    suite: PathBuf,
+    /// Only this entry. May be given several times.
+    #[arg(long, value_name = "NAME")]
+    only: Vec<String>,
+    /// The folder for the results.
+    #[arg(short, long, default_value = "out/parity")]
+    output: PathBuf,
+}
+
+pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
+    super::need_bpy("the pictures are")?;
+    let bar = super::progress_bar(1000);
+    let report = |done: f64, what: &str| {
+        bar.set_position((done * 1000.0) as u64);
+        bar.set_message(what.to_owned());
+    };
+    let told = |row: &parity::Row| {
+        let mut line = format!("{}: {}", row.name, row.verdict.words());
+        for reason in &row.reasons {
+            line += &format!("\n  {reason}");
+        }
+        bar.suspend(|| eprintln!("{line}"));
+    };
+    let rows = parity::run(&arguments.suite, &arguments.only, &arguments.output, &report, told)?;
+    bar.finish_and_clear();
+    super::print(&parity::table(&rows))?;
+    let worst = Verdict::worst(rows.iter().map(|row| row.verdict)).unwrap_or(Verdict::CouldNotTell);
+    Ok(ExitCode::from(worst.exit_status()))
+}
