@@ -1,12 +1,14 @@
 """Log-log plots of what `cloudparity convergence` measured: error against steps, bias against cache size.
 
-Request: `convergence` (the document), `svg` and `png` (files to write). Left: root relMSE and magnitude of
-the relative mean error over steps, with the fitted orders as lines over the points that they were fitted to,
-and triangles of slope 1 and 2. Right, where caches were measured: root relMSE over the cells, every format
-and filter. Colours are those of Okabe and Ito, which differ for every kind of sight; markers and dashes
-differ too, so that the figure survives print in grey.
+Request: `convergence` (the document), `svg` and `png` (files to write). Above: over the steps, root relMSE
+and relative RMS, and the magnitude of the relative mean error, with the fitted orders as lines over the
+points that they were fitted to, and triangles of slope 1 and 2. Below, where caches were measured: root
+relMSE and the magnitude of the relative mean error over the cells, every format and filter; formats stand a
+little apart, because they often agree. Colours are those of Okabe and Ito, which differ for every kind of
+sight; markers and dashes differ too, so that the figure survives print in grey.
 """
 
+import math
 import os
 import pathlib
 import tempfile
@@ -20,10 +22,17 @@ COLOURS = {
     "f16": "#009E73",
     "unorm8": "#CC79A7",
 }
-MARKERS = {"energy-conserving": "o", "plain": "s", "f32": "o", "f16": "x", "unorm8": "^"}
+MARKERS = {"energy-conserving": "o", "plain": "s", "f32": "o", "f16": "s", "unorm8": "^"}
+WORDS = {
+    "root_relmse": "√relMSE",
+    "relative_rms": "relative RMS",
+    "relative_mean_error": "|relative mean error|",
+}
 WIDTH = 3.5  # inches of one panel: a column of a paper
-HEIGHT = 3.3
+HEIGHT = 3.1
 INTEGRATIONS = ("energy-conserving", "plain")
+# Factors on the cells at which a format is drawn.
+APART = {"f32": 0.95, "f16": 1.0, "unorm8": 1.05}
 
 
 def draw(request, messages):
@@ -54,55 +63,60 @@ def _figure(document):
             "svg.hashsalt": "cloudparity",
         }
     )
-    panels = 2 if document["caches"] else 1
+    rows = 2 if document["caches"] else 1
     figure, axes = pyplot.subplots(
-        1, panels, figsize=(WIDTH * panels, HEIGHT), squeeze=False, layout="constrained"
+        rows, 2, figsize=(2 * WIDTH, HEIGHT * rows), squeeze=False, layout="constrained"
     )
     width, height = document["resolution"]
-    figure.suptitle(f"{document['scene']}, {width} x {height} pixels", fontsize=8)
-    _steps_panel(axes[0][0], document)
-    if panels == 2:
-        _cache_panel(axes[0][1], document)
+    figure.suptitle(
+        f"{document['scene']}, {width} x {height} pixels; reference: {document['reference_steps']} steps, "
+        "energy-conserving",
+        fontsize=8,
+    )
+    _steps_panel(axes[0][0], document, ("root_relmse", "relative_rms"))
+    _steps_panel(axes[0][1], document, ("relative_mean_error",))
+    if rows == 2:
+        _cache_panel(axes[1][0], document, "root_relmse")
+        _cache_panel(axes[1][1], document, "relative_mean_error")
     return figure
 
 
-def _steps_panel(axis, document):
+def _steps_panel(axis, document, figures):
     for integration in INTEGRATIONS:
         points = [point for point in document["points"] if point["integration"] == integration]
         steps = [point["steps"] for point in points]
-        for figure, face, dash, words in (
-            ("root_relmse", None, "-", "√relMSE"),
-            ("relative_mean_error", "white", "--", "|relative mean error|"),
-        ):
-            errors = [abs(point[figure]) or float("nan") for point in points]
-            colour = COLOURS[integration]
+        colour = COLOURS[integration]
+        for figure, face, dash in zip(figures, (colour, "white"), ("-", "--"), strict=False):
             order = _order(document, integration, figure)
-            label = f"{integration}, {words}" + (f": order {order['order']:.2f}" if order else "")
+            label = f"{integration}, {WORDS[figure]}" + (f": order {order['order']:.2f}" if order else "")
             if order and not order["asymptotic"]:
                 label += " (no power law)"
             axis.plot(
                 steps,
-                errors,
+                [_drawn(point[figure]) for point in points],
                 MARKERS[integration],
                 color=colour,
-                markerfacecolor=face or colour,
+                markerfacecolor=face,
                 linestyle="none",
                 label=label,
             )
             if order:
                 ends = [order["fitted_steps"][0], order["fitted_steps"][-1]]
-                axis.plot(
-                    ends, [order["factor"] * end ** -order["order"] for end in ends], dash, color=colour
-                )
+                errors = [order["factor"] * end ** -order["order"] for end in ends]
+                axis.plot(ends, errors, dash, color=colour)
     axis.set_xscale("log", base=2)
     axis.set_yscale("log")
     axis.set_xlabel(f"view steps per {document['mean_side']:.3g} m (mean side of the medium)")
-    axis.set_ylabel("error relative to the reference (no unit)")
+    axis.set_ylabel(" or ".join(WORDS[figure] for figure in figures) + " (no unit)")
     _whole_numbers(axis, sorted({point["steps"] for point in document["points"]}))
     _triangles(axis)
     axis.grid(True, which="major", linewidth=0.3, color="0.8")
-    axis.set_title(f"reference: {document['reference_steps']} steps, energy-conserving", fontsize=7)
-    axis.legend(fontsize=5.5, loc="upper center", bbox_to_anchor=(0.5, -0.2), frameon=False)
+    axis.legend(fontsize=6, loc="upper center", bbox_to_anchor=(0.5, -0.18), frameon=False)
+
+
+def _drawn(error):
+    """The magnitude; none of an error of 0, which logarithms do not show."""
+    return abs(error) or math.nan
 
 
 def _order(document, integration, figure):
@@ -113,52 +127,47 @@ def _order(document, integration, figure):
 
 
 def _triangles(axis):
-    """Slopes 1 and 2 as triangles in the lower left corner, in units of the axes' own scales."""
-    import math
-
+    """Slopes 1 and 2 as triangles one doubling wide, below the points."""
     left, right = (math.log2(end) for end in axis.get_xlim())
     low, high = (math.log10(end) for end in axis.get_ylim())
-    # Room below the points.
-    low -= 0.35 * (high - low)
+    # Room for the higher one.
+    low -= max(0.3 * (high - low), 0.9)
     axis.set_ylim(10**low, 10**high)
-    for order, start in ((1, 0.05), (2, 0.25)):
+    for order, start in ((1, 0.05), (2, 0.5)):
         begin = left + start * (right - left)
-        end = begin + 1.0
         bottom = low + 0.06 * (high - low)
         top = bottom + order * math.log10(2)
-        xs = [2**begin, 2**end, 2**begin, 2**begin]
-        ys = [10**top, 10**bottom, 10**bottom, 10**top]
-        axis.plot(xs, ys, color="0.4", linewidth=0.7)
-        axis.text(2**end * 1.05, 10 ** ((top + bottom) / 2), f"slope -{order}", fontsize=5.5, color="0.3")
+        xs = [2**begin, 2 ** (begin + 1), 2**begin, 2**begin]
+        axis.plot(xs, [10**top, 10**bottom, 10**bottom, 10**top], color="0.4", linewidth=0.7)
+        axis.text(2 ** (begin + 1.1), 10**bottom, f"slope -{order}", fontsize=6, color="0.3")
 
 
-def _cache_panel(axis, document):
-    formats = ("f32", "f16", "unorm8")
-    for name in formats:
-        for filter_name, face, dash in (("nearest", "white", "--"), ("trilinear", None, "-")):
+def _cache_panel(axis, document, figure):
+    for name, apart in APART.items():
+        for filter_name, face, dash in (("nearest", "white", "--"), ("trilinear", COLOURS[name], "-")):
+            wanted = {"format": name, "filter": filter_name}
             points = [
-                point
+                (point["cache"]["settings"]["cells"], point[figure])
                 for point in document["caches"]
-                if point["cache"]["settings"]["format"] == name
-                and point["cache"]["settings"]["filter"] == filter_name
+                if wanted.items() <= point["cache"]["settings"].items()
             ]
             axis.plot(
-                [point["cache"]["settings"]["cells"] for point in points],
-                [point["root_relmse"] or float("nan") for point in points],
+                [apart * cells for cells, _ in points],
+                [_drawn(error) for _, error in points],
                 dash,
                 marker=MARKERS[name],
                 color=COLOURS[name],
-                markerfacecolor=face or COLOURS[name],
+                markerfacecolor=face,
                 label=f"{name}, {filter_name}",
             )
     axis.set_xscale("log", base=2)
     axis.set_yscale("log")
     axis.set_xlabel("density cache: cells along the longest side")
-    axis.set_ylabel("√relMSE against no cache (no unit)")
+    axis.set_ylabel(f"{WORDS[figure]} (no unit)")
     _whole_numbers(axis, sorted({point["cache"]["settings"]["cells"] for point in document["caches"]}))
     axis.grid(True, which="major", linewidth=0.3, color="0.8")
-    axis.set_title(f"both sides: {document['cache_steps']} steps, energy-conserving", fontsize=7)
-    axis.legend(fontsize=5.5, loc="upper center", bbox_to_anchor=(0.5, -0.2), frameon=False, ncols=3)
+    axis.set_title(f"against no cache, both with {document['cache_steps']} steps", fontsize=7)
+    axis.legend(fontsize=6, loc="upper center", bbox_to_anchor=(0.5, -0.18), frameon=False, ncols=3)
 
 
 def _whole_numbers(axis, values):

@@ -336,14 +336,16 @@ fn orders_of_convergence_are_those_of_theory() {
     };
     let mut smooth = homogeneous();
     ramp(&mut smooth, "Y", 2.0);
-    let found = measure(&smooth, &settings(&[8]), &|_, _| {}).expect("it is measured");
+    let found = measure(&smooth, &settings(&[7]), &|_, _| {}).expect("it is measured");
     assert_eq!(found.points.len(), 10);
     assert_eq!(found.reference_steps, 512);
     let order = |integration: Integration| {
         let mut orders = found.orders.iter().filter(|order| order.integration == integration);
-        let (first, second) = (orders.next().expect("relMSE"), orders.next().expect("mean"));
-        assert!(first.asymptotic && second.asymptotic, "{first:?} {second:?}");
-        [first.order, second.order]
+        std::array::from_fn::<f64, 3, _>(|_| {
+            let order = orders.next().expect("three figures are fitted");
+            assert!(order.asymptotic, "{order:?}");
+            order.order
+        })
     };
     // The reference's own error steepens the slope by up to log2 of (1 - 1/8) / (1 - 1/16) in the last pair, 0.1.
     for found in order(Integration::EnergyConserving) {
@@ -352,11 +354,12 @@ fn orders_of_convergence_are_those_of_theory() {
     for found in order(Integration::Plain) {
         assert!((found - 1.0).abs() < 0.15, "plain: {found}");
     }
-    // A trilinear cache in f32 holds a linear density exactly; every other is seen.
+    // A trilinear cache in f32 holds a linear density to its rounding; every other is seen (sevenths are no round
+    // numbers of any format).
     let bias: Vec<f64> = found.caches.iter().map(|point| point.error.root_relmse).collect();
     assert_eq!(bias.len(), 6);
-    assert!(bias[1] < 1e-5, "{bias:?}");
-    assert!([0, 2, 3, 4, 5].iter().all(|&number| bias[number] > 2e-5), "{bias:?}");
+    assert!(bias[1] < 1e-6, "{bias:?}");
+    assert!([0, 2, 3, 4, 5].iter().all(|&number| bias[number] > 1e-5), "{bias:?}");
     assert_eq!(found.csv().lines().count(), 1 + 10 + 6);
     // A jump: the order falls to one.
     let mut jump = homogeneous();
@@ -365,7 +368,9 @@ fn orders_of_convergence_are_those_of_theory() {
     jump.film.resolution = [12, 12];
     let found = measure(&jump, &settings(&[]), &|_, _| {}).expect("it is measured");
     assert!(found.caches.is_empty());
-    for order in found.orders.iter().filter(|order| order.figure == "root_relmse") {
+    let by_pixel: Vec<_> = found.orders.iter().filter(|order| order.figure != "relative_mean_error").collect();
+    assert_eq!(by_pixel.len(), 4);
+    for order in by_pixel {
         assert!((0.7..1.35).contains(&order.order), "{order:?}");
     }
 }

@@ -282,6 +282,14 @@ fn shaders() -> BTreeMap<String, Shader> {
         .collect()
 }
 
+/// Names that a text has conditions on.
+fn definitions(text: &str) -> BTreeSet<String> {
+    text.lines()
+        .filter(|line| line.starts_with("#if") || line.starts_with("#else if"))
+        .filter_map(|line| line.split(' ').next_back().map(str::to_owned))
+        .collect()
+}
+
 /// Files that `text` imports, directly.
 fn imported<'a>(text: &str, all: &'a BTreeMap<String, Shader>) -> Vec<&'a Shader> {
     let paths: Vec<&str> = text.lines().filter_map(|line| line.trim().strip_prefix("#import ")).collect();
@@ -322,6 +330,25 @@ fn every_mode_and_every_file_links_and_validates() {
         validate(&shader.path, &module);
         used.insert(shader.path.clone());
     }
+    // Kernels of the density with every definition of their own, each with the graph and with every kind of cache.
+    let own = definitions(&all["integrate/march.wgsl"].text);
+    let cache = definitions(&all["integrate/density_cache.wgsl"].text);
+    assert_eq!((own.len(), cache.len()), (7, 3), "{own:?} {cache:?}");
+    for path in ["integrate/march.wgsl", "integrate/light_grid_bake.wgsl"] {
+        for left_out in std::iter::once(None).chain(own.iter().map(Some)) {
+            let own: Vec<&str> = left_out.into_iter().map(String::as_str).collect();
+            for kind in [&[][..], &["CACHE_F16"], &["CACHE_UNORM8"], &["CACHE_NEAREST"]] {
+                let linker = Linker::cached().expect("the cache links");
+                let name = format!("{path} {own:?} {kind:?}");
+                let module = linker.link_with(path, &all[path].text, &[&own, kind].concat());
+                validate(&name, &module.unwrap_or_else(|cause| panic!("{name}: {cause}")));
+            }
+            let linker = Linker::new(&program).expect("the cloud links");
+            let module = linker.link_with(path, &all[path].text, &own);
+            validate(path, &module.unwrap_or_else(|cause| panic!("{path} {own:?}: {cause}")));
+        }
+    }
+    used.insert("integrate/density_cache.wgsl".into());
     for shader in all.values().filter(|shader| shader.path.starts_with("nodes/")) {
         let stem = Path::new(&shader.path).file_stem().expect("a name").to_string_lossy().into_owned();
         let prefix = match &shader.import_path {

@@ -35,7 +35,7 @@ const CACHED_PROGRAM: &str = "#define_import_path cloudparity::graph
 #import cloudparity::density_cache
 
 fn evaluate(position: vec3f) -> f32 {
-    return density_cache::read(position);
+    return density_cache::density(position);
 }
 ";
 

@@ -695,7 +695,7 @@ mod tests {
         check(&march, "Light", std::mem::size_of::<Light>(), &layout!(Light: place, kind, axis, edge, power, blend));
         let cached = Linker::cached().and_then(|linker| linker.link("test", MARCH)).expect("the kernel links");
         let offsets = layout!(CacheUniform: low, smallest, scale, largest, size);
-        check(&cached, "Cache", std::mem::size_of::<CacheUniform>(), &offsets);
+        check(&cached, "density_cache_Cache", std::mem::size_of::<CacheUniform>(), &offsets);
         let offsets = layout!(Outcome: radiance, transmittance);
         check(&march, "Outcome", std::mem::size_of::<Outcome>(), &offsets);
     }

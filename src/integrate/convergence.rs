@@ -5,8 +5,9 @@
 //! view steps change; shadow rays, light grid and early exit stay as the settings say.
 //!
 //! Errors are over all pixels and the channels R, G, B, with o ours and r the reference:
-//! relMSE = mean (o - r)^2 / (r^2 + e^2) with e = 1 % of the mean of r, its root, and the relative mean
-//! error (mean o - mean r) / mean r. These are the formulas of [`crate::compare`].
+//! relMSE = mean (o - r)^2 / (r^2 + e^2) with e = 1 % of the mean of r, its root, the relative RMS
+//! sqrt(mean (o - r)^2) / mean r, and the relative mean error (mean o - mean r) / mean r. The first and the
+//! last are the formulas of [`crate::compare`]; relMSE is ruled by dark pixels, the relative RMS by bright ones.
 //!
 //! An order p is that of error = c steps^-p: minus the least-squares slope of log(error) over
 //! log(steps). It is fitted over the asymptotic part ([`fit`]).
@@ -65,6 +66,8 @@ pub struct PictureError {
     pub relmse: f64,
     /// Root of relMSE: an error relative to the radiance.
     pub root_relmse: f64,
+    /// sqrt(mean (o - r)^2) / mean r.
+    pub relative_rms: f64,
     /// (mean o - mean r) / mean r.
     pub relative_mean_error: f64,
 }
@@ -90,7 +93,7 @@ pub struct StepPoint {
 pub struct Order {
     /// How steps add up.
     pub integration: Integration,
-    /// `root_relmse` or `relative_mean_error` (its magnitude).
+    /// `root_relmse`, `relative_rms` or `relative_mean_error` (its magnitude).
     pub figure: String,
     /// p of error = factor steps^-p.
     pub order: f64,
@@ -261,6 +264,7 @@ fn check(settings: &ConvergenceSettings) -> Result<()> {
 fn formulas() -> Vec<String> {
     [
         "relMSE = mean over pixels and R, G, B of (o - r)^2 / (r^2 + e^2), e = 0.01 mean(r); root relMSE is its root",
+        "relative RMS = root of mean (o - r)^2, over mean(r)",
         "relative mean error = (mean(o) - mean(r)) / mean(r) over pixels and R, G, B",
         "steps: per mean world side of the medium's box; the longest step is that side over steps",
         "order p: least squares of log(error) = log(factor) - p log(steps); fitted points: without the finest (the \
@@ -279,21 +283,24 @@ fn mean(image: &Image) -> f64 {
 pub fn compare(ours: &Image, reference: &Image) -> PictureError {
     let (ours_mean, reference_mean) = (mean(ours), mean(reference));
     let epsilon = RELATIVE_EPSILON * reference_mean.abs();
-    let mut sum = 0.0;
+    let (mut sum, mut squares) = (0.0, 0.0);
     for (o, r) in ours.pixels.iter().zip(&reference.pixels) {
         for channel in 0..3 {
             let (o, r) = (f64::from(o[channel]), f64::from(r[channel]));
             let square = (o - r).powi(2);
+            squares += square;
             // A black reference: equal is right, and anything else is infinitely wrong.
             sum += if square == 0.0 { 0.0 } else { square / (r * r + epsilon * epsilon) };
         }
     }
-    let relmse = sum / (3 * reference.pixels.len()).max(1) as f64;
-    let difference = ours_mean - reference_mean;
+    let count = (3 * reference.pixels.len()).max(1) as f64;
+    let relmse = sum / count;
+    let relative = |error: f64| if error == 0.0 { 0.0 } else { error / reference_mean };
     PictureError {
         relmse,
         root_relmse: relmse.sqrt(),
-        relative_mean_error: if difference == 0.0 { 0.0 } else { difference / reference_mean },
+        relative_rms: relative((squares / count).sqrt()),
+        relative_mean_error: relative(ours_mean - reference_mean),
     }
 }
 
@@ -347,8 +354,9 @@ fn orders(points: &[StepPoint]) -> Vec<Order> {
     for integration in [Integration::EnergyConserving, Integration::Plain] {
         let own: Vec<&StepPoint> = points.iter().filter(|point| point.integration == integration).collect();
         type Figure = fn(&PictureError) -> f64;
-        let figures: [(&str, Figure); 2] = [
+        let figures: [(&str, Figure); 3] = [
             ("root_relmse", |error| error.root_relmse),
+            ("relative_rms", |error| error.relative_rms),
             ("relative_mean_error", |error| error.relative_mean_error.abs()),
         ];
         for (figure, value) in figures {
@@ -373,13 +381,13 @@ impl Convergence {
     /// One row per picture; what a row does not have is empty.
     pub fn csv(&self) -> String {
         let mut text = String::from(
-            "kind,integration,steps,view_step_m,cells,format,filter,relmse,root_relmse,relative_mean_error,\
-             field_max_error,field_rms_error,seconds\n",
+            "kind,integration,steps,view_step_m,cells,format,filter,relmse,root_relmse,relative_rms,\
+             relative_mean_error,field_max_error,field_rms_error,seconds\n",
         );
         for point in &self.points {
-            let PictureError { relmse, root_relmse, relative_mean_error } = point.error;
+            let PictureError { relmse, root_relmse, relative_rms, relative_mean_error } = point.error;
             text += &format!(
-                "steps,{},{},{},,,,{relmse:e},{root_relmse:e},{relative_mean_error:e},,,{:.4}\n",
+                "steps,{},{},{},,,,{relmse:e},{root_relmse:e},{relative_rms:e},{relative_mean_error:e},,,{:.4}\n",
                 point.integration.name(),
                 point.steps,
                 point.view_step,
@@ -387,10 +395,10 @@ impl Convergence {
             );
         }
         for point in &self.caches {
-            let PictureError { relmse, root_relmse, relative_mean_error } = point.error;
+            let PictureError { relmse, root_relmse, relative_rms, relative_mean_error } = point.error;
             let settings = &point.cache.settings;
             text += &format!(
-                "cache,{},{},,{},{},{},{relmse:e},{root_relmse:e},{relative_mean_error:e},{:e},{:e},{:.4}\n",
+                "cache,{},{},,{},{},{},{relmse:e},{root_relmse:e},{relative_rms:e},{relative_mean_error:e},{:e},{:e},{:.4}\n",
                 Integration::EnergyConserving.name(),
                 self.cache_steps,
                 settings.cells,
@@ -412,10 +420,11 @@ impl Convergence {
         );
         for point in &self.points {
             text += &format!(
-                "{:17} {:6} steps: root relMSE {:.3e}, relative mean error {:+.3e}\n",
+                "{:17} {:6} steps: root relMSE {:.3e}, relative RMS {:.3e}, relative mean error {:+.3e}\n",
                 point.integration.name(),
                 point.steps,
                 point.error.root_relmse,
+                point.error.relative_rms,
                 point.error.relative_mean_error,
             );
         }
@@ -433,12 +442,13 @@ impl Convergence {
         for point in &self.caches {
             let settings = &point.cache.settings;
             text += &format!(
-                "cache {:4} {:6} {:9}: root relMSE {:.3e}, relative mean error {:+.3e}; field error max {:.2e}, \
-                 RMS {:.2e} of the largest\n",
+                "cache {:4} {:6} {:9}: root relMSE {:.3e}, relative RMS {:.3e}, relative mean error {:+.3e}; field \
+                 error max {:.2e}, RMS {:.2e} of the largest\n",
                 settings.cells,
                 settings.format.name(),
                 settings.filter.name(),
                 point.error.root_relmse,
+                point.error.relative_rms,
                 point.error.relative_mean_error,
                 point.cache.relative_max_error,
                 point.cache.relative_rms_error,
@@ -500,6 +510,7 @@ mod tests {
         let expected: f64 = 0.25 / (9.0 + 0.0004) / 6.0;
         assert!((found.relmse / expected - 1.0).abs() < 1e-12);
         assert!((found.root_relmse / expected.sqrt() - 1.0).abs() < 1e-12);
+        assert!((found.relative_rms - (0.25_f64 / 6.0).sqrt() / 2.0).abs() < 1e-12);
         assert!((found.relative_mean_error - 0.5 / 12.0).abs() < 1e-12);
     }
 }
