@@ -2,10 +2,11 @@
 
 Request: `convergence` (the document), `svg` and `png` (files to write). Above: over the steps, root relMSE
 and relative RMS, and the magnitude of the relative mean error, with the fitted orders as lines over the
-points that they were fitted to, and triangles of slope 1 and 2. Below, where caches were measured: root
-relMSE and the magnitude of the relative mean error over the cells, every format and filter; formats stand a
-little apart, because they often agree. Colours are those of Okabe and Ito, which differ for every kind of
-sight; markers and dashes differ too, so that the figure survives print in grey.
+points that they were fitted to, and triangles of slope 1 and 2. Below, where caches were measured: relative
+RMS (relMSE is ruled by the dark pixels around a medium, into which coarse caches leak) and the magnitude of
+the relative mean error over the cells, every format and filter; formats stand a little apart, because they
+often agree. Colours are those of Okabe and Ito, which differ for every kind of sight; markers and dashes
+differ too, so that the figure survives print in grey.
 """
 
 import math
@@ -76,7 +77,7 @@ def _figure(document):
     _steps_panel(axes[0][0], document, ("root_relmse", "relative_rms"))
     _steps_panel(axes[0][1], document, ("relative_mean_error",))
     if rows == 2:
-        _cache_panel(axes[1][0], document, "root_relmse")
+        _cache_panel(axes[1][0], document, "relative_rms")
         _cache_panel(axes[1][1], document, "relative_mean_error")
     return figure
 

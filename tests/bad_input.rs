@@ -736,7 +736,7 @@ fn settings_of_ray_marching_that_make_no_sense() {
         ),
         (&["--density-cache", "4294967295", "--cache-format", "f32"], &["4294967295 cells", "GiB"]),
         (&["--seed", "3"], &["--seed", "--jitter pixel"]),
-        (&["--exit-transmittance", "-1"], &["exit_transmittance", "-1", "at least 0"]),
+        (&["--exit-transmittance=-1"], &["exit_transmittance", "-1", "at least 0"]),
         (&["--integrator", "path", "--jitter", "pixel"], &["--jitter", "--integrator march"]),
         (&["--integrator", "path", "--density-cache", "8"], &["--density-cache", "--integrator march"]),
         (&["--integrator", "path", "--generic"], &["--generic", "--integrator march"]),

@@ -43,7 +43,7 @@ fn texel(place: vec3u) -> f32 {
 fn density(position: vec3f) -> f32 {
     let place = clamp((position - cache.low) * cache.scale, vec3f(0.0), vec3f(cache.size - 1u));
 #ifdef CACHE_NEAREST
-    return texel(vec3u(place + 0.5));
+    return texel(min(vec3u(place + 0.5), cache.size - 1u));
 #else
     let base = min(vec3u(place), cache.size - 2u);
     let fraction = place - vec3f(base);

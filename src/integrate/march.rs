@@ -175,10 +175,11 @@ impl<'a> Stage<'a> {
             cache_report: None,
         };
         let empty = stage.medium.occupied.is_empty();
+        let cached = if settings.density_cache.is_some() { 0.25 } else { 0.0 };
         stage.medium.cache = match (cache, settings.density_cache) {
             (Some(cache), _) => Some(cache),
             (None, Some(wanted)) if !empty => {
-                let report = |done: f64| progress(0.25 * done, "density cache");
+                let report = |done: f64| progress(cached * done, "density cache");
                 let samples = Samples::bake(&stage.medium, wanted.cells, wanted.format, &report)?;
                 Some(DensityCache::new(&samples, wanted.format, wanted.filter)?)
             }
@@ -191,7 +192,7 @@ impl<'a> Stage<'a> {
         if !stage.leaves_out(Omission::World) {
             stage.directions = sphere_directions(settings.world_directions as usize);
         }
-        let report = |done: f64| progress(0.25 + 0.25 * done, "light grid");
+        let report = |done: f64| progress(cached + (0.5 - cached) * done, "light grid");
         // Where nothing is, no ray asks for light; one exponential per ray needs no kernel.
         let nothing_to_bake = empty || stage.leaves_out(Omission::ViewSteps);
         let kernels = match gpu {

@@ -40,7 +40,7 @@ def document():
     caches = [
         {
             "cache": {"settings": {"cells": cells, "format": name, "filter": filter_name}},
-            "root_relmse": 0.0 if name == "f32" else 1 / cells,
+            "relative_rms": 0.0 if name == "f32" else 1 / cells,
             "relative_mean_error": -1 / cells,
         }
         for cells in (8, 16)
