@@ -172,8 +172,17 @@ def _cache_panel(axis, document, figure):
 
 
 def _whole_numbers(axis, values):
+    """Ticks at these numbers along x, and enough of them along y."""
+    from matplotlib import ticker
+
     axis.set_xticks(values, [str(value) for value in values])
-    axis.minorticks_off()
+    axis.xaxis.set_minor_locator(ticker.NullLocator())
+    low, high = axis.get_ylim()
+    # Powers of ten alone would leave less than two labels.
+    if high < 100 * low:
+        axis.yaxis.set_major_locator(ticker.LogLocator(subs=(1, 2, 5)))
+        axis.yaxis.set_major_formatter(ticker.FormatStrFormatter("%g"))
+        axis.yaxis.set_minor_locator(ticker.NullLocator())
 
 
 def _save(figure, path, kind, resolution):
