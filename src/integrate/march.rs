@@ -8,10 +8,9 @@
 //! - energy-conserving: T (c d I + j) (1 - exp(-s h)) / s, exact for constant coefficients (Hillaire 2015,
 //!   "Physically Based and Unified Volumetric Rendering in Frostbite", SIGGRAPH course Advances in
 //!   Real-Time Rendering). Of second order in h where the medium is smooth.
-//! - plain: T (c d I + j) h, the Riemann sum of the emission-absorption integral with T at the step's
-//!   begin (Max 1995, "Optical Models for Direct Volume Rendering", section 4, whose opacity of a step
-//!   is not expanded here). Of first order: T falls along a step, so the sum is too bright by about
-//!   s h / 2 of itself, and a step through an opaque medium adds without bound.
+//! - plain: T (c d I + j) h, the Riemann sum of absorption plus emission with T at the step's begin (Max
+//!   1995, "Optical Models for Direct Volume Rendering"). Of first order: T falls along a step, so the sum
+//!   is too bright by about s h / 2 of itself, and a step through an opaque medium adds without bound.
 //!
 //! A density that jumps makes both of first order, because the step with the jump is wrong as a whole.
 //! Suns and points arrive as P p(cos) exp(-e depth); a constant world as its radiance times the mean over
