@@ -105,14 +105,26 @@ def _steps_panel(axis, document, figures):
                 ends = [order["fitted_steps"][0], order["fitted_steps"][-1]]
                 errors = [order["factor"] * end ** -order["order"] for end in ends]
                 axis.plot(ends, errors, dash, color=colour)
-    axis.set_xscale("log", base=2)
-    axis.set_yscale("log")
+    drawn = _logarithmic(axis)
     axis.set_xlabel(f"view steps per {document['mean_side']:.3g} m (mean side of the medium)")
     axis.set_ylabel(" or ".join(WORDS[figure] for figure in figures) + " (no unit)")
     _whole_numbers(axis, sorted({point["steps"] for point in document["points"]}))
-    _triangles(axis)
+    if drawn:
+        _triangles(axis)
     axis.grid(True, which="major", linewidth=0.3, color="0.8")
     axis.legend(fontsize=6, loc="upper center", bbox_to_anchor=(0.5, -0.18), frameon=False)
+
+
+def _logarithmic(axis):
+    """Logarithmic axes; False, with a word in the panel, where no error is above 0."""
+    axis.set_xscale("log", base=2)
+    drawn = any(not math.isnan(value) for line in axis.lines for value in line.get_ydata())
+    if drawn:
+        axis.set_yscale("log")
+    else:
+        axis.set_yticks([])
+        axis.text(0.5, 0.5, "every error is 0", transform=axis.transAxes, ha="center", fontsize=8)
+    return drawn
 
 
 def _drawn(error):
@@ -161,8 +173,7 @@ def _cache_panel(axis, document, figure):
                 markerfacecolor=face,
                 label=f"{name}, {filter_name}",
             )
-    axis.set_xscale("log", base=2)
-    axis.set_yscale("log")
+    _logarithmic(axis)
     axis.set_xlabel("density cache: cells along the longest side")
     axis.set_ylabel(f"{WORDS[figure]} (no unit)")
     _whole_numbers(axis, sorted({point["cache"]["settings"]["cells"] for point in document["caches"]}))
@@ -179,7 +190,7 @@ def _whole_numbers(axis, values):
     axis.xaxis.set_minor_locator(ticker.NullLocator())
     low, high = axis.get_ylim()
     # Powers of ten alone would leave less than two labels.
-    if high < 100 * low:
+    if axis.get_yscale() == "log" and high < 100 * low:
         axis.yaxis.set_major_locator(ticker.LogLocator(subs=(1, 2, 5)))
         axis.yaxis.set_major_formatter(ticker.FormatStrFormatter("%g"))
         axis.yaxis.set_minor_locator(ticker.NullLocator())

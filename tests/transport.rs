@@ -171,14 +171,14 @@ fn every_channel_follows_beer_lambert_with_its_own_extinction_and_emission_behin
     set(&mut scene, "Color", color(color_value));
     set(&mut scene, "Absorption Color", color(absorption));
     set(&mut scene, "Emission Strength", Input::Number(0.5));
-    // Nothing of the world's light is scattered: its radiance would otherwise need a quadrature.
-    let scattering_albedo = |c: f32, a: f32| f64::from(c) + (1.0 - f64::from(c)) * (1.0 - f64::from(a).sqrt());
+    let extinction_of = |c: f32, a: f32| f64::from(c) + (1.0 - f64::from(c)) * (1.0 - f64::from(a).sqrt());
+    // Before a black world nothing is there to be scattered.
     let mut black = scene.clone();
     black.world.color = [0.0; 3];
     for specialise in [true, false] {
         let found = render(&black, &MarchSettings { specialise, ..exact() });
         for channel in 0..3 {
-            let extinction = scattering_albedo(color_value[channel], absorption[channel]);
+            let extinction = extinction_of(color_value[channel], absorption[channel]);
             close(found[channel], 0.5 * (1.0 - (-2.0 * extinction).exp()) / extinction, 1e-6);
         }
     }
@@ -187,7 +187,7 @@ fn every_channel_follows_beer_lambert_with_its_own_extinction_and_emission_behin
     for specialise in [true, false] {
         let found = render(&scene, &MarchSettings { specialise, ..exact() });
         for (channel, world) in [1.0, 0.5, 0.25].into_iter().enumerate() {
-            let extinction = scattering_albedo(0.0, absorption[channel]);
+            let extinction = extinction_of(0.0, absorption[channel]);
             let through = (-2.0 * extinction).exp();
             close(found[channel], world * through + 0.5 * (1.0 - through) / extinction, 1e-6);
         }

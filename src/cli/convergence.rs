@@ -14,7 +14,8 @@ use std::process::ExitCode;
 const SCRIPT: &str = "convergence_plot.py";
 
 /// Measure how ray marching converges: its error against the number of steps for both integrations, with the order
-/// of convergence, and the bias of density caches. Writes convergence.json, .csv, .svg and .png.
+/// of convergence, and the bias of density caches. Writes convergence.json and .csv, then .svg and .png (with
+/// matplotlib).
 #[derive(clap::Args)]
 pub(super) struct Arguments {
     #[command(flatten)]

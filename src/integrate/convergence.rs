@@ -186,8 +186,10 @@ pub fn measure(scene: &Scene, settings: &ConvergenceSettings, progress: Progress
         },
         &|done, what| progress(half * done, what),
     )?;
+    for (image, _) in &images {
+        image.check_finite("a picture of convergence")?;
+    }
     let (reference, _) = images.remove(0);
-    reference.check_finite("the reference of convergence")?;
     let points: Vec<StepPoint> = named
         .iter()
         .zip(&images)

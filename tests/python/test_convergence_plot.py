@@ -94,6 +94,16 @@ def test_without_caches_there_is_one_row_and_equal_figures_are_equal_files(tmp_p
     assert files[0] == files[1]
 
 
+def test_errors_of_zero_are_said_in_words(tmp_path):
+    value = document()
+    value["orders"] = []
+    for point in value["points"] + value["caches"]:
+        point.update(root_relmse=0.0, relative_rms=0.0, relative_mean_error=0.0)
+    convergence_plot.draw(request(tmp_path, value), None)
+    figure = convergence_plot._figure(located(value, "document"))
+    assert all("every error is 0" in [text.get_text() for text in axis.texts] for axis in figure.axes)
+
+
 def test_a_document_without_points_is_an_error_that_names_the_key(tmp_path):
     value = document()
     del value["points"]
