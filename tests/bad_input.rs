@@ -720,6 +720,81 @@ fn command_lines_that_make_no_sense() {
 }
 
 #[test]
+fn settings_of_ray_marching_that_make_no_sense() {
+    let folder = folder();
+    write(&folder, "x.scene.json", &cloud().to_string());
+    let render = |more: &[&str]| {
+        let begin = ["render", "x.scene.json", "-o", "x.exr", "--volume-bounces", "0", "--resolution", "4x4"];
+        run(folder.path(), &[&begin, more].concat())
+    };
+    for (more, parts) in [
+        (&["--density-cache", "0"][..], &["density_cache", "0 cells", "at least 1"][..]),
+        // The memory that it would need, and how many cells fit.
+        (
+            &["--density-cache", "100000"],
+            &["density_cache", "100000 cells", "GiB", "at most 4 GiB", "--density-cache "],
+        ),
+        (&["--density-cache", "4294967295", "--cache-format", "f32"], &["4294967295 cells", "GiB"]),
+        (&["--seed", "3"], &["--seed", "--jitter pixel"]),
+        (&["--exit-transmittance=-1"], &["exit_transmittance", "-1", "at least 0"]),
+        (&["--integrator", "path", "--jitter", "pixel"], &["--jitter", "--integrator march"]),
+        (&["--integrator", "path", "--density-cache", "8"], &["--density-cache", "--integrator march"]),
+        (&["--integrator", "path", "--generic"], &["--generic", "--integrator march"]),
+    ] {
+        render(more).is_refused(&format!("{more:?}"), parts);
+    }
+    // Refused by the parser of the command line, which names what is possible.
+    for (more, possible) in [
+        (&["--density-cache", "8", "--cache-format", "bf16"][..], "unorm8"),
+        (&["--density-cache", "8", "--cache-filter", "cubic"], "trilinear"),
+        (&["--cache-format", "f16"], "--density-cache"),
+        (&["--integration", "euler"], "energy-conserving"),
+        (&["--jitter", "blue"], "pixel"),
+        (&["--density-cache", "-3"], "-3"),
+    ] {
+        let run = render(more);
+        assert_eq!(run.status, Some(2), "{more:?}: {}", run.stderr);
+        assert!(run.stderr.contains(possible) && !run.stderr.contains("panicked"), "{more:?}: {}", run.stderr);
+    }
+    assert!(!folder.path().join("x.exr").exists());
+    let run = render(&["--density-cache", "8", "--sub-pixels", "1", "--grid-cells", "4"]);
+    run.succeeds("a cache of 8 cells");
+    assert!(
+        run.stdout.starts_with("density cache 9 x 9 x ") && run.stdout.contains("f16, trilinear"),
+        "{}",
+        run.stdout
+    );
+}
+
+#[test]
+fn convergence_of_what_cannot_converge() {
+    let folder = folder();
+    write(&folder, "x.scene.json", &cloud().to_string());
+    let measured = |more: &[&str]| {
+        let begin = ["convergence", "x.scene.json", "-o", "out", "--volume-bounces", "0", "--resolution", "2x2"];
+        run(folder.path(), &[&begin, more].concat())
+    };
+    for (more, parts) in [
+        (&["--steps", "4,8,16"][..], &["steps", "[4, 8, 16]", "at least four rising"][..]),
+        (&["--steps", "4,8,8,16"], &["steps", "rising"]),
+        (&["--steps", "0,1,2,3"], &["steps", "from 1 to"]),
+        (&["--steps", "1,2,3,4294967295"], &["steps", "from 1 to 262144"]),
+        (&["--cache-cells", "0,8"], &["cache_cells", "at least 1"]),
+        (&["--view-step", "0.1"], &["--view-step", "varies by itself", "Leave --view-step out"]),
+        (&["--integration", "plain"], &["--integration", "--steps"]),
+        (&["--volume-bounces", "3", "--steps", "1,2,3,4"], &["cannot be used multiple times"]),
+    ] {
+        let run = measured(more);
+        if parts == ["cannot be used multiple times"] {
+            assert!(run.status == Some(2) && run.stderr.contains(parts[0]), "{}", run.stderr);
+        } else {
+            run.is_refused(&format!("{more:?}"), parts);
+        }
+    }
+    assert!(!folder.path().join("out").exists());
+}
+
+#[test]
 fn without_an_adapter_the_cpu_serves() {
     let folder = folder();
     write(&folder, "x.scene.json", &cloud().to_string());

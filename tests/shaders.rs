@@ -282,6 +282,14 @@ fn shaders() -> BTreeMap<String, Shader> {
         .collect()
 }
 
+/// Names that a text has conditions on.
+fn definitions(text: &str) -> BTreeSet<String> {
+    text.lines()
+        .filter(|line| line.starts_with("#if") || line.starts_with("#else if"))
+        .filter_map(|line| line.split(' ').next_back().map(str::to_owned))
+        .collect()
+}
+
 /// Files that `text` imports, directly.
 fn imported<'a>(text: &str, all: &'a BTreeMap<String, Shader>) -> Vec<&'a Shader> {
     let paths: Vec<&str> = text.lines().filter_map(|line| line.trim().strip_prefix("#import ")).collect();
@@ -322,6 +330,26 @@ fn every_mode_and_every_file_links_and_validates() {
         validate(&shader.path, &module);
         used.insert(shader.path.clone());
     }
+    // The marching kernel with each definition alone, with a graph and with a cache; every kind of cache in both
+    // kernels that read one.
+    let own = definitions(&all["integrate/march.wgsl"].text);
+    let cache = definitions(&all["integrate/density_cache.wgsl"].text);
+    assert_eq!((own.len(), cache.len()), (7, 3), "{own:?} {cache:?}");
+    let small = Program::density(&support::scene("homogeneous-cube")).expect("the cube compiles");
+    let check = |linker: cloudparity::error::Result<Linker>, path: &str, definitions: &[&str]| {
+        let name = format!("{path} {definitions:?}");
+        let module = linker.and_then(|linker| linker.link_with(path, &all[path].text, definitions));
+        validate(&name, &module.unwrap_or_else(|cause| panic!("{name}: {cause}")));
+    };
+    for definition in &own {
+        check(Linker::new(&small), "integrate/march.wgsl", &[definition]);
+        check(Linker::cached(), "integrate/march.wgsl", &[definition]);
+    }
+    for kind in [&[][..], &["CACHE_F16"], &["CACHE_UNORM8"], &["CACHE_NEAREST"]] {
+        check(Linker::cached(), "integrate/march.wgsl", kind);
+        check(Linker::cached(), "integrate/light_grid_bake.wgsl", kind);
+    }
+    used.insert("integrate/density_cache.wgsl".into());
     for shader in all.values().filter(|shader| shader.path.starts_with("nodes/")) {
         let stem = Path::new(&shader.path).file_stem().expect("a name").to_string_lossy().into_owned();
         let prefix = match &shader.import_path {

@@ -8,7 +8,7 @@ use cloudparity::integrate::{self, Backend, LightMode, MarchSettings};
 use cloudparity::scene::{Input, Scene};
 use serde_json::json;
 use std::f64::consts::PI;
-use support::cube::{SCATTERING, SUN, color, homogeneous, phase, ramp, set, slanted_sun};
+use support::cube::{SCATTERING, SUN, color, homogeneous, phase, ramp, set, slanted_sun, sphere};
 
 /// The steps below are fine enough that the closed form is met to this: the midpoint rule errs by
 /// (step / 2)^2 / 6 of second derivatives of order 1, and f32 results by 6e-8.
@@ -160,6 +160,94 @@ fn ramps_of_density_meet_their_closed_forms() {
         .map(|t| 2.0 * t * (-2.0 * t).exp() * (-t * t).exp() * width)
         .sum();
     close(found[0], SUN / sphere * integral, TOLERANCE);
+}
+
+#[test]
+fn every_channel_follows_beer_lambert_with_its_own_extinction_and_emission_behind_it() {
+    let mut scene = homogeneous();
+    scene.lights.clear();
+    scene.world.color = [1.0, 0.5, 0.25];
+    let [color_value, absorption] = [[0.2_f32, 0.5, 0.8], [0.1_f32, 0.3, 0.7]];
+    set(&mut scene, "Color", color(color_value));
+    set(&mut scene, "Absorption Color", color(absorption));
+    set(&mut scene, "Emission Strength", Input::Number(0.5));
+    let extinction_of = |c: f32, a: f32| f64::from(c) + (1.0 - f64::from(c)) * (1.0 - f64::from(a).sqrt());
+    // Before a black world nothing is there to be scattered.
+    let mut black = scene.clone();
+    black.world.color = [0.0; 3];
+    for specialise in [true, false] {
+        let found = render(&black, &MarchSettings { specialise, ..exact() });
+        for channel in 0..3 {
+            let extinction = extinction_of(color_value[channel], absorption[channel]);
+            close(found[channel], 0.5 * (1.0 - (-2.0 * extinction).exp()) / extinction, 1e-6);
+        }
+    }
+    // Absorption alone has one extinction per channel through the absorption colour.
+    set(&mut scene, "Color", color([0.0; 3]));
+    for specialise in [true, false] {
+        let found = render(&scene, &MarchSettings { specialise, ..exact() });
+        for (channel, world) in [1.0, 0.5, 0.25].into_iter().enumerate() {
+            let extinction = extinction_of(0.0, absorption[channel]);
+            let through = (-2.0 * extinction).exp();
+            close(found[channel], world * through + 0.5 * (1.0 - through) / extinction, 1e-6);
+        }
+    }
+}
+
+#[test]
+fn an_emission_that_is_the_density_meets_its_closed_form() {
+    // E2: density and emission t along the view, absorbing only; then the same with an Emission node.
+    let mut scene = homogeneous();
+    ramp(&mut scene, "Y", 2.0);
+    set(&mut scene, "Color", color([0.0; 3]));
+    let slope = json!({"node": "Slope", "socket": "Value"});
+    let mut separate = scene.clone();
+    set(&mut scene, "Emission Strength", Input::Link { node: "Slope".into(), socket: "Value".into() });
+    let expected = 1.0 - (-2.0_f64).exp();
+    close(render(&scene, &exact())[0], expected, TOLERANCE);
+    let nodes = json!([
+        {"name": "Glow", "type": "ShaderNodeEmission", "inputs": {"Color": [1.0, 0.5, 0.25, 1.0], "Strength": slope}},
+        {"name": "Add", "type": "ShaderNodeAddShader", "inputs": {
+            "Shader": {"node": "Principled Volume", "socket": "Volume"}, "Shader_001": {"node": "Glow", "socket": "Emission"}}},
+    ]);
+    close_with(&mut separate, nodes);
+    let found = render(&separate, &exact());
+    for (channel, share) in [1.0, 0.5, 0.25].into_iter().enumerate() {
+        close(found[channel], share * expected, TOLERANCE);
+    }
+    if support::require("vulkan") {
+        let settings = MarchSettings { light: LightMode::Grid, ..exact() };
+        let theirs = integrate::render(&scene, &settings, Backend::Gpu, &|_, _| {}).expect("the scene renders").mean();
+        close(theirs[0], expected, TOLERANCE);
+    }
+}
+
+#[test]
+fn a_sphere_of_constant_density_meets_its_closed_forms() {
+    let (radius, density) = (0.7_f64, 3.0_f64);
+    let mut scene = homogeneous();
+    sphere(&mut scene);
+    scene.film.resolution = [1, 1];
+    set(&mut scene, "Color", color([1.0; 3]));
+    // Steps of 0.05 / 50 along the view: the sphere begins 0.05 behind the provably empty part, so that no step
+    // holds its face. A shadow ray's depth is off by up to half a step of 1e-4 of density 3, in either
+    // direction: 1.5e-4 at worst, far less in the mean over 1,400 samples.
+    let settings = MarchSettings { view_step: 0.001, shadow_step: 1e-4, ..exact() };
+    let steps = 400_000;
+    let width = 2.0 * radius / f64::from(steps);
+    let integral: f64 = (0..steps)
+        .map(|step| -radius + (f64::from(step) + 0.5) * width)
+        .map(|y| {
+            let up = (radius * radius - y * y).sqrt();
+            density * (-density * (y + radius)).exp() * (-density * up).exp() * width
+        })
+        .sum();
+    close(integral * SUN / (4.0 * PI), 0.217395, 5e-6);
+    close(render(&scene, &settings)[0], integral * SUN / (4.0 * PI), TOLERANCE);
+    scene.lights.clear();
+    scene.world.color = [1.0; 3];
+    set(&mut scene, "Color", color([0.0; 3]));
+    close(render(&scene, &settings)[0], (-2.0 * radius * density).exp(), TOLERANCE);
 }
 
 #[test]

@@ -1,7 +1,7 @@
 // Single scattering by ray marching, one view ray per invocation: twin of src/integrate/march.rs,
 // whose head gives the equations. Light comes from the baked grid. Rays arrive finished (their part
 // in the medium, their steps), so the camera has no second implementation. A dispatch takes the steps from `first_step` to
-// before `end_step`.
+// before `end_step`. Definitions leave out what the scene does not need; without any the kernel is generic.
 
 #import cloudparity::graph
 
@@ -26,6 +26,8 @@ struct Stage {
     first_step: u32,
     extinction_of_channel: vec3u,
     end_step: u32,
+    emission_of_density: vec3f,
+    padding: u32,
 }
 
 // Positions are those of the middle of the first step.
@@ -68,12 +70,18 @@ struct Outcome {
 @group(0) @binding(5) var<storage, read> grid: array<f32>;
 @group(0) @binding(6) var<storage, read_write> outcomes: array<Outcome>;
 
+#ifdef WITHOUT_PHASE
+fn henyey_greenstein(cosine: f32) -> f32 {
+    return 0.07957747;
+}
+#else
 fn henyey_greenstein(cosine: f32) -> f32 {
     let g = stage.anisotropy;
     if abs(g) < 0.001 { return 0.07957747; }
     let base = 1.0 + g * g - 2.0 * g * cosine;
     return (1.0 - g * g) * 0.07957747 / (base * sqrt(base));
 }
+#endif
 
 fn may_hold(local: vec3f) -> bool {
     let part = (local - stage.bounds_low) / (stage.bounds_high - stage.bounds_low) * f32(stage.cells);
@@ -96,6 +104,7 @@ fn incident(local: vec3f, position: vec3f, direction: vec3f, ray: u32) -> vec3f 
         weights[corner] = weight.x * weight.y * weight.z;
     }
     var light = vec3f(0.0);
+#ifndef WITHOUT_LIGHTS
     for (var number = 0u; number < stage.lights; number++) {
         var depth = 0.0;
         for (var corner = 0u; corner < 8u; corner++) {
@@ -115,6 +124,8 @@ fn incident(local: vec3f, position: vec3f, direction: vec3f, ray: u32) -> vec3f 
         }
         light += power * henyey_greenstein(dot(towards, direction)) * exp(-stage.extinction * depth);
     }
+#endif
+#ifndef WITHOUT_WORLD
     if stage.lit_by_world != 0u {
         for (var channel = 0u; channel < 3u; channel++) {
             var transmittance = 0.0;
@@ -129,6 +140,7 @@ fn incident(local: vec3f, position: vec3f, direction: vec3f, ray: u32) -> vec3f 
             light[channel] += stage.world[channel] * transmittance;
         }
     }
+#endif
     return light;
 }
 
@@ -146,20 +158,31 @@ fn main(@builtin(global_invocation_id) invocation: vec3u) {
     for (var step = stage.first_step; step < min(ray.steps, stage.end_step); step++) {
         if all(transmittance < vec3f(stage.exit_transmittance)) { break; }
         let local = ray.local + ray.local_step * f32(step);
+#ifndef WITHOUT_EMPTY_CELLS
         if !may_hold(local) { continue; }
+#endif
         let value = graph::evaluate(local);
         let density = select(value, 0.0, value < 0.0);
         var light = vec3f(0.0);
+#ifndef WITHOUT_IN_SCATTER
         // NaN is not skipped: it has to reach the picture.
         if density != 0.0 {
             light = incident(local, ray.position + ray.direction * (ray.step * f32(step)), ray.direction, number);
         }
+#endif
         let depth = stage.extinction * density * ray.step;
-        let source = stage.scattering * density * light + stage.emission;
+        var source = stage.scattering * density * light + stage.emission;
+#ifdef EMISSION_OF_DENSITY
+        source += stage.emission_of_density * density;
+#endif
         let through = exp(-depth);
+#ifdef PLAIN_INTEGRATION
+        let length = vec3f(ray.step);
+#else
         // (1 - exp(-depth)) / depth; below the switch its series, whose next term is depth^3 / 24.
         let series = 1.0 - depth * (0.5 - depth / 6.0);
         let length = select((1.0 - through) / depth, series, depth < vec3f(0.02)) * ray.step;
+#endif
         radiance += transmittance * source * length;
         transmittance *= through;
     }

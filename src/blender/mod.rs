@@ -25,6 +25,7 @@ pub const SCRIPTS: &[(&str, &str)] = scripts!(
     "blender_file.py",
     "build_scene.py",
     "compare_images.py",
+    "convergence_plot.py",
     "cycles_settings.py",
     "display_picture.py",
     "export_scene.py",

@@ -6,6 +6,7 @@
 mod bench;
 mod bounds;
 mod build;
+mod convergence;
 mod demo;
 mod diff;
 mod display;
@@ -13,6 +14,7 @@ mod doctor;
 mod eval;
 pub(crate) mod explain;
 mod export;
+mod march;
 mod modes;
 mod parity;
 mod picture;
@@ -41,6 +43,7 @@ enum Command {
     Bench(bench::Arguments),
     Bounds(bounds::Arguments),
     Build(build::Arguments),
+    Convergence(Box<convergence::Arguments>),
     Demo(demo::Arguments),
     Diff(Box<diff::Arguments>),
     Display(display::Arguments),
@@ -68,6 +71,7 @@ pub fn run() -> ExitCode {
         Command::Bench(arguments) => bench::run(&arguments),
         Command::Bounds(arguments) => bounds::run(&arguments),
         Command::Build(arguments) => build::run(&arguments),
+        Command::Convergence(arguments) => convergence::run(&arguments),
         Command::Demo(arguments) => demo::run(&arguments),
         Command::Diff(arguments) => diff::run(&arguments),
         Command::Display(arguments) => display::run(&arguments),

@@ -1,18 +1,25 @@
-//! What `render` and `reference` share: the scene with overrides, so that both sides of a comparison
+//! What commands that make pictures share: the scene with overrides, so that both sides of a comparison
 //! take the same arguments for the same picture.
 
 use crate::error::{Error, Result};
 use crate::scene::{PixelFilter, Scene};
 use std::path::PathBuf;
 
-/// A scene and the changes to it.
+/// A scene with the changes to it, and where its picture goes.
 #[derive(clap::Args)]
 pub(super) struct PictureArguments {
-    /// The scene file.
-    pub(super) scene: PathBuf,
+    #[command(flatten)]
+    scene: SceneArguments,
     /// The EXR to write.
     #[arg(short, long)]
     pub(super) output: PathBuf,
+}
+
+/// A scene and the changes to it.
+#[derive(clap::Args)]
+pub(super) struct SceneArguments {
+    /// The scene file.
+    scene: PathBuf,
     /// Pixels, WIDTHxHEIGHT, instead of the scene's.
     #[arg(long, value_name = "WxH")]
     resolution: Option<String>,
@@ -28,6 +35,13 @@ pub(super) struct PictureArguments {
 }
 
 impl PictureArguments {
+    /// Loads the scene and applies the changes.
+    pub(super) fn load(&self) -> Result<Scene> {
+        self.scene.load()
+    }
+}
+
+impl SceneArguments {
     /// Loads the scene and applies the changes.
     pub(super) fn load(&self) -> Result<Scene> {
         let mut scene = Scene::load_with(&self.scene, &self.set)?;

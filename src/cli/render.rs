@@ -1,10 +1,12 @@
 //! `cloudparity render`: a picture of a scene.
 
+use super::march::MarchArguments;
 use super::picture::{Filter, PictureArguments};
 use crate::error::{Error, Result};
 use crate::image::Image;
+use crate::integrate::density_cache::CacheReport;
 use crate::integrate::path::{self, PathSettings};
-use crate::integrate::{self, Backend, LightMode, MarchSettings};
+use crate::integrate::{self, Backend, MarchSettings};
 use crate::scene::Scene;
 use std::process::ExitCode;
 
@@ -22,6 +24,10 @@ pub(super) struct Arguments {
     /// Pixel filter instead of the scene's.
     #[arg(long, value_enum)]
     pixel_filter: Option<Filter>,
+    /// Chooses the random numbers of path, and of march with --jitter; pictures of different seeds are independent
+    /// [default: 0].
+    #[arg(long)]
+    seed: Option<u32>,
     #[command(flatten)]
     march: MarchArguments,
     #[command(flatten)]
@@ -31,44 +37,12 @@ pub(super) struct Arguments {
     allow_nonfinite: bool,
 }
 
-/// What only `--integrator march` takes. Without a value the default holds.
-#[derive(clap::Args)]
-struct MarchArguments {
-    /// march: longest step of a view ray in metres; 0: 1/192 of the medium's mean side [default: 0].
-    #[arg(long)]
-    view_step: Option<f64>,
-    /// march: longest step of a shadow ray in metres, with --light exact; 0: the view step [default: 0].
-    #[arg(long)]
-    shadow_step: Option<f64>,
-    /// march: directions of the quadrature over the world [default: 64].
-    #[arg(long)]
-    world_directions: Option<u32>,
-    /// march: bands of spherical harmonics for the world in anisotropic media, with --light grid [default: 2].
-    #[arg(long)]
-    world_bands: Option<u32>,
-    /// march: rays per pixel and axis [default: 3].
-    #[arg(long)]
-    sub_pixels: Option<u32>,
-    /// march: view rays end below this transmittance [default: 0.0001].
-    #[arg(long)]
-    exit_transmittance: Option<f64>,
-    /// march: how light reaches the samples [default: grid].
-    #[arg(long, value_enum)]
-    light: Option<LightName>,
-    /// march: cells along the longest side of the light grid [default: 192].
-    #[arg(long)]
-    grid_cells: Option<u32>,
-}
-
 /// What only `--integrator path` takes.
 #[derive(clap::Args)]
 struct PathArguments {
     /// path: paths per pixel [default: 64].
     #[arg(long)]
     samples: Option<u32>,
-    /// path: chooses the random numbers; pictures of different seeds are independent [default: 0].
-    #[arg(long)]
-    seed: Option<u32>,
     /// path: as many pictures with seeds that count on from --seed. OUTPUT is their mean, each is OUTPUT.seed-N.exr,
     /// which `cloudparity diff --ours` takes.
     #[arg(long, conflicts_with_all = ["time", "error"], value_parser = clap::value_parser!(u32).range(2..=1024))]
@@ -97,14 +71,6 @@ enum BackendName {
     Gpu,
 }
 
-#[derive(Debug, Clone, Copy, clap::ValueEnum)]
-enum LightName {
-    /// Shadow rays evaluate the density.
-    Exact,
-    /// Density and light are interpolated from a grid.
-    Grid,
-}
-
 pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
     let mut scene = arguments.picture.load()?;
     if let Some(filter) = arguments.pixel_filter {
@@ -122,7 +88,8 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
     let image = match arguments.integrator {
         Integrator::March => {
             refuse("path", &arguments.path.given())?;
-            integrate::render(&scene, &arguments.march.settings(), backend, &report)?
+            let settings = arguments.march.settings(MarchSettings::default(), arguments.seed)?;
+            integrate::render(&scene, &settings, backend, &report)?
         }
         Integrator::Path => {
             refuse("march", &arguments.march.given())?;
@@ -131,11 +98,15 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
             }
             let mut state = arguments.picture.output.clone().into_os_string();
             state.push(".state");
-            path::render(&scene, &arguments.path.settings(), backend, Some(state.as_ref()), &report)?
+            path::render(&scene, &arguments.path.settings(arguments.seed), backend, Some(state.as_ref()), &report)?
         }
     };
     bar.finish_and_clear();
     image.write_exr(&arguments.picture.output, arguments.allow_nonfinite)?;
+    if let Some(text) = image.provenance.get("density_cache") {
+        let report: CacheReport = serde_json::from_str(text).expect("the integrator wrote it");
+        super::print(&format!("{report}\n"))?;
+    }
     Ok(ExitCode::SUCCESS)
 }
 
@@ -147,7 +118,7 @@ fn replicas(
     count: u32,
     report: integrate::Progress<'_>,
 ) -> Result<ExitCode> {
-    let settings = arguments.path.settings();
+    let settings = arguments.path.settings(arguments.seed);
     let seeds: Vec<u32> = (0..count).map(|number| settings.seed.wrapping_add(number)).collect();
     let images = path::render_replicas(scene, &settings, backend, &seeds, report)?;
     let output = &arguments.picture.output;
@@ -174,57 +145,23 @@ fn refuse(integrator: &str, options: &[(&str, bool)]) -> Result<()> {
     }
 }
 
-impl MarchArguments {
-    fn given(&self) -> [(&'static str, bool); 8] {
-        [
-            ("--view-step", self.view_step.is_some()),
-            ("--shadow-step", self.shadow_step.is_some()),
-            ("--world-directions", self.world_directions.is_some()),
-            ("--world-bands", self.world_bands.is_some()),
-            ("--sub-pixels", self.sub_pixels.is_some()),
-            ("--exit-transmittance", self.exit_transmittance.is_some()),
-            ("--light", self.light.is_some()),
-            ("--grid-cells", self.grid_cells.is_some()),
-        ]
-    }
-
-    fn settings(&self) -> MarchSettings {
-        let default = MarchSettings::default();
-        MarchSettings {
-            view_step: self.view_step.unwrap_or(default.view_step),
-            shadow_step: self.shadow_step.unwrap_or(default.shadow_step),
-            world_directions: self.world_directions.unwrap_or(default.world_directions),
-            world_bands: self.world_bands.unwrap_or(default.world_bands),
-            sub_pixels: self.sub_pixels.unwrap_or(default.sub_pixels),
-            exit_transmittance: self.exit_transmittance.unwrap_or(default.exit_transmittance),
-            light: match self.light {
-                None => default.light,
-                Some(LightName::Exact) => LightMode::Exact,
-                Some(LightName::Grid) => LightMode::Grid,
-            },
-            grid_cells: self.grid_cells.unwrap_or(default.grid_cells),
-        }
-    }
-}
-
 impl PathArguments {
-    fn given(&self) -> [(&'static str, bool); 5] {
+    fn given(&self) -> [(&'static str, bool); 4] {
         [
             ("--replicas", self.replicas.is_some()),
             ("--samples", self.samples.is_some()),
-            ("--seed", self.seed.is_some()),
             ("--time", self.time.is_some()),
             ("--error", self.error.is_some()),
         ]
     }
 
-    fn settings(&self) -> PathSettings {
+    fn settings(&self, seed: Option<u32>) -> PathSettings {
         let default = PathSettings::default();
         let otherwise_stopped = self.time.is_some() || self.error.is_some();
         let most = if otherwise_stopped { path::MOST_SAMPLES } else { default.samples };
         PathSettings {
             samples: self.samples.unwrap_or(most),
-            seed: self.seed.unwrap_or(default.seed),
+            seed: seed.unwrap_or(default.seed),
             time: self.time,
             error: self.error,
         }

@@ -27,6 +27,18 @@ const SHARED: &[(&str, &str)] = &[
 /// Import path of the specialised graph.
 pub const PROGRAM_PATH: &str = "cloudparity::graph";
 
+/// The module that reads a density cache.
+const CACHE_MODULE: &str = include_str!("../../shaders/integrate/density_cache.wgsl");
+
+/// A program that reads a density cache.
+const CACHED_PROGRAM: &str = "#define_import_path cloudparity::graph
+#import cloudparity::density_cache
+
+fn evaluate(position: vec3f) -> f32 {
+    return density_cache::density(position);
+}
+";
+
 /// Target languages of `cloudparity shader`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 pub enum Language {
@@ -61,6 +73,15 @@ impl Linker {
         Ok(linker)
     }
 
+    /// A linker whose program reads the density from a grid: [`PROGRAM_PATH`] as of [`Self::new`], with the grid in
+    /// group 1. Format and filter are definitions for [`Self::link_with`].
+    pub fn cached() -> Result<Self> {
+        let mut linker = Self { composer: Composer::default() };
+        linker.add("integrate/density_cache.wgsl", CACHE_MODULE)?;
+        linker.add("generated/graph.wgsl", CACHED_PROGRAM)?;
+        Ok(linker)
+    }
+
     /// Adds an importable module; its `#define_import_path` names it.
     pub fn add(&mut self, path: &str, source: &str) -> Result<()> {
         let descriptor = ComposableModuleDescriptor { source, file_path: path, ..Default::default() };
@@ -68,8 +89,14 @@ impl Linker {
     }
 
     /// Links the entry text and removes what no entry point reaches.
-    pub fn link(mut self, path: &str, source: &str) -> Result<naga::Module> {
-        let descriptor = NagaModuleDescriptor { source, file_path: path, ..Default::default() };
+    pub fn link(self, path: &str, source: &str) -> Result<naga::Module> {
+        self.link_with(path, source, &[])
+    }
+
+    /// [`Self::link`] with definitions for the conditions of the entry text and of what it imports.
+    pub fn link_with(mut self, path: &str, source: &str, definitions: &[&str]) -> Result<naga::Module> {
+        let shader_defs = definitions.iter().map(|&name| (name.to_owned(), ShaderDefValue::Bool(true))).collect();
+        let descriptor = NagaModuleDescriptor { source, file_path: path, shader_defs, ..Default::default() };
         let mut module = match self.composer.make_naga_module(descriptor) {
             Ok(module) => module,
             Err(cause) => return Err(self.failure(path, &cause)),

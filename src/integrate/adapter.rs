@@ -4,17 +4,18 @@
 //! submission is small enough to leave the adapter to others: slices start small and grow while
 //! they stay below [`SLICE_SECONDS`].
 
-use super::LightMode;
+use super::density_cache::DensityCache;
 use super::light_grid::{LightGrid, Sweep, sweep_axes};
 use super::lights::{Source, harmonics};
-use super::march::{Stage, ViewRay};
-use super::medium::CELLS;
+use super::march::{Omission, Stage, ViewRay};
+use super::medium::{CELLS, Medium};
+use super::{Integration, LightMode};
 use crate::error::{Error, Result};
 use crate::gpu::Gpu;
-use crate::graph::Program;
 use crate::graph::wgsl::Linker;
 use bytemuck::{Pod, Zeroable};
 use glam::DVec3;
+use std::collections::BTreeSet;
 use std::time::Instant;
 
 const BAKE: &str = include_str!("../../shaders/integrate/light_grid_bake.wgsl");
@@ -102,6 +103,19 @@ struct StageUniform {
     first_step: u32,
     extinction_of_channel: [u32; 3],
     end_step: u32,
+    emission_of_density: [f32; 3],
+    padding: u32,
+}
+
+#[repr(C)]
+#[derive(Clone, Copy, Pod, Zeroable)]
+struct CacheUniform {
+    low: [f32; 3],
+    smallest: f32,
+    scale: [f32; 3],
+    largest: f32,
+    size: [u32; 3],
+    padding: u32,
 }
 
 #[repr(C)]
@@ -137,10 +151,50 @@ struct Outcome {
     more_padding: f32,
 }
 
+/// The density as kernels read it: the graph, or a grid in group 1.
+struct Density<'a> {
+    medium: &'a Medium,
+    /// Uniform and values of a cache.
+    cache: Option<[wgpu::Buffer; 2]>,
+}
+
+impl<'a> Density<'a> {
+    fn new(gpu: &Gpu, medium: &'a Medium) -> Result<Self> {
+        let Some(cache) = &medium.cache else { return Ok(Self { medium, cache: None }) };
+        let words = cache.words();
+        check_size(gpu, "density cache", words.len() as u64, "--density-cache")?;
+        let uniform = cache_uniform(cache);
+        let layout = gpu.upload("cache", bytemuck::bytes_of(&uniform), wgpu::BufferUsages::UNIFORM);
+        let texels = gpu.upload("texels", &words, wgpu::BufferUsages::STORAGE);
+        Ok(Self { medium, cache: Some([layout, texels]) })
+    }
+
+    /// Links an entry text with the density.
+    fn link(&self, path: &str, source: &str, definitions: &[&str]) -> Result<naga::Module> {
+        match &self.medium.cache {
+            None => Linker::new(&self.medium.density)?.link_with(path, source, definitions),
+            Some(cache) => Linker::cached()?.link_with(path, source, &[definitions, &cache.definitions()].concat()),
+        }
+    }
+
+    /// The buffers of group 1.
+    fn group(&self) -> Vec<(u32, &wgpu::Buffer)> {
+        (0..).zip(self.cache.iter().flatten()).collect()
+    }
+}
+
+fn cache_uniform(cache: &DensityCache) -> CacheUniform {
+    let (low, scale, size, [smallest, largest]) = cache.layout();
+    CacheUniform { low, smallest, scale, largest, size, padding: 0 }
+}
+
 /// Everything on the adapter that marching a ray needs.
 pub(super) struct Kernels<'a> {
     gpu: &'a Gpu,
     march: wgpu::ComputePipeline,
+    /// Bindings of group 0 that are left in the specialised kernel.
+    bindings: BTreeSet<u32>,
+    cache: Option<[wgpu::Buffer; 2]>,
     uniform: StageUniform,
     lights: wgpu::Buffer,
     cells: wgpu::Buffer,
@@ -160,35 +214,13 @@ impl<'a> Kernels<'a> {
                 "Give --light grid, or --backend cpu.",
             ));
         }
-        let mut layout = LightGrid::layout(&stage.medium, stage.settings);
-        let lit_by_world = !stage.directions.is_empty();
-        let world_channels = if lit_by_world { layout.extinctions.len() * layout.harmonics } else { 0 };
-        let channels = (stage.lights.len() + world_channels).max(1);
-        let density = bake_density(gpu, &stage.medium.density, &layout, &|done| progress(0.5 * done))?;
-        let grid = zeros(gpu, "light", layout.vertices() * channels)?;
-        let to_cells = layout.to_cells(&stage.medium);
-        let bytes = 4 * layout.vertices() as u64;
-        for (number, light) in stage.lights.iter().enumerate() {
-            let Source::Position(place, _) = &light.source else { continue };
-            // Light from a point has no parallel rays to sweep: the CPU's depths serve.
-            if layout.density.is_empty() {
-                layout.density = bytemuck::pod_collect_to_vec(&gpu.read_back(&density, bytes)?);
-            }
-            let depths = layout.depth_to_point(*place, &stage.medium);
-            gpu.queue().write_buffer(&grid, number as u64 * bytes, bytemuck::cast_slice(&depths));
-        }
-        let sweeps = Sweeps::new(gpu, &layout, &density, &grid)?;
-        for (number, light) in stage.lights.iter().enumerate() {
-            if let Source::Direction(towards) = &light.source {
-                sweeps.run(to_cells * *towards, number, None)?;
-            }
-        }
-        let solid_angle = 4.0 * std::f64::consts::PI / stage.directions.len().max(1) as f64;
-        for (number, &towards) in stage.directions.iter().enumerate() {
-            let weights = harmonics(towards).map(|value| (value * solid_angle) as f32);
-            sweeps.run(to_cells * towards, stage.lights.len(), Some(weights))?;
-            progress(0.5 + 0.5 * (number + 1) as f64 / stage.directions.len() as f64);
-        }
+        let mut layout = LightGrid::layout(&stage.medium, &stage.settings);
+        let density = Density::new(gpu, &stage.medium)?;
+        let grid = if stage.leaves_out(Omission::InScatter) {
+            zeros(gpu, "light", 1)?
+        } else {
+            bake_light(gpu, stage, &density, &mut layout, progress)?
+        };
         let medium = &stage.medium;
         let single = |values: [f64; 3]| values.map(|value| value as f32);
         let vector = |value: DVec3| value.as_vec3().to_array();
@@ -208,11 +240,13 @@ impl<'a> Kernels<'a> {
             grid_low: vector(layout.low),
             rays: 0,
             grid_scale: vector(1.0 / layout.step),
-            lit_by_world: lit_by_world.into(),
+            lit_by_world: (!stage.directions.is_empty()).into(),
             grid_size: layout.size.map(|count| count as u32),
             first_step: 0,
             extinction_of_channel: layout.extinction_of_channel.map(|number| number as u32),
             end_step: 0,
+            emission_of_density: single(medium.emission_of_density),
+            padding: 0,
         };
         // A buffer cannot be empty: a scene without lights has one that is never read.
         let mut lights: Vec<Light> = stage
@@ -237,10 +271,13 @@ impl<'a> Kernels<'a> {
         lights.resize(lights.len().max(1), Light::zeroed());
         let cells: Vec<u32> = medium.cells.iter().map(|&cell| cell.into()).collect();
         let storage = wgpu::BufferUsages::STORAGE;
-        let module = Linker::new(&medium.density)?.link("integrate/march.wgsl", MARCH)?;
+        let module = density.link("integrate/march.wgsl", MARCH, &definitions(stage))?;
+        let bound = module.global_variables.iter().filter_map(|(_, variable)| variable.binding);
         Ok(Self {
             gpu,
             march: gpu.pipeline("march", &module)?,
+            bindings: bound.filter(|place| place.group == 0).map(|place| place.binding).collect(),
+            cache: density.cache,
             uniform,
             lights: gpu.upload("lights", bytemuck::cast_slice(&lights), storage),
             cells: gpu.upload("cells", bytemuck::cast_slice(&cells), storage),
@@ -270,7 +307,7 @@ impl<'a> Kernels<'a> {
         let data: Vec<Ray> = rays
             .iter()
             .map(|ray| {
-                let distance = ray.start + 0.5 * ray.step;
+                let distance = ray.start + ray.offset * ray.step;
                 Ray {
                     local: vector(ray.local_origin + ray.local_direction * distance),
                     step: ray.step as f32,
@@ -312,7 +349,9 @@ impl<'a> Kernels<'a> {
             };
             let stage = gpu.upload("stage", bytemuck::bytes_of(&uniform), wgpu::BufferUsages::UNIFORM);
             let buffers = [&stage, &data, &self.lights, &bases, &self.cells, &self.grid, &outcomes];
-            dispatch(gpu, &self.march, &buffers, [(rays.len() as u32).div_ceil(WORKGROUP), 1, 1]);
+            let used: Vec<_> = (0..).zip(buffers).filter(|(binding, _)| self.bindings.contains(binding)).collect();
+            let cache: Vec<_> = (0..).zip(self.cache.iter().flatten()).collect();
+            dispatch_bound(gpu, &self.march, &[used, cache], [(rays.len() as u32).div_ceil(WORKGROUP), 1, 1]);
         }
         let bytes = gpu.read_back(&outcomes, unwritten.len() as u64)?;
         let found: Vec<Outcome> = bytemuck::pod_collect_to_vec(&bytes);
@@ -351,9 +390,68 @@ impl Slices {
     }
 }
 
+/// What the marching kernel is compiled with.
+fn definitions(stage: &Stage<'_>) -> Vec<&'static str> {
+    let mut definitions: Vec<&str> = [
+        (Omission::InScatter, "WITHOUT_IN_SCATTER"),
+        (Omission::Lights, "WITHOUT_LIGHTS"),
+        (Omission::World, "WITHOUT_WORLD"),
+        (Omission::Phase, "WITHOUT_PHASE"),
+        (Omission::EmptyCells, "WITHOUT_EMPTY_CELLS"),
+    ]
+    .into_iter()
+    .filter_map(|(omission, name)| stage.leaves_out(omission).then_some(name))
+    .collect();
+    if stage.settings.integration == Integration::Plain {
+        definitions.push("PLAIN_INTEGRATION");
+    }
+    if stage.medium.emission_of_density != [0.0; 3] {
+        definitions.push("EMISSION_OF_DENSITY");
+    }
+    definitions
+}
+
+/// Light at the vertices of the grid: depths per light, then coefficients of the world.
+fn bake_light(
+    gpu: &Gpu,
+    stage: &Stage<'_>,
+    density: &Density<'_>,
+    layout: &mut LightGrid,
+    progress: &(dyn Fn(f64) + Sync),
+) -> Result<wgpu::Buffer> {
+    let world_channels = if stage.directions.is_empty() { 0 } else { layout.extinctions.len() * layout.harmonics };
+    let channels = (stage.lights.len() + world_channels).max(1);
+    let density = bake_density(gpu, density, layout, &|done| progress(0.5 * done))?;
+    let grid = zeros(gpu, "light", layout.vertices() * channels)?;
+    let to_cells = layout.to_cells(&stage.medium);
+    let bytes = 4 * layout.vertices() as u64;
+    for (number, light) in stage.lights.iter().enumerate() {
+        let Source::Position(place, _) = &light.source else { continue };
+        // Light from a point has no parallel rays to sweep: the CPU's depths serve.
+        if layout.density.is_empty() {
+            layout.density = bytemuck::pod_collect_to_vec(&gpu.read_back(&density, bytes)?);
+        }
+        let depths = layout.depth_to_point(*place, &stage.medium);
+        gpu.queue().write_buffer(&grid, number as u64 * bytes, bytemuck::cast_slice(&depths));
+    }
+    let sweeps = Sweeps::new(gpu, layout, &density, &grid)?;
+    for (number, light) in stage.lights.iter().enumerate() {
+        if let Source::Direction(towards) = &light.source {
+            sweeps.run(to_cells * *towards, number, None)?;
+        }
+    }
+    let solid_angle = 4.0 * std::f64::consts::PI / stage.directions.len().max(1) as f64;
+    for (number, &towards) in stage.directions.iter().enumerate() {
+        let weights = harmonics(towards).map(|value| (value * solid_angle) as f32);
+        sweeps.run(to_cells * towards, stage.lights.len(), Some(weights))?;
+        progress(0.5 + 0.5 * (number + 1) as f64 / stage.directions.len() as f64);
+    }
+    Ok(grid)
+}
+
 /// Density at the vertices, on the adapter.
-fn bake_density(gpu: &Gpu, program: &Program, layout: &LightGrid, progress: &dyn Fn(f64)) -> Result<wgpu::Buffer> {
-    let module = Linker::new(program)?.link("integrate/light_grid_bake.wgsl", BAKE)?;
+fn bake_density(gpu: &Gpu, source: &Density<'_>, layout: &LightGrid, progress: &dyn Fn(f64)) -> Result<wgpu::Buffer> {
+    let module = source.link("integrate/light_grid_bake.wgsl", BAKE, &[])?;
     let pipeline = gpu.pipeline("light_grid_bake", &module)?;
     let density = zeros(gpu, "density", layout.vertices())?;
     let mut slices = Slices::new();
@@ -370,7 +468,8 @@ fn bake_density(gpu: &Gpu, program: &Program, layout: &LightGrid, progress: &dyn
             padding: 0,
         };
         let bake = gpu.upload("bake", bytemuck::bytes_of(&uniform), wgpu::BufferUsages::UNIFORM);
-        dispatch(gpu, &pipeline, &[&bake, &density], [(count as u32).div_ceil(WORKGROUP), 1, 1]);
+        let groups = [vec![(0, &bake), (1, &density)], source.group()];
+        dispatch_bound(gpu, &pipeline, &groups, [(count as u32).div_ceil(WORKGROUP), 1, 1]);
         gpu.wait()?;
         slices.adapt(begin);
         first += count;
@@ -472,15 +571,7 @@ impl<'a> Sweeps<'a> {
 /// A storage buffer of zeros, which wgpu guarantees for new buffers.
 fn zeros(gpu: &Gpu, label: &str, floats: usize) -> Result<wgpu::Buffer> {
     let size = 4 * floats as u64;
-    let limit = gpu.device().limits().max_storage_buffer_binding_size;
-    if size > limit {
-        return Err(Error::new(
-            format!("buffer of {label}"),
-            format!("{size} bytes"),
-            format!("at most {limit} bytes, the largest that adapter {} binds", gpu.adapter().name),
-            "Lower --grid-cells, or give --backend cpu.",
-        ));
-    }
+    check_size(gpu, label, size, "--grid-cells")?;
     Ok(gpu.device().create_buffer(&wgpu::BufferDescriptor {
         label: Some(label),
         size,
@@ -489,23 +580,52 @@ fn zeros(gpu: &Gpu, label: &str, floats: usize) -> Result<wgpu::Buffer> {
     }))
 }
 
+/// An error where a storage buffer is larger than the adapter binds; `option` would make it smaller.
+fn check_size(gpu: &Gpu, label: &str, size: u64, option: &str) -> Result<()> {
+    let limit = gpu.device().limits().max_storage_buffer_binding_size;
+    if size <= limit {
+        return Ok(());
+    }
+    Err(Error::new(
+        format!("buffer of {label}"),
+        format!("{size} bytes"),
+        format!("at most {limit} bytes, the largest that adapter {} binds", gpu.adapter().name),
+        format!("Lower {option}, or give --backend cpu."),
+    ))
+}
+
 /// Submits one kernel with its buffers in the order of their bindings.
 pub(super) fn dispatch(gpu: &Gpu, pipeline: &wgpu::ComputePipeline, buffers: &[&wgpu::Buffer], groups: [u32; 3]) {
-    let entries: Vec<wgpu::BindGroupEntry<'_>> = buffers
-        .iter()
-        .enumerate()
-        .map(|(binding, buffer)| wgpu::BindGroupEntry { binding: binding as u32, resource: buffer.as_entire_binding() })
+    dispatch_bound(gpu, pipeline, &[(0..).zip(buffers.iter().copied()).collect()], groups);
+}
+
+/// Submits one kernel; `bound` are the bindings of each group, all that the kernel has and no other.
+fn dispatch_bound(gpu: &Gpu, pipeline: &wgpu::ComputePipeline, bound: &[Vec<(u32, &wgpu::Buffer)>], groups: [u32; 3]) {
+    let bindings: Vec<wgpu::BindGroup> = (0..)
+        .zip(bound)
+        .take_while(|(_, buffers)| !buffers.is_empty())
+        .map(|(group, buffers)| {
+            let entries: Vec<wgpu::BindGroupEntry<'_>> = buffers
+                .iter()
+                .map(|(binding, buffer)| wgpu::BindGroupEntry {
+                    binding: *binding,
+                    resource: buffer.as_entire_binding(),
+                })
+                .collect();
+            gpu.device().create_bind_group(&wgpu::BindGroupDescriptor {
+                label: None,
+                layout: &pipeline.get_bind_group_layout(group),
+                entries: &entries,
+            })
+        })
         .collect();
-    let bindings = gpu.device().create_bind_group(&wgpu::BindGroupDescriptor {
-        label: None,
-        layout: &pipeline.get_bind_group_layout(0),
-        entries: &entries,
-    });
     let mut encoder = gpu.device().create_command_encoder(&Default::default());
     {
         let mut pass = encoder.begin_compute_pass(&Default::default());
         pass.set_pipeline(pipeline);
-        pass.set_bind_group(0, &bindings, &[]);
+        for (group, bindings) in (0..).zip(&bindings) {
+            pass.set_bind_group(group, bindings, &[]);
+        }
         pass.dispatch_workgroups(groups[0], groups[1], groups[2]);
     }
     gpu.queue().submit([encoder.finish()]);
@@ -551,7 +671,7 @@ mod tests {
         let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("parity/scenes/homogeneous-cube.scene.json");
         let scene = crate::scene::Scene::load(&path).expect("the committed scene loads");
         let link = |source: &str| {
-            let program = Program::density(&scene).expect("the density compiles");
+            let program = crate::graph::Program::density(&scene).expect("the density compiles");
             Linker::new(&program).and_then(|linker| linker.link("test", source)).expect("the kernel links")
         };
         let size = std::mem::size_of::<BakeUniform>();
@@ -568,11 +688,14 @@ mod tests {
         let march = link(MARCH);
         let offsets = layout!(StageUniform: extinction, anisotropy, scattering, exit_transmittance, emission, cells,
             world, lights, bounds_low, harmonics, bounds_high, vertices, grid_low, rays, grid_scale, lit_by_world,
-            grid_size, extinction_of_channel);
+            grid_size, extinction_of_channel, emission_of_density);
         check(&march, "Stage", std::mem::size_of::<StageUniform>(), &offsets);
         let offsets = layout!(Ray: local, step, local_step, steps, position, direction);
         check(&march, "Ray", std::mem::size_of::<Ray>(), &offsets);
         check(&march, "Light", std::mem::size_of::<Light>(), &layout!(Light: place, kind, axis, edge, power, blend));
+        let cached = Linker::cached().and_then(|linker| linker.link("test", MARCH)).expect("the kernel links");
+        let offsets = layout!(CacheUniform: low, smallest, scale, largest, size);
+        check(&cached, "density_cache_Cache", std::mem::size_of::<CacheUniform>(), &offsets);
         let offsets = layout!(Outcome: radiance, transmittance);
         check(&march, "Outcome", std::mem::size_of::<Outcome>(), &offsets);
     }

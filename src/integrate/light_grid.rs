@@ -19,7 +19,7 @@ use glam::{DMat3, DVec3};
 use rayon::prelude::*;
 
 /// Vertices per call of the density program: enough for every core, small beside the memory.
-const BAKE_CHUNK: usize = 1 << 18;
+pub(super) const BAKE_CHUNK: usize = 1 << 18;
 
 /// Density and light at the vertices of a grid in the object's frame.
 pub struct LightGrid {
@@ -84,12 +84,7 @@ impl LightGrid {
 
     /// The vertices and what is stored there, with nothing baked yet.
     pub(super) fn layout(medium: &Medium, settings: &MarchSettings) -> Self {
-        let to_world = medium.to_object.inverse();
-        let extent = medium.occupied.high - medium.occupied.low;
-        let stretch = DVec3::new(to_world.x_axis.length(), to_world.y_axis.length(), to_world.z_axis.length());
-        let world_extent = extent * stretch;
-        let cell = world_extent.max_element() / f64::from(settings.grid_cells.max(1));
-        let size: [usize; 3] = std::array::from_fn(|axis| ((world_extent[axis] / cell).ceil() as usize).max(1) + 1);
+        let (size, step) = vertices_of(medium, settings.grid_cells);
         let mut extinctions: Vec<f64> = Vec::new();
         let extinction_of_channel = medium.extinction.map(|extinction| {
             extinctions.iter().position(|&known| known == extinction).unwrap_or_else(|| {
@@ -101,7 +96,7 @@ impl LightGrid {
         Self {
             size,
             low: medium.occupied.low,
-            step: extent / DVec3::from(size.map(|count| (count - 1) as f64)),
+            step,
             density: Vec::new(),
             depths: Vec::new(),
             world: Vec::new(),
@@ -252,8 +247,20 @@ impl Corners {
     }
 }
 
+/// Vertices per axis of a grid over the occupied part of a medium with so many cells along its longest world side,
+/// and the object units between them.
+pub(super) fn vertices_of(medium: &Medium, cells: u32) -> ([usize; 3], DVec3) {
+    let to_world = medium.to_object.inverse();
+    let extent = medium.occupied.high - medium.occupied.low;
+    let stretch = DVec3::new(to_world.x_axis.length(), to_world.y_axis.length(), to_world.z_axis.length());
+    let world_extent = extent * stretch;
+    let cell = world_extent.max_element() / f64::from(cells.max(1));
+    let size: [usize; 3] = std::array::from_fn(|axis| ((world_extent[axis] / cell).ceil() as usize).max(1) + 1);
+    (size, extent / DVec3::from(size.map(|count| (count - 1) as f64)))
+}
+
 /// Position of a vertex.
-fn vertex(index: usize, size: [usize; 3], low: DVec3, step: DVec3) -> DVec3 {
+pub(super) fn vertex(index: usize, size: [usize; 3], low: DVec3, step: DVec3) -> DVec3 {
     let place = [index % size[0], index / size[0] % size[1], index / size[0] / size[1]];
     low + step * DVec3::from(place.map(|number| number as f64))
 }

@@ -2,26 +2,40 @@
 //!
 //! A view ray through the medium is cut into equal steps; the density d in the middle of a step
 //! stands for the whole step. With extinction s = e d, scattering c d, incident light I (the phase
-//! function applied) and emission j, a step of length h adds T (c d I + j) (1 - exp(-s h)) / s and
-//! multiplies the transmittance T by exp(-s h): exact for constant coefficients. Suns and points
-//! arrive as P p(cos) exp(-e depth); a constant world as its radiance times the mean over directions
-//! of p exp(-e depth). Alpha is one minus the mean transmittance of the channels.
+//! function applied) and emission j, a step of length h multiplies the transmittance T by exp(-s h) and,
+//! with T as it was before the step, adds
+//!
+//! - energy-conserving: T (c d I + j) (1 - exp(-s h)) / s, exact for constant coefficients (Hillaire 2015,
+//!   "Physically Based and Unified Volumetric Rendering in Frostbite", SIGGRAPH course Advances in
+//!   Real-Time Rendering). Of second order in h where the medium is smooth.
+//! - plain: T (c d I + j) h, the Riemann sum of absorption plus emission with T at the step's begin (Max
+//!   1995, "Optical Models for Direct Volume Rendering"). Of first order: T falls along a step, so the sum
+//!   is too bright by about s h / 2 of itself, and a step through an opaque medium adds without bound.
+//!
+//! A density that jumps makes both of first order, because the step with the jump is wrong as a whole.
+//! Suns and points arrive as P p(cos) exp(-e depth); a constant world as its radiance times the mean over
+//! directions of p exp(-e depth). Alpha is one minus the mean transmittance of the channels.
+//!
+//! What a scene does not need is left out ([`Omission`]); the picture stays the same.
 //!
 //! Not here: more than one scattering event, area lights, the penumbra of a sun.
 
 use super::adapter::Kernels;
 use super::camera::Camera;
+use super::density_cache::{CacheReport, DensityCache, Samples};
 use super::light_grid::LightGrid;
 use super::lights::{DeltaLight, delta_lights, harmonics, sphere_directions, world_radiance};
 use super::medium::Medium;
 use super::phase::henyey_greenstein;
-use super::{LightMode, MarchSettings, Progress, film};
+use super::sampler::Sampler;
+use super::{Integration, Jitter, LightMode, MarchSettings, Progress, film};
 use crate::error::{Error, Result};
 use crate::gpu::Gpu;
 use crate::image::Image;
 use crate::scene::Scene;
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 
 /// Rays that are marched together, so that the density program gets full batches.
 const RAYS: usize = 1 << 14;
@@ -32,15 +46,41 @@ const STEPS: usize = 16;
 /// Shadow samples that are evaluated together in mode `exact`.
 const SHADOW_SAMPLES: usize = 1 << 20;
 
+/// A part of the work that a scene does not need. The picture is that of the generic work: to the bit
+/// but where a sum of many steps becomes one product, which moves it by the rounding of that sum.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Omission {
+    /// Nothing scatters or nothing shines: no light is baked, marched or added.
+    InScatter,
+    /// No sun, point or spot: no march towards one.
+    Lights,
+    /// A black world: no quadrature over its directions.
+    World,
+    /// Anisotropy 0: the phase function is a constant.
+    Phase,
+    /// A homogeneous medium: the density is not evaluated at view samples.
+    Density,
+    /// A homogeneous medium without light in it: one exponential per ray. Not with plain integration
+    /// of an emission, whose error is that of the steps.
+    ViewSteps,
+    /// A homogeneous medium with light in mode `exact`: the depth towards the light is a length.
+    ShadowSteps,
+    /// No part of the medium is provably empty: no lookups of empty cells.
+    EmptyCells,
+}
+
 /// What all rays share.
 pub(super) struct Stage<'a> {
     pub(super) scene: &'a Scene,
-    pub(super) settings: &'a MarchSettings,
+    pub(super) settings: MarchSettings,
     pub(super) medium: Medium,
     pub(super) lights: Vec<DeltaLight>,
     pub(super) world: [f64; 3],
     pub(super) directions: Vec<DVec3>,
     pub(super) grid: Option<LightGrid>,
+    pub(super) left_out: Vec<Omission>,
+    cache_report: Option<CacheReport>,
 }
 
 /// A view ray on its way through the medium.
@@ -53,6 +93,8 @@ pub(super) struct ViewRay {
     pub(super) start: f64,
     pub(super) step: f64,
     pub(super) steps: usize,
+    /// Part of a step before its sample; 0.5 is the middle.
+    pub(super) offset: f64,
     pub(super) next: usize,
     pub(super) transmittance: [f64; 3],
     pub(super) radiance: [f64; 3],
@@ -67,82 +109,188 @@ struct Sample {
 
 /// Renders on all cores, or on the adapter. `settings` are resolved.
 pub fn render(scene: &Scene, settings: &MarchSettings, gpu: Option<&Gpu>, progress: Progress<'_>) -> Result<Image> {
-    let bounces = scene.integrator.volume_bounces.min(scene.integrator.max_bounces);
-    if bounces != 0 {
-        return Err(Error::new(
-            "$.integrator.volume_bounces",
-            bounces.to_string(),
-            "0: ray marching computes single scattering",
-            "Give --volume-bounces 0.",
-        ));
+    let (stage, kernels) = Stage::prepare(scene, settings, None, gpu, progress)?;
+    stage.picture(kernels.as_ref(), progress)
+}
+
+/// Renders on all cores with one preparation: `settings` with each of these view steps and integrations. The
+/// density is read from `cache` where one is given.
+pub fn render_each(
+    scene: &Scene,
+    settings: &MarchSettings,
+    cache: Option<DensityCache>,
+    variants: &[(f64, Integration)],
+    mut each: impl FnMut(usize, Image),
+    progress: Progress<'_>,
+) -> Result<()> {
+    let count = variants.len() as f64;
+    let prepared = |done: f64, what: &str| progress(done / (count + 1.0), what);
+    let (mut stage, _) = Stage::prepare(scene, settings, cache, None, &prepared)?;
+    for (number, &(view_step, integration)) in variants.iter().enumerate() {
+        stage.settings.view_step = view_step;
+        stage.settings.integration = integration;
+        stage.left_out = stage.omissions();
+        let report = |done: f64, what: &str| progress((number as f64 + 1.0 + done) / (count + 1.0), what);
+        each(number, stage.picture(None, &report)?);
     }
-    if let Some(image) = &scene.world.image {
-        return Err(Error::new(
-            "$.world.image",
-            format!("the picture \"{}\"", image.file),
-            "a constant world: ray marching knows no other",
-            "Leave the picture out, or give --integrator path.",
-        ));
+    Ok(())
+}
+
+impl<'a> Stage<'a> {
+    /// Everything that does not depend on the ray: the medium, its cache and the light in it.
+    fn prepare<'g>(
+        scene: &'a Scene,
+        settings: &MarchSettings,
+        cache: Option<DensityCache>,
+        gpu: Option<&'g Gpu>,
+        progress: Progress<'_>,
+    ) -> Result<(Self, Option<Kernels<'g>>)> {
+        let bounces = scene.integrator.volume_bounces.min(scene.integrator.max_bounces);
+        if bounces != 0 {
+            return Err(Error::new(
+                "$.integrator.volume_bounces",
+                bounces.to_string(),
+                "0: ray marching computes single scattering",
+                "Give --volume-bounces 0.",
+            ));
+        }
+        if let Some(image) = &scene.world.image {
+            return Err(Error::new(
+                "$.world.image",
+                format!("the picture \"{}\"", image.file),
+                "a constant world: ray marching knows no other",
+                "Leave the picture out, or give --integrator path.",
+            ));
+        }
+        let mut stage = Self {
+            scene,
+            settings: settings.clone(),
+            medium: Medium::new(scene)?,
+            lights: delta_lights(scene)?,
+            world: world_radiance(scene),
+            directions: Vec::new(),
+            grid: None,
+            left_out: Vec::new(),
+            cache_report: None,
+        };
+        let empty = stage.medium.occupied.is_empty();
+        let cached = if settings.density_cache.is_some() { 0.25 } else { 0.0 };
+        stage.medium.cache = match (cache, settings.density_cache) {
+            (Some(cache), _) => Some(cache),
+            (None, Some(wanted)) if !empty => {
+                let report = |done: f64| progress(cached * done, "density cache");
+                let samples = Samples::bake(&stage.medium, wanted.cells, wanted.format, &report)?;
+                Some(DensityCache::new(&samples, wanted.format, wanted.filter)?)
+            }
+            _ => None,
+        };
+        if let Some(cache) = &stage.medium.cache {
+            stage.cache_report = Some(cache.measure(&stage.medium)?);
+        }
+        stage.left_out = stage.omissions();
+        if !stage.leaves_out(Omission::World) {
+            stage.directions = sphere_directions(settings.world_directions as usize);
+        }
+        let report = |done: f64| progress(cached + (0.5 - cached) * done, "light grid");
+        // Where nothing is, no ray asks for light; one exponential per ray needs no kernel.
+        let nothing_to_bake = empty || stage.leaves_out(Omission::ViewSteps);
+        let kernels = match gpu {
+            _ if nothing_to_bake => None,
+            Some(gpu) => Some(Kernels::bake(gpu, &stage, &report)?),
+            None => {
+                if settings.light == LightMode::Grid && !stage.leaves_out(Omission::InScatter) {
+                    let lit_by_world = !stage.directions.is_empty();
+                    let grid = LightGrid::bake(&stage.medium, &stage.lights, lit_by_world, settings, &report)?;
+                    stage.grid = Some(grid);
+                }
+                None
+            }
+        };
+        Ok((stage, kernels))
     }
-    let size = scene.image_size();
-    let camera = Camera::new(scene, size)?;
-    let world = world_radiance(scene);
-    let directions = if world == [0.0; 3] { Vec::new() } else { sphere_directions(settings.world_directions as usize) };
-    let mut stage = Stage {
-        scene,
-        settings,
-        medium: Medium::new(scene)?,
-        lights: delta_lights(scene)?,
-        world,
-        directions,
-        grid: None,
-    };
-    let report = |done: f64| progress(0.5 * done, "light grid");
-    // Where nothing is, no ray asks for light.
-    let kernels = match (gpu, settings.light) {
-        _ if stage.medium.occupied.is_empty() => None,
-        (Some(gpu), _) => Some(Kernels::bake(gpu, &stage, &report)?),
-        (None, LightMode::Grid) => {
-            let lit_by_world = !stage.directions.is_empty();
-            stage.grid = Some(LightGrid::bake(&stage.medium, &stage.lights, lit_by_world, settings, &report)?);
-            None
+
+    /// What the scene and the settings allow to leave out.
+    fn omissions(&self) -> Vec<Omission> {
+        if !self.settings.specialise {
+            return Vec::new();
         }
-        (None, LightMode::Exact) => None,
-    };
-    let begun = if settings.light == LightMode::Grid { 0.5 } else { 0.0 };
-    let [width, height] = size.map(|side| side as usize);
-    let mut image = Image::new(width, height);
-    let strata = settings.sub_pixels as usize;
-    let offsets = film::offsets(scene.film.pixel_filter, f64::from(scene.film.filter_width), strata);
-    let per_pixel = strata * strata;
-    let pixels_per_pass = (RAYS / per_pixel).max(1);
-    for first in (0..image.pixels.len()).step_by(pixels_per_pass) {
-        let pixels = first..image.pixels.len().min(first + pixels_per_pass);
-        let mut rays: Vec<Option<ViewRay>> = pixels
-            .clone()
-            .flat_map(|pixel| (0..per_pixel).map(move |part| (pixel, part)))
-            .map(|(pixel, part)| {
-                let column = (pixel % width) as f64 + 0.5 + offsets[part % strata];
-                let line = (height - 1 - pixel / width) as f64 + 0.5 + offsets[part / strata];
-                stage.view_ray(&camera, DVec2::new(column, line))
-            })
-            .collect();
-        match &kernels {
-            Some(kernels) => kernels.march(&mut rays)?,
-            None => stage.march(&mut rays)?,
-        }
-        for (pixel, rays) in pixels.zip(rays.chunks(per_pixel)) {
-            image.pixels[pixel] = stage.pixel(rays);
-        }
-        let done = (first + pixels_per_pass) as f64 / image.pixels.len() as f64;
-        progress(begun + (1.0 - begun) * done.min(1.0), "view rays");
+        let medium = &self.medium;
+        let dark_world = self.world == [0.0; 3];
+        let unlit = medium.scattering == [0.0; 3] || self.lights.is_empty() && dark_world;
+        let homogeneous = medium.homogeneous().is_some();
+        let emits = medium.emission != [0.0; 3] || medium.emission_of_density != [0.0; 3];
+        let one_step = self.settings.integration == Integration::EnergyConserving || !emits;
+        [
+            (Omission::InScatter, unlit),
+            (Omission::Lights, unlit || self.lights.is_empty()),
+            (Omission::World, unlit || dark_world),
+            (Omission::Phase, henyey_greenstein(medium.anisotropy, 0.0) == henyey_greenstein(0.0, 0.0)),
+            (Omission::Density, homogeneous),
+            (Omission::ViewSteps, homogeneous && unlit && one_step),
+            (Omission::ShadowSteps, homogeneous && !unlit && self.settings.light == LightMode::Exact),
+            (Omission::EmptyCells, medium.cells.iter().all(|&holds| holds)),
+        ]
+        .into_iter()
+        .filter_map(|(omission, possible)| possible.then_some(omission))
+        .collect()
     }
-    Ok(image)
+
+    /// Whether a part of the work is left out.
+    pub(super) fn leaves_out(&self, omission: Omission) -> bool {
+        self.left_out.contains(&omission)
+    }
+
+    /// The picture, by the kernels where there are any.
+    fn picture(&self, kernels: Option<&Kernels<'_>>, progress: Progress<'_>) -> Result<Image> {
+        let size = self.scene.image_size();
+        let camera = Camera::new(self.scene, size)?;
+        let begun = if self.settings.light == LightMode::Grid { 0.5 } else { 0.0 };
+        let [width, height] = size.map(|side| side as usize);
+        let mut image = Image::new(width, height);
+        let strata = self.settings.sub_pixels as usize;
+        let film = &self.scene.film;
+        let offsets = film::offsets(film.pixel_filter, f64::from(film.filter_width), strata);
+        let per_pixel = strata * strata;
+        let pixels_per_pass = (RAYS / per_pixel).max(1);
+        for first in (0..image.pixels.len()).step_by(pixels_per_pass) {
+            let pixels = first..image.pixels.len().min(first + pixels_per_pass);
+            let mut rays: Vec<Option<ViewRay>> = pixels
+                .clone()
+                .flat_map(|pixel| (0..per_pixel).map(move |part| (pixel, part)))
+                .map(|(pixel, part)| {
+                    let column = (pixel % width) as f64 + 0.5 + offsets[part % strata];
+                    let line = (height - 1 - pixel / width) as f64 + 0.5 + offsets[part / strata];
+                    let offset = match self.settings.jitter {
+                        Jitter::None => 0.5,
+                        Jitter::Pixel => Sampler::new(pixel as u32, part as u32, self.settings.seed).step_offset(),
+                    };
+                    self.view_ray(&camera, DVec2::new(column, line), offset)
+                })
+                .collect();
+            match (kernels, self.medium.homogeneous()) {
+                (_, Some(density)) if self.leaves_out(Omission::ViewSteps) => {
+                    rays.iter_mut().flatten().for_each(|ray| ray.cross(self, density));
+                }
+                (Some(kernels), _) => kernels.march(&mut rays)?,
+                (None, _) => self.march(&mut rays)?,
+            }
+            for (pixel, rays) in pixels.zip(rays.chunks(per_pixel)) {
+                image.pixels[pixel] = self.pixel(rays);
+            }
+            let done = (first + pixels_per_pass) as f64 / image.pixels.len() as f64;
+            progress(begun + (1.0 - begun) * done.min(1.0), "view rays");
+        }
+        image.provenance.insert("left_out".to_owned(), super::json(&self.left_out));
+        if let Some(report) = &self.cache_report {
+            image.provenance.insert("density_cache".to_owned(), super::json(report));
+        }
+        Ok(image)
+    }
 }
 
 impl Stage<'_> {
     /// The part of a camera ray that lies in the medium, cut into steps; None where it misses.
-    fn view_ray(&self, camera: &Camera, raster: DVec2) -> Option<ViewRay> {
+    fn view_ray(&self, camera: &Camera, raster: DVec2, offset: f64) -> Option<ViewRay> {
         let ray = camera.ray(raster);
         let local_origin = self.medium.to_object.transform_point3(ray.origin);
         let local_direction = self.medium.to_object.transform_vector3(ray.direction);
@@ -165,6 +313,7 @@ impl Stage<'_> {
             start,
             step: (leave - start) / steps,
             steps: steps as usize,
+            offset,
             next: 0,
             transmittance: [1.0; 3],
             radiance: [0.0; 3],
@@ -173,16 +322,19 @@ impl Stage<'_> {
 
     /// Takes all rays to their ends.
     fn march(&self, rays: &mut [Option<ViewRay>]) -> Result<()> {
+        let all_may_hold = self.leaves_out(Omission::EmptyCells);
+        let constant = self.medium.homogeneous().filter(|_| self.leaves_out(Omission::Density));
+        let lit = !self.leaves_out(Omission::InScatter);
         loop {
             let mut samples = Vec::new();
             for (number, ray) in rays.iter_mut().enumerate() {
-                let Some(ray) = ray.as_mut().filter(|ray| ray.is_open(self.settings)) else { continue };
+                let Some(ray) = ray.as_mut().filter(|ray| ray.is_open(&self.settings)) else { continue };
                 // Empty cells cost nothing: go on until a step holds something.
                 let mut found = 0;
                 while found < STEPS && ray.next < ray.steps {
-                    let distance = ray.start + (ray.next as f64 + 0.5) * ray.step;
+                    let distance = ray.start + (ray.next as f64 + ray.offset) * ray.step;
                     let local = ray.local_origin + ray.local_direction * distance;
-                    if self.medium.may_hold(local) {
+                    if all_may_hold || self.medium.may_hold(local) {
                         samples.push(Sample { ray: number, local, distance });
                         found += 1;
                     }
@@ -192,20 +344,34 @@ impl Stage<'_> {
             if samples.is_empty() {
                 return Ok(());
             }
-            let positions: Vec<[f32; 3]> = samples.iter().map(|sample| sample.local.as_vec3().to_array()).collect();
-            let densities = self.medium.densities(&positions)?;
-            let incident = self.incident(&samples, &densities, rays)?;
+            let densities = match constant {
+                Some(density) => vec![density as f32; samples.len()],
+                None => {
+                    let positions: Vec<[f32; 3]> =
+                        samples.iter().map(|sample| sample.local.as_vec3().to_array()).collect();
+                    self.medium.densities(&positions)?
+                }
+            };
+            let incident = if lit { self.incident(&samples, &densities, rays)? } else { vec![[0.0; 3]; samples.len()] };
             for ((sample, &density), incident) in samples.iter().zip(&densities).zip(&incident) {
                 let ray = rays[sample.ray].as_mut().expect("samples belong to rays in the medium");
-                ray.advance(&self.medium, f64::from(density), incident);
+                ray.advance(&self.medium, self.settings.integration, f64::from(density), incident);
             }
         }
+    }
+
+    /// The phase function; a constant where it is left out.
+    fn phase(&self) -> impl Fn(f64) -> f64 + Sync {
+        let isotropic = self.leaves_out(Omission::Phase).then(|| henyey_greenstein(0.0, 0.0));
+        let anisotropy = self.medium.anisotropy;
+        move |cosine| isotropic.unwrap_or_else(|| henyey_greenstein(anisotropy, cosine))
     }
 
     /// Light that a unit of scattering sends towards the camera, per sample and channel.
     fn incident(&self, samples: &[Sample], densities: &[f32], rays: &[Option<ViewRay>]) -> Result<Vec<[f64; 3]>> {
         let ray_of = |sample: &Sample| rays[sample.ray].as_ref().expect("samples belong to rays in the medium");
         let Some(grid) = &self.grid else { return self.incident_by_shadow_rays(samples, densities, &ray_of) };
+        let phase = self.phase();
         Ok(samples
             .par_iter()
             .zip(densities)
@@ -217,7 +383,7 @@ impl Stage<'_> {
                 let ray = ray_of(sample);
                 let corners = grid.corners(sample.local);
                 let depths = grid.depths.iter().map(|depths| f64::from(corners.read(depths)));
-                let mut light = self.delta_light(ray, sample.distance, depths);
+                let mut light = self.delta_light(ray, sample.distance, depths, &phase);
                 if !grid.world.is_empty() {
                     let basis = harmonics(ray.direction);
                     let mut transmittances = vec![0.0; grid.world.len() / grid.harmonics];
@@ -238,12 +404,18 @@ impl Stage<'_> {
     }
 
     /// Light of suns and points, given the depth of density towards each.
-    fn delta_light(&self, ray: &ViewRay, distance: f64, depths: impl Iterator<Item = f64>) -> [f64; 3] {
+    fn delta_light(
+        &self,
+        ray: &ViewRay,
+        distance: f64,
+        depths: impl Iterator<Item = f64>,
+        phase: &impl Fn(f64) -> f64,
+    ) -> [f64; 3] {
         let position = ray.origin + ray.direction * distance;
         let mut light = [0.0; 3];
         for (source, depth) in self.lights.iter().zip(depths) {
             let (towards, _, power) = source.arriving(position);
-            let phase = henyey_greenstein(self.medium.anisotropy, towards.dot(ray.direction));
+            let phase = phase(towards.dot(ray.direction));
             for channel in 0..3 {
                 light[channel] += power[channel] * phase * (-self.medium.extinction[channel] * depth).exp();
             }
@@ -264,13 +436,16 @@ impl Stage<'_> {
         if rays_per_sample == 0 {
             return Ok(incident);
         }
+        let phase = self.phase();
+        // A homogeneous medium's depth is its density times the length.
+        let constant = self.medium.homogeneous().filter(|_| self.leaves_out(Omission::ShadowSteps));
         let longest = (self.medium.occupied.high - self.medium.occupied.low).length()
             / self.medium.to_object.x_axis.truncate().length().min(1e300);
         let per_ray = (longest / self.settings.shadow_step).ceil().max(1.0) as usize;
         let together = (SHADOW_SAMPLES / (rays_per_sample * per_ray)).max(1);
         for lit in lit.chunks(together) {
             let mut positions = Vec::new();
-            // Number of samples and length of a step, ray by ray.
+            // Number of samples, length of a step and depth besides, ray by ray.
             let mut shadows = Vec::new();
             for &index in lit {
                 let sample = &samples[index];
@@ -288,35 +463,36 @@ impl Stage<'_> {
                     let way = self.medium.to_object.transform_vector3(towards);
                     let segment = self.medium.occupied.segment(sample.local, way);
                     let length = segment.map_or(0.0, |(_, leave)| leave.clamp(0.0, distance));
+                    if let Some(density) = constant {
+                        shadows.push((0, 0.0, density * length));
+                        continue;
+                    }
                     let steps = (length / self.settings.shadow_step).ceil();
                     let step = if steps == 0.0 { 0.0 } else { length / steps };
                     for number in 0..steps as usize {
                         let place = sample.local + way * ((number as f64 + 0.5) * step);
                         positions.push(place.as_vec3().to_array());
                     }
-                    shadows.push((steps as usize, step));
+                    shadows.push((steps as usize, step, 0.0));
                 }
             }
             let found = self.medium.densities(&positions)?;
             let mut rest = found.as_slice();
             let depths: Vec<f64> = shadows
                 .iter()
-                .map(|&(steps, step)| {
+                .map(|&(steps, step, known)| {
                     let (own, others) = rest.split_at(steps);
                     rest = others;
-                    own.iter().map(|&density| f64::from(density)).sum::<f64>() * step
+                    known + own.iter().map(|&density| f64::from(density)).sum::<f64>() * step
                 })
                 .collect();
             for (&index, depths) in lit.iter().zip(depths.chunks(rays_per_sample)) {
                 let ray = ray_of(&samples[index]);
                 let (near, around) = depths.split_at(self.lights.len());
-                let mut light = self.delta_light(ray, samples[index].distance, near.iter().copied());
+                let mut light = self.delta_light(ray, samples[index].distance, near.iter().copied(), &phase);
                 // Divided by its own sum, the quadrature of the phase function is exact in total.
-                let phases: Vec<f64> = self
-                    .directions
-                    .iter()
-                    .map(|towards| henyey_greenstein(self.medium.anisotropy, towards.dot(ray.direction)))
-                    .collect();
+                let phases: Vec<f64> =
+                    self.directions.iter().map(|towards| phase(towards.dot(ray.direction))).collect();
                 let total: f64 = phases.iter().sum();
                 for (channel, light) in light.iter_mut().enumerate() {
                     let extinction = self.medium.extinction[channel];
@@ -365,14 +541,38 @@ impl ViewRay {
     }
 
     /// Goes one step through constant coefficients.
-    fn advance(&mut self, medium: &Medium, density: f64, incident: &[f64; 3]) {
+    fn advance(&mut self, medium: &Medium, integration: Integration, density: f64, incident: &[f64; 3]) {
         for (channel, incident) in incident.iter().enumerate() {
             let depth = medium.extinction[channel] * density * self.step;
-            let source = medium.scattering[channel] * density * incident + medium.emission[channel];
-            // (1 - exp(-depth)) / extinction, without the division by zero.
-            let length = if depth < 1e-8 { self.step } else { -(-depth).exp_m1() / depth * self.step };
+            let mut source = medium.scattering[channel] * density * incident + medium.emission[channel];
+            if medium.emission_of_density[channel] != 0.0 {
+                source += medium.emission_of_density[channel] * density;
+            }
+            let length = match integration {
+                Integration::Plain => self.step,
+                // (1 - exp(-depth)) / extinction, without the division by zero.
+                Integration::EnergyConserving if depth < 1e-8 => self.step,
+                Integration::EnergyConserving => -(-depth).exp_m1() / depth * self.step,
+            };
             self.radiance[channel] += self.transmittance[channel] * source * length;
             self.transmittance[channel] *= (-depth).exp();
         }
+    }
+
+    /// Goes through a homogeneous medium without light at once, as far as steps would have gone: the early exit is
+    /// part of the picture.
+    fn cross(&mut self, stage: &Stage<'_>, density: f64) {
+        let medium = &stage.medium;
+        let slowest = medium.extinction.iter().copied().fold(f64::INFINITY, f64::min) * density * self.step;
+        let exit = stage.settings.exit_transmittance;
+        if slowest > 0.0 && exit > 0.0 {
+            // The first number of steps after which the most transparent channel is below the exit; it is looked
+            // at before every STEPS steps.
+            let needed = ((-exit.ln() / slowest).floor() + 1.0).clamp(0.0, self.steps as f64);
+            self.steps = self.steps.min((needed as usize).next_multiple_of(STEPS));
+        }
+        self.step *= self.steps as f64;
+        self.steps = 1;
+        self.advance(medium, Integration::EnergyConserving, density, &[0.0; 3]);
     }
 }

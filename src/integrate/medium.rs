@@ -2,6 +2,7 @@
 //!
 //! [`super::media`] knows media in full.
 
+use super::density_cache::DensityCache;
 use super::media::box_of;
 use super::phase::PhaseFunction;
 use crate::error::{Error, Result};
@@ -18,6 +19,9 @@ pub(super) const CELLS: usize = 16;
 /// Padding of a cell as a fraction of its side: rounding of f32 positions is far below it.
 const PADDING: f32 = 1e-3;
 
+/// Sockets that emission is linear in.
+const STRENGTHS: [&str; 2] = ["Emission Strength", "Strength"];
+
 /// A sum of closures in a box that share one varying density and are constant else.
 ///
 /// Coefficients are per metre of world space whatever the object's scale: a ray carries its world
@@ -33,6 +37,8 @@ pub struct Medium {
     pub anisotropy: f64,
     /// Radiance per metre, independent of the density.
     pub emission: [f64; 3],
+    /// Radiance per metre and unit density: of closures whose emission strength is the density.
+    pub emission_of_density: [f64; 3],
     /// World to object.
     pub to_object: DMat4,
     /// The box in the object's frame.
@@ -41,6 +47,8 @@ pub struct Medium {
     pub occupied: Region,
     /// Whether each of the `CELLS`^3 cells may hold something; x runs fastest.
     pub(super) cells: Vec<bool>,
+    /// Answers for the density where there is one.
+    pub(super) cache: Option<DensityCache>,
 }
 
 /// An axis-aligned box in the object's frame.
@@ -93,7 +101,7 @@ impl Medium {
         let volume = &scene.volume;
         let bounds = box_of(volume)?;
         let ClosureSum { program, closures } = ClosureSum::compile(scene.graph(), volume)?;
-        let (density, parts) = common_density(program, &closures)?;
+        let (density, parts, emission_of_density) = common_density(program, &closures)?;
         let total = |channel: fn(&Coefficients<f64>) -> [f64; 3]| {
             std::array::from_fn(|index| parts.iter().map(|part| channel(part)[index]).sum())
         };
@@ -103,10 +111,12 @@ impl Medium {
             scattering: total(|part| part.scattering),
             anisotropy: only_anisotropy(&closures, &parts)?,
             emission: total(|part| part.emission),
+            emission_of_density,
             to_object: scene::matrix_to_glam(&volume.matrix_world).inverse(),
             bounds,
             occupied: bounds,
             cells: vec![true; CELLS.pow(3)],
+            cache: None,
         };
         if medium.emission == [0.0; 3] {
             medium.find_empty_cells()?;
@@ -149,8 +159,24 @@ impl Medium {
         self.cells[(place[2] * CELLS + place[1]) * CELLS + place[0]]
     }
 
-    /// Density at object-space positions: negative values act as 0, NaN stays to be seen.
+    /// The density where it is the same everywhere and no cache changes it.
+    pub fn homogeneous(&self) -> Option<f64> {
+        match self.density.outputs[0].operands[0] {
+            Operand::Constant(value) if self.cache.is_none() && value.is_finite() => Some(f64::from(value.max(0.0))),
+            _ => None,
+        }
+    }
+
+    /// Density at object-space positions, from the cache where there is one.
     pub fn densities(&self, positions: &[[f32; 3]]) -> Result<Vec<f32>> {
+        match &self.cache {
+            Some(cache) => Ok(cache.densities(positions)),
+            None => self.exact_densities(positions),
+        }
+    }
+
+    /// Evaluated density at object-space positions: negative values act as 0, NaN stays to be seen.
+    pub fn exact_densities(&self, positions: &[[f32; 3]]) -> Result<Vec<f32>> {
         let mut values = self.density.evaluate_single(Points::new(positions))?;
         for value in &mut values {
             if *value < 0.0 {
@@ -161,9 +187,12 @@ impl Medium {
     }
 }
 
+/// A program of a single output, coefficients per unit of it and closure, and emission per unit of it.
+type CommonDensity = (Program, Vec<Coefficients<f64>>, [f64; 3]);
+
 /// The one density that all closures share, as a program of a single output, and each closure's coefficients
-/// per unit of it (emission as it is).
-fn common_density(mut program: Program, closures: &[Closure]) -> Result<(Program, Vec<Coefficients<f64>>)> {
+/// per unit of it (emission as it is, but where the density is its strength: that part comes last).
+fn common_density(mut program: Program, closures: &[Closure]) -> Result<CommonDensity> {
     let densities: Vec<Option<Value>> =
         closures.iter().map(|closure| closure.input("Density").map(|index| closure.inputs[index])).collect();
     let varying = |value: &&Value| matches!(value, Value::Column(_));
@@ -175,27 +204,39 @@ fn common_density(mut program: Program, closures: &[Closure]) -> Result<(Program
             _ => Value::Constant(1.0),
         },
     };
-    let parts = closures
-        .iter()
-        .zip(&densities)
-        .map(|(closure, own)| unit_coefficients(closure, *own, density))
-        .collect::<Result<_>>()?;
+    let mut parts: Vec<Coefficients<f64>> = Vec::new();
+    let mut emission_of_density = [0.0; 3];
+    for (closure, own) in closures.iter().zip(&densities) {
+        let [dark, unit] = [0.0, 1.0].map(|strength| unit_coefficients(closure, *own, density, strength));
+        let (dark, unit) = (dark?, unit?);
+        // Emission is linear in its strength.
+        for (channel, sum) in emission_of_density.iter_mut().enumerate() {
+            *sum += unit.emission[channel] - dark.emission[channel];
+        }
+        parts.push(dark);
+    }
     let operand = match density {
         Value::Constant(value) => Operand::Constant(value),
         Value::Column(column) => program.outputs[column].operands[0].clone(),
     };
     program.outputs = vec![Output { name: "Density".into(), kind: SocketType::Float, operands: vec![operand] }];
-    Ok((program, parts))
+    Ok((program, parts, emission_of_density))
 }
 
-/// A closure's coefficients where the common density is 1.
-fn unit_coefficients(closure: &Closure, own: Option<Value>, density: Value) -> Result<Coefficients<f64>> {
+/// A closure's coefficients where the common density is 1, and `strength` the strength of an emission that is linked
+/// to it.
+fn unit_coefficients(
+    closure: &Closure,
+    own: Option<Value>,
+    density: Value,
+    strength: f64,
+) -> Result<Coefficients<f64>> {
     let refused = |found: String| {
         Error::new(
             format!("node {}", closure.label),
             found,
-            "one density that may vary, the same for all closures, and constants else",
-            "Link only the Density, and the same output to every closure's; ray marching knows no more.",
+            "one density that may vary, the same for all closures and for the strength of emission, and constants else",
+            "Link only densities and strengths of emission, all to the same output; ray marching knows no more.",
         )
     };
     let mut inputs = Vec::new();
@@ -204,6 +245,7 @@ fn unit_coefficients(closure: &Closure, own: Option<Value>, density: Value) -> R
             inputs.push(match value {
                 _ if socket.identifier == "Density" && own == Some(density) => 1.0,
                 Value::Constant(value) => f64::from(*value),
+                Value::Column(_) if *value == density && STRENGTHS.contains(&socket.identifier) => strength,
                 Value::Column(_) => {
                     return Err(refused(format!("socket {}: a value that varies over the volume", socket.identifier)));
                 }

@@ -5,6 +5,8 @@
 
 mod adapter;
 pub mod camera;
+pub mod convergence;
+pub mod density_cache;
 pub mod environment;
 pub mod film;
 pub mod light_grid;
@@ -55,9 +57,78 @@ pub enum LightMode {
     Grid,
 }
 
+/// How a step of a view ray adds what is scattered and emitted along it; [`march`] gives the formulas.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
+#[serde(rename_all = "kebab-case")]
+pub enum Integration {
+    /// The integral over the step, exact for constant coefficients.
+    EnergyConserving,
+    /// The value at the step's begin times its length: brighter than the truth, without bound as
+    /// extinction times step grows.
+    Plain,
+}
+
+/// Where within its steps a view ray evaluates the medium.
+///
+/// Without jitter all rays sample the middles: errors of neighbouring pixels are alike and show as
+/// bands. With it, each ray shifts its samples by one random part of a step. The shifted rule is
+/// unbiased for the integral of the density over the whole steps, so that bands become noise; for
+/// smooth media the error of a single ray grows from second to first order in the step, and because
+/// the transmittance is convex in the depth, its mean is too large by half of the depth's variance,
+/// relative to itself.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
+#[serde(rename_all = "lowercase")]
+pub enum Jitter {
+    /// In the middle.
+    None,
+    /// At a random part of the step, drawn per ray from pixel, ray and seed, stratified over the
+    /// rays of a pixel.
+    Pixel,
+}
+
+/// How the values of a density cache are stored.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
+#[serde(rename_all = "lowercase")]
+pub enum CacheFormat {
+    /// 32 bits, as evaluated.
+    F32,
+    /// IEEE 754 binary16: relative error up to 2^-11, values up to 65504.
+    F16,
+    /// 8 bits between the smallest and the largest value: error up to 1/510 of that range.
+    Unorm8,
+}
+
+/// How a density cache is read between its vertices.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
+#[serde(rename_all = "lowercase")]
+pub enum CacheFilter {
+    /// The value of the nearest vertex.
+    Nearest,
+    /// Linear along each axis, in f32: the filter of graphics hardware has 8 bits for its weights.
+    Trilinear,
+}
+
+/// The density sampled to a grid; [`density_cache`] describes it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct CacheSettings {
+    /// Cells along the longest world side of the occupied part of the medium, at least 1.
+    pub cells: u32,
+    /// How values are stored.
+    pub format: CacheFormat,
+    /// How values are read.
+    pub filter: CacheFilter,
+}
+
+impl Default for CacheSettings {
+    fn default() -> Self {
+        Self { cells: 128, format: CacheFormat::F16, filter: CacheFilter::Trilinear }
+    }
+}
+
 /// Quality of the deterministic integrator. Lengths are world metres.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[serde(deny_unknown_fields, default)]
 pub struct MarchSettings {
     /// Longest step along a view ray; 0 takes 1/192 of the medium's mean world side.
     pub view_step: f64,
@@ -76,6 +147,16 @@ pub struct MarchSettings {
     pub light: LightMode,
     /// Cells along the longest world side of the light grid.
     pub grid_cells: u32,
+    /// How a step adds up.
+    pub integration: Integration,
+    /// Where within the steps the medium is evaluated.
+    pub jitter: Jitter,
+    /// Chooses the random numbers of the jitter.
+    pub seed: u32,
+    /// View and shadow densities from a grid instead of the graph.
+    pub density_cache: Option<CacheSettings>,
+    /// Leave out what the scene does not need ([`march::Omission`]); the picture is the same.
+    pub specialise: bool,
 }
 
 impl Default for MarchSettings {
@@ -89,6 +170,11 @@ impl Default for MarchSettings {
             exit_transmittance: 1e-4,
             light: LightMode::Grid,
             grid_cells: 192,
+            integration: Integration::EnergyConserving,
+            jitter: Jitter::None,
+            seed: 0,
+            density_cache: None,
+            specialise: true,
         }
     }
 }
@@ -108,6 +194,9 @@ impl MarchSettings {
             if !(low..=high).contains(&value) {
                 return wrong(name, value.to_string(), &format!("{low} to {high}"));
             }
+        }
+        if let Some(CacheSettings { cells: 0, .. }) = self.density_cache {
+            return wrong("density_cache", "0 cells".into(), "at least 1 cell along the longest side");
         }
         for (name, value) in [
             ("view_step", self.view_step),
@@ -130,7 +219,7 @@ impl MarchSettings {
 }
 
 /// Mean length in metres of the edges of the medium's box.
-fn mean_world_side(scene: &Scene) -> f64 {
+pub(crate) fn mean_world_side(scene: &Scene) -> f64 {
     let matrix = crate::scene::matrix_to_glam(&scene.volume.matrix_world);
     let bounds = &scene.volume.bounds;
     let columns = [matrix.x_axis, matrix.y_axis, matrix.z_axis];

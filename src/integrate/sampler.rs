@@ -38,6 +38,11 @@ impl Sampler {
         self.stratified(0)
     }
 
+    /// A number in [0, 1), stratified over the samples of a pixel, for where a marched ray samples its steps.
+    pub fn step_offset(&self) -> f64 {
+        self.stratified(0)[0]
+    }
+
     /// Eight numbers in [0, 1) for scattering event `event` (the first is 0).
     pub fn scattering(&mut self, event: u32) -> [[f64; 4]; 2] {
         if event < STRATIFIED_EVENTS {

@@ -128,6 +128,14 @@ impl<'a> Kernel<'a> {
                 "Give --backend cpu, which knows all media.",
             )
         })?;
+        if medium.emission_of_density != [0.0; 3] {
+            return Err(Error::new(
+                "--backend gpu",
+                "an emission whose strength is the density",
+                "a constant emission: the adapter knows no other yet",
+                "Give --backend cpu.",
+            ));
+        }
         let World::Constant(world) = tracer.world else {
             return Err(Error::new(
                 "--backend gpu, $.world.image",

@@ -1,0 +1,75 @@
+//! `cloudparity convergence`: error of ray marching against its steps and its density cache.
+
+use super::march::MarchArguments;
+use super::picture::SceneArguments;
+use crate::blender::{self, Kernel};
+use crate::error::{Error, Result};
+use crate::files;
+use crate::integrate::convergence::{ConvergenceSettings, measure};
+use serde_json::json;
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+/// The script that draws.
+const SCRIPT: &str = "convergence_plot.py";
+
+/// Measure how ray marching converges: its error against the number of steps for both integrations, with the order
+/// of convergence, and the bias of density caches. Writes convergence.json and .csv, then .svg and .png (with
+/// matplotlib).
+#[derive(clap::Args)]
+pub(super) struct Arguments {
+    #[command(flatten)]
+    scene: SceneArguments,
+    /// The folder to write to.
+    #[arg(short, long, value_name = "DIR")]
+    output: PathBuf,
+    /// Steps per mean side of the medium's box, rising; the reference takes 4 times the last.
+    #[arg(long, value_delimiter = ',', default_values_t = ConvergenceSettings::default().steps)]
+    steps: Vec<u32>,
+    /// Cells of the density caches along the longest side.
+    #[arg(long, value_delimiter = ',', default_values_t = ConvergenceSettings::default().cache_cells)]
+    cache_cells: Vec<u32>,
+    /// Leave density caches out.
+    #[arg(long, conflicts_with = "cache_cells")]
+    no_caches: bool,
+    #[command(flatten)]
+    march: MarchArguments,
+    /// Print the document instead of a summary.
+    #[arg(long)]
+    json: bool,
+}
+
+/// Options that the measurement sets by itself.
+const VARIED: [&str; 5] = ["--view-step", "--integration", "--density-cache", "--cache-format", "--cache-filter"];
+
+pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
+    let scene = arguments.scene.load()?;
+    if let Some((name, _)) = arguments.march.given().into_iter().find(|(name, given)| *given && VARIED.contains(name)) {
+        return Err(Error::new(
+            name,
+            "an option that the measurement varies by itself",
+            "--steps and --cache-cells, which say what is varied",
+            format!("Leave {name} out."),
+        ));
+    }
+    let default = ConvergenceSettings::default();
+    let settings = ConvergenceSettings {
+        steps: arguments.steps.clone(),
+        cache_cells: if arguments.no_caches { Vec::new() } else { arguments.cache_cells.clone() },
+        march: arguments.march.settings(default.march, None)?,
+    };
+    let bar = super::progress_bar(1000);
+    let found = measure(&scene, &settings, &|done, what| {
+        bar.set_position((done * 1000.0) as u64);
+        bar.set_message(what.to_owned());
+    })?;
+    bar.finish_and_clear();
+    let file = |extension: &str| arguments.output.join(format!("convergence.{extension}"));
+    let document = serde_json::to_string_pretty(&found).expect("figures serialise") + "\n";
+    files::write_atomically(&file("json"), document.as_bytes())?;
+    files::write_atomically(&file("csv"), found.csv().as_bytes())?;
+    super::print(&if arguments.json { document } else { found.summary() })?;
+    let request = json!({"convergence": found, "svg": file("svg"), "png": file("png")});
+    blender::run_script(SCRIPT, &request, Kernel::Default, |_| ())?;
+    Ok(ExitCode::SUCCESS)
+}

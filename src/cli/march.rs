@@ -1,0 +1,118 @@
+//! The options of the deterministic integrator, for every command that marches.
+
+use crate::error::{Error, Result};
+use crate::integrate::{CacheFilter, CacheFormat, CacheSettings, Integration, Jitter, LightMode, MarchSettings};
+
+/// What only `--integrator march` takes. Without a value the default holds.
+#[derive(clap::Args)]
+pub(super) struct MarchArguments {
+    /// march: longest step of a view ray in metres; 0: 1/192 of the medium's mean side [default: 0].
+    #[arg(long)]
+    view_step: Option<f64>,
+    /// march: longest step of a shadow ray in metres, with --light exact; 0: the view step [default: 0].
+    #[arg(long)]
+    shadow_step: Option<f64>,
+    /// march: how a step adds up [default: energy-conserving].
+    #[arg(long, value_enum)]
+    integration: Option<Integration>,
+    /// march: where within its steps a ray evaluates the medium; with --seed [default: none].
+    #[arg(long, value_enum)]
+    jitter: Option<Jitter>,
+    /// march: directions of the quadrature over the world [default: 64].
+    #[arg(long)]
+    world_directions: Option<u32>,
+    /// march: bands of spherical harmonics for the world in anisotropic media, with --light grid [default: 2].
+    #[arg(long)]
+    world_bands: Option<u32>,
+    /// march: rays per pixel and axis [default: 3].
+    #[arg(long)]
+    sub_pixels: Option<u32>,
+    /// march: view rays end below this transmittance [default: 0.0001].
+    #[arg(long)]
+    exit_transmittance: Option<f64>,
+    /// march: how light reaches the samples [default: grid].
+    #[arg(long, value_enum)]
+    light: Option<LightName>,
+    /// march: cells along the longest side of the light grid [default: 192].
+    #[arg(long)]
+    grid_cells: Option<u32>,
+    /// march: view and shadow densities from a grid with so many cells along its longest side, instead of the graph.
+    #[arg(long, value_name = "CELLS")]
+    density_cache: Option<u32>,
+    /// march: how the density cache stores its values [default: f16].
+    #[arg(long, value_enum, requires = "density_cache")]
+    cache_format: Option<CacheFormat>,
+    /// march: how the density cache is read [default: trilinear].
+    #[arg(long, value_enum, requires = "density_cache")]
+    cache_filter: Option<CacheFilter>,
+    /// march: leave nothing out that the scene does not need; slower, the same picture.
+    #[arg(long)]
+    generic: bool,
+}
+
+#[derive(Debug, Clone, Copy, clap::ValueEnum)]
+enum LightName {
+    /// Shadow rays evaluate the density.
+    Exact,
+    /// Density and light are interpolated from a grid.
+    Grid,
+}
+
+impl MarchArguments {
+    /// Options by name, and whether each is given.
+    pub(super) fn given(&self) -> [(&'static str, bool); 14] {
+        [
+            ("--view-step", self.view_step.is_some()),
+            ("--shadow-step", self.shadow_step.is_some()),
+            ("--integration", self.integration.is_some()),
+            ("--jitter", self.jitter.is_some()),
+            ("--world-directions", self.world_directions.is_some()),
+            ("--world-bands", self.world_bands.is_some()),
+            ("--sub-pixels", self.sub_pixels.is_some()),
+            ("--exit-transmittance", self.exit_transmittance.is_some()),
+            ("--light", self.light.is_some()),
+            ("--grid-cells", self.grid_cells.is_some()),
+            ("--density-cache", self.density_cache.is_some()),
+            ("--cache-format", self.cache_format.is_some()),
+            ("--cache-filter", self.cache_filter.is_some()),
+            ("--generic", self.generic),
+        ]
+    }
+
+    /// The settings, those without an option as in `default`.
+    pub(super) fn settings(&self, default: MarchSettings, seed: Option<u32>) -> Result<MarchSettings> {
+        let jitter = self.jitter.unwrap_or(default.jitter);
+        if seed.is_some() && jitter == Jitter::None {
+            return Err(Error::new(
+                "--seed",
+                "no random numbers to choose",
+                "--seed only with --jitter pixel or --integrator path",
+                "Leave --seed out, or give --jitter pixel.",
+            ));
+        }
+        let cache = CacheSettings::default();
+        Ok(MarchSettings {
+            view_step: self.view_step.unwrap_or(default.view_step),
+            shadow_step: self.shadow_step.unwrap_or(default.shadow_step),
+            world_directions: self.world_directions.unwrap_or(default.world_directions),
+            world_bands: self.world_bands.unwrap_or(default.world_bands),
+            sub_pixels: self.sub_pixels.unwrap_or(default.sub_pixels),
+            exit_transmittance: self.exit_transmittance.unwrap_or(default.exit_transmittance),
+            light: match self.light {
+                None => default.light,
+                Some(LightName::Exact) => LightMode::Exact,
+                Some(LightName::Grid) => LightMode::Grid,
+            },
+            grid_cells: self.grid_cells.unwrap_or(default.grid_cells),
+            integration: self.integration.unwrap_or(default.integration),
+            jitter,
+            seed: seed.unwrap_or(default.seed),
+            density_cache: self.density_cache.map(|cells| CacheSettings {
+                cells,
+                format: self.cache_format.unwrap_or(cache.format),
+                filter: self.cache_filter.unwrap_or(cache.filter),
+            }),
+            specialise: default.specialise && !self.generic,
+        })
+    }
+}
