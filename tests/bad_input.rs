@@ -766,6 +766,93 @@ fn settings_of_ray_marching_that_make_no_sense() {
     );
 }
 
+/// The committed homogeneous cube, 8 x 8 pixels, with a world of radiance 1, and a change.
+fn cube(change: impl Fn(&mut Json)) -> Json {
+    let text = std::fs::read_to_string(support::project("parity/scenes/cube-multiple-scattering.scene.json"));
+    let mut scene: Json = serde_json::from_str(&text.expect("the committed scene")).expect("it is JSON");
+    scene["film"]["resolution"] = json!([8, 8]);
+    scene["world"] = json!({"color": [1.0, 1.0, 1.0], "strength": 1.0});
+    change(&mut scene);
+    scene
+}
+
+/// Sets an input of the cube's Principled Volume.
+fn principled(scene: &mut Json, input: &str, value: Json) {
+    let nodes = scene["graph"]["nodes"].as_array_mut().expect("a list of nodes");
+    let closure = nodes.iter_mut().find(|node| node["type"] == "ShaderNodeVolumePrincipled").expect("the closure");
+    closure["inputs"][input] = value;
+}
+
+/// The pixels of a scene by each integrator.
+#[track_caller]
+fn pictures(what: &str, scene: &Json) -> [cloudparity::image::Image; 2] {
+    let folder = folder();
+    write(&folder, "x.scene.json", &scene.to_string());
+    [vec!["path", "--samples", "16"], vec!["march", "--volume-bounces", "0", "--grid-cells", "8"]].map(|settings| {
+        let arguments = [vec!["render", "x.scene.json", "-o", "x.exr", "--integrator"], settings].concat();
+        run(folder.path(), &arguments).succeeds(what);
+        let image = cloudparity::image::Image::read_exr(&folder.path().join("x.exr")).expect("a picture");
+        image.check_finite(what).expect("finite pixels");
+        image
+    })
+}
+
+#[test]
+fn pictures_without_a_medium_show_the_world() {
+    // Both integrators add numbers whose exact sum is 1.
+    let only_world = |what: &str, scene: &Json| {
+        for image in pictures(what, scene) {
+            assert!(image.pixels.iter().flatten().all(|value| (value - 1.0).abs() < 1e-6), "{what}");
+        }
+    };
+    only_world("zero density", &cube(|scene| principled(scene, "Density", json!(0.0))));
+    only_world("below zero", &cube(|scene| principled(scene, "Density", json!(-1.0))));
+    let outside = |scene: &mut Json| scene["volume"]["matrix_world"][2][3] = json!(50.0);
+    only_world("outside of the frame", &cube(outside));
+}
+
+#[test]
+fn extreme_media_and_cameras_give_finite_pictures() {
+    let on_a_face = json!([[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 1], [0, 0, 0, 1]]);
+    let on_an_edge = json!([[1, 0, 0, 1], [0, 1, 0, 0], [0, 0, 1, 1], [0, 0, 0, 1]]);
+    for (what, matrix) in [("camera on a face", on_a_face), ("camera on an edge", on_an_edge)] {
+        pictures(what, &cube(|scene| scene["camera"]["matrix_world"] = matrix.clone()));
+    }
+    for anisotropy in [1.0, -1.0, 2.0, -2.0, 0.999_999] {
+        let scene = cube(|scene| principled(scene, "Anisotropy", json!(anisotropy)));
+        pictures(&format!("anisotropy {anisotropy}"), &scene);
+    }
+    for density in [1e-30, 1e8, 1e30] {
+        pictures(&format!("density {density:e}"), &cube(|scene| principled(scene, "Density", json!(density))));
+    }
+    // More light than arrives: as bright as four events can make it, and no brighter.
+    let bright = cube(|scene| principled(scene, "Color", json!([1.5, 1.0, 2.0, 1.0])));
+    for image in pictures("albedo above 1", &bright) {
+        assert!(image.pixels.iter().flatten().all(|value| *value < 100.0));
+    }
+}
+
+#[test]
+fn pictures_of_no_size_or_too_large_a_size() {
+    let folder = folder();
+    for (size, percentage, parts) in [
+        (json!([0, 72]), 100, vec!["$.film.resolution", "0 x 72"]),
+        (json!([3, 3]), 1, vec!["$.film.resolution", "0 x 0"]),
+        (json!([2_000_000, 9]), 100, vec!["$.film.resolution", "16384"]),
+    ] {
+        let scene = cube(|scene| {
+            scene["film"]["resolution"] = size.clone();
+            scene["film"]["resolution_percentage"] = json!(percentage);
+        });
+        write(&folder, "x.scene.json", &scene.to_string());
+        for integrator in ["path", "march"] {
+            let arguments = ["render", "x.scene.json", "-o", "x.exr", "--integrator", integrator];
+            run(folder.path(), &arguments).is_refused(integrator, &parts);
+        }
+    }
+    assert!(!folder.path().join("x.exr").exists());
+}
+
 #[test]
 fn convergence_of_what_cannot_converge() {
     let folder = folder();
