@@ -177,11 +177,14 @@ mod tests {
 
     #[test]
     fn a_failing_part_decides_the_headline() {
-        let probe = json!({"points": 10, "evaluators": {"cpu": {"points": 10, "differing": 0, "max_error": 0.0},
+        let probe = json!({"points": 10, "domain": "wide", "evaluators": {
+            "cpu": {"points": 10, "differing": 0, "max_error": 0.0},
             "gpu": {"points": 10, "differing": 3, "max_error": 0.5, "limit": 0.1}}});
         let folder = directory(&[("probe.json", probe.to_string())]);
         write_report(folder.path()).unwrap();
-        assert!(read(&folder, "index.html").contains("class=\"verdict differs\""));
+        let page = read(&folder, "index.html");
+        assert!(page.contains("class=\"verdict differs\""));
+        assert!(page.contains("Field (GPU, wide)"));
         let csv = read(&folder, "figures.csv");
         assert!(csv.contains("field,,gpu,max_error,0.5,,0.1,differs"), "{csv}");
     }

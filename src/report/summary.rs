@@ -102,7 +102,10 @@ fn joined(names: &[&str]) -> String {
 }
 
 fn field_parts(probe: &Probe) -> impl Iterator<Item = Part> + '_ {
-    probe.evaluators.iter().map(|(name, found)| {
+    // A run may probe several domains.
+    let place =
+        probe.domain.as_ref().and_then(|domain| domain.as_str()).map_or(String::new(), |name| format!(", {name}"));
+    probe.evaluators.iter().map(move |(name, found)| {
         let total = found.points.unwrap_or(probe.points);
         let mut sentence = match found.differing {
             Some(0) => format!("All {} points are equal to the reference.", count(Some(total))),
@@ -120,7 +123,7 @@ fn field_parts(probe: &Probe) -> impl Iterator<Item = Part> + '_ {
         if let Some(limit) = found.limit {
             sentence.push_str(&format!(" Limit {}.", figure(Some(limit))));
         }
-        Part::new(format!("Field ({})", evaluator_name(name)), "field", found.verdict(), sentence)
+        Part::new(format!("Field ({}{place})", evaluator_name(name)), "field", found.verdict(), sentence)
     })
 }
 
