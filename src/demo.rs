@@ -292,13 +292,8 @@ impl Demo<'_> {
         let mut request = DiffRequest::new(vec![self.path("ours.exr")], vec![reference_path], TOLERANCES);
         request.out = Some(self.settings.output.clone());
         let world = &self.scene.world;
-        request.display = Some(DisplaySettings {
-            view: self.scene.display.view_transform.clone(),
-            look: self.scene.display.look.clone(),
-            exposure: f64::from(self.scene.display.exposure),
-            gamma: f64::from(self.scene.display.gamma),
-            background: Some(world.color.map(|value| f64::from(value * world.strength))),
-        });
+        let background = world.color.map(|value| f64::from(value * world.strength));
+        request.display = Some(DisplaySettings::of(&self.scene.display, Some(background)));
         match request.run(|script, request| blender::run_script(script, request, Kernel::Default, |_| ())) {
             Ok(result) => Ok(Some(result.verdict)),
             Err(error) => {

@@ -12,8 +12,7 @@ use crate::image::Image;
 use crate::integrate::path::{self, PathSettings};
 use crate::integrate::{Backend, Progress as Report};
 use crate::report::numbers::signed_percent;
-use crate::scene::Scene;
-use schemars::JsonSchema;
+use crate::scene::{self, Scene};
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 use std::fmt::Write as _;
@@ -30,7 +29,7 @@ const FIRST_SEED: u32 = 100;
 const FEWEST_REPLICAS: u32 = 8;
 
 /// A suite file.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Suite {
     /// Always `cloudparity-suite/1`.
@@ -40,7 +39,7 @@ pub struct Suite {
 }
 
 /// A scene, what is changed in it, and how much is rendered.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Entry {
     /// Short name, used for files.
@@ -68,7 +67,7 @@ pub struct Entry {
 }
 
 /// How replicas are made.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Replicas {
     /// That many renders per side, each with its own seed.
@@ -123,15 +122,7 @@ impl Suite {
     pub fn load(path: &Path) -> Result<Self> {
         let text = files::read_text(path, "a parity suite (*.suite.json)")?;
         let place = path.display().to_string();
-        let mut deserializer = serde_json::Deserializer::from_str(&text);
-        let suite: Self = serde_path_to_error::deserialize(&mut deserializer).map_err(|cause| {
-            Error::new(
-                format!("{place}: $.{}", cause.path()),
-                cause.inner().to_string(),
-                "a parity suite",
-                "See parity/parity.suite.json for one.",
-            )
-        })?;
+        let suite: Self = scene::parse(&text, &place, "a parity suite (parity/parity.suite.json is one)")?;
         if suite.format != FORMAT {
             return Err(Error::new(
                 format!("{place}: $.format"),
@@ -262,13 +253,7 @@ fn run_entry(entry: &Entry, folder: &Path, output: &Path, report: Report<'_>) ->
     let references = found.into_iter().map(|reference| reference.path).collect();
     let request = DiffRequest {
         out: Some(output.to_owned()),
-        display: Some(DisplaySettings {
-            view: scene.display.view_transform.clone(),
-            look: scene.display.look.clone(),
-            exposure: f64::from(scene.display.exposure),
-            gamma: f64::from(scene.display.gamma),
-            background: None,
-        }),
+        display: Some(DisplaySettings::of(&scene.display, None)),
         statistics: Some(StatisticsSettings { sub_pixels: entry.sub_pixels(), ..StatisticsSettings::default() }),
         ..DiffRequest::new(ours, references, Tolerances::default())
     };

@@ -32,7 +32,7 @@ pub(super) struct MarchArguments {
     exit_transmittance: Option<f64>,
     /// march: how light reaches the samples [default: grid].
     #[arg(long, value_enum)]
-    light: Option<LightName>,
+    light: Option<LightMode>,
     /// march: cells along the longest side of the light grid [default: 192].
     #[arg(long)]
     grid_cells: Option<u32>,
@@ -48,14 +48,6 @@ pub(super) struct MarchArguments {
     /// march: leave nothing out that the scene does not need; slower, the same picture.
     #[arg(long)]
     generic: bool,
-}
-
-#[derive(Debug, Clone, Copy, clap::ValueEnum)]
-enum LightName {
-    /// Shadow rays evaluate the density.
-    Exact,
-    /// Density and light are interpolated from a grid.
-    Grid,
 }
 
 impl MarchArguments {
@@ -98,11 +90,7 @@ impl MarchArguments {
             world_bands: self.world_bands.unwrap_or(default.world_bands),
             sub_pixels: self.sub_pixels.unwrap_or(default.sub_pixels),
             exit_transmittance: self.exit_transmittance.unwrap_or(default.exit_transmittance),
-            light: match self.light {
-                None => default.light,
-                Some(LightName::Exact) => LightMode::Exact,
-                Some(LightName::Grid) => LightMode::Grid,
-            },
+            light: self.light.unwrap_or(default.light),
             grid_cells: self.grid_cells.unwrap_or(default.grid_cells),
             integration: self.integration.unwrap_or(default.integration),
             jitter,

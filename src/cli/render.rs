@@ -103,8 +103,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
     };
     bar.finish_and_clear();
     image.write_exr(&arguments.picture.output, arguments.allow_nonfinite)?;
-    if let Some(text) = image.provenance.get("density_cache") {
-        let report: CacheReport = serde_json::from_str(text).expect("the integrator wrote it");
+    if let Some(report) = CacheReport::of(&image) {
         super::print(&format!("{report}\n"))?;
     }
     Ok(ExitCode::SUCCESS)

@@ -26,6 +26,7 @@ mod statistics;
 pub use statistics::{Statistics, StatisticsSettings};
 
 use crate::error::{Error, Result};
+use crate::scene::Display;
 use indexmap::IndexMap;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
@@ -117,6 +118,19 @@ pub struct DisplaySettings {
     pub gamma: f64,
     /// Linear radiance behind a transparent film; `None` keeps the picture transparent.
     pub background: Option<[f64; 3]>,
+}
+
+impl DisplaySettings {
+    /// Those of a scene, before this linear radiance.
+    pub fn of(display: &Display, background: Option<[f64; 3]>) -> Self {
+        Self {
+            view: display.view_transform.clone(),
+            look: display.look.clone(),
+            exposure: f64::from(display.exposure),
+            gamma: f64::from(display.gamma),
+            background,
+        }
+    }
 }
 
 /// One comparison. Several files on a side are replicas of one picture with other seeds; they are

@@ -203,7 +203,8 @@ pub fn measure(scene: &Scene, settings: &ConvergenceSettings, progress: Progress
         .collect();
     let orders = orders(&points);
     let medium = Medium::new(scene)?;
-    let finest_of_all = settings.steps.iter().position(|&steps| steps == finest).expect("the last of them");
+    // Of the energy-conserving pictures, which come first, the one with the most steps.
+    let finest_of_all = settings.steps.len() - 1;
     let uncached = &images[finest_of_all].0;
     let mut found = Vec::new();
     for &cells in if medium.occupied.is_empty() { &[] } else { settings.cache_cells.as_slice() } {
@@ -211,13 +212,14 @@ pub fn measure(scene: &Scene, settings: &ConvergenceSettings, progress: Progress
         for format in formats {
             for filter in filters {
                 let cache = DensityCache::new(&samples, format, filter)?;
-                let report = cache.measure(&medium)?;
                 let begin = std::time::Instant::now();
-                let mut error = None;
-                let each = |_: usize, image: Image| error = Some(compare(&image, uncached));
+                let mut picture = None;
+                let each = |_: usize, image: Image| picture = Some(image);
                 render_each(scene, &march, Some(cache), &variants[finest_of_all + 1..][..1], each, &|_, _| {})?;
-                let error = error.expect("one picture was asked for");
-                found.push(CachePoint { cache: report, error, seconds: begin.elapsed().as_secs_f64() });
+                let seconds = begin.elapsed().as_secs_f64();
+                let picture = picture.expect("one picture was asked for");
+                let cache = CacheReport::of(&picture).expect("it was rendered with a cache");
+                found.push(CachePoint { cache, error: compare(&picture, uncached), seconds });
                 progress(half + (1.0 - half) * found.len() as f64 / caches as f64, "density caches");
             }
         }

@@ -14,6 +14,7 @@ use super::light_grid::{BAKE_CHUNK, vertex, vertices_of};
 use super::medium::Medium;
 use super::{CacheFilter, CacheFormat, CacheSettings};
 use crate::error::{Error, Result};
+use crate::image::Image;
 use glam::DVec3;
 use half::f16;
 use rand::{Rng, SeedableRng};
@@ -92,6 +93,14 @@ pub struct CacheReport {
     pub relative_rms_error: f64,
     /// Seconds of wall time that the evaluation at the vertices took.
     pub bake_seconds: f64,
+}
+
+impl CacheReport {
+    /// The report that a picture carries if a cache was read for it.
+    pub fn of(image: &Image) -> Option<Self> {
+        let text = image.provenance.get("density_cache")?;
+        Some(serde_json::from_str(text).expect("the integrator wrote it"))
+    }
 }
 
 impl Samples {

@@ -48,7 +48,7 @@ impl Backend {
 }
 
 /// How light finds its way to a view sample.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
 #[serde(rename_all = "lowercase")]
 pub enum LightMode {
     /// Shadow rays evaluate the density: slow, without interpolation.

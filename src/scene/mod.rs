@@ -370,7 +370,7 @@ impl Scene {
     /// Reads and checks a scene file; a graph in a file of its own is read into the scene.
     pub fn load(path: &Path) -> Result<Self> {
         let text = files::read_text(path, "a scene file (*.scene.json)")?;
-        let mut scene: Self = parse(&text, &path.display().to_string())?;
+        let mut scene: Self = parse(&text, &path.display().to_string(), SCHEMA)?;
         if let GraphSource::File { file } = &scene.graph {
             let graph_path = path.parent().unwrap_or(Path::new(".")).join(file);
             scene.graph = GraphSource::Inline(load_graph(&graph_path)?);
@@ -399,7 +399,7 @@ impl Scene {
 
     /// Reads a scene from a JSON value, for example from the exporter; `place` names its source.
     pub fn from_value(value: serde_json::Value, place: &str) -> Result<Self> {
-        let scene: Self = parse(&value.to_string(), place)?;
+        let scene: Self = parse(&value.to_string(), place, SCHEMA)?;
         if let GraphSource::File { file } = &scene.graph {
             return Err(Error::new(
                 format!("{place}: $.graph.file"),
@@ -606,11 +606,11 @@ pub fn schema() -> serde_json::Value {
 fn load_graph(path: &Path) -> Result<Graph> {
     let text = files::read_text(path, "the graph file that the scene names")?;
     let place = path.display().to_string();
-    let value: serde_json::Value = parse(&text, &place)?;
+    let value: serde_json::Value = parse(&text, &place, SCHEMA)?;
     if value.get("format").is_none() {
-        return parse(&text, &place);
+        return parse(&text, &place, SCHEMA);
     }
-    match parse::<Scene>(&text, &place)?.graph {
+    match parse::<Scene>(&text, &place, SCHEMA)?.graph {
         GraphSource::Inline(graph) => Ok(graph),
         GraphSource::File { file } => Err(Error::new(
             format!("{place}: $.graph.file"),
@@ -621,7 +621,11 @@ fn load_graph(path: &Path) -> Result<Graph> {
     }
 }
 
-fn parse<T: serde::de::DeserializeOwned>(text: &str, place: &str) -> Result<T> {
+/// What files of scenes and graphs are expected to hold.
+const SCHEMA: &str = "what the scene schema says (cloudparity schema prints it)";
+
+/// Reads a document of the project. Errors tell line and column, or the JSON path, in `place`; `expected` says what it should be.
+pub(crate) fn parse<T: serde::de::DeserializeOwned>(text: &str, place: &str, expected: &str) -> Result<T> {
     let value: serde_json::Value = serde_json::from_str(text).map_err(|cause| {
         Error::new(
             format!("{place}: line {}, column {}", cause.line(), cause.column()),
@@ -634,12 +638,7 @@ fn parse<T: serde::de::DeserializeOwned>(text: &str, place: &str) -> Result<T> {
     serde_path_to_error::deserialize(value).map_err(|cause| {
         let path = cause.path().to_string();
         let message = cause.inner().to_string();
-        Error::new(
-            format!("{place}: $.{path}"),
-            message,
-            "what the scene schema says (cloudparity schema prints it)",
-            "Correct the value at this path.",
-        )
+        Error::new(format!("{place}: $.{path}"), message, expected, "Correct the value at this path.")
     })
 }
 
