@@ -38,8 +38,10 @@ demo: build ## render the cloud, compare it with the committed Cycles reference,
 demo-live: build ## the same with a fresh Cycles render as reference (needs bpy; minutes)
 	$(PROGRAM) demo --live -o out/demo
 
-bench: build ## speed of the evaluators against Cycles, as ratios on this machine
+# The second takes hours where the cache has no reference of the two heavy scenes.
+bench: build ## speed of the evaluators and of path tracing against Cycles, as ratios on this machine
 	$(PROGRAM) bench $(SCENE)
+	$(PROGRAM) time-to-error -o out/time-to-error
 
 test: setup ## lints, all tests of Rust and Python, doc tests
 	@$(MAKE) --no-print-directory lint

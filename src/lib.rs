@@ -19,5 +19,6 @@ pub mod nodes;
 pub mod parity;
 pub mod report;
 pub mod scene;
+pub mod time_to_error;
 
 pub use error::{Error, Result};

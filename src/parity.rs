@@ -3,7 +3,9 @@
 //! A suite file lists entries; [`run`] takes each through reference (cached), render and comparison, and keeps what
 //! it finds per entry, so that an interrupted run goes on. A table sums up.
 
-use crate::blender::reference::{FIRST_REPLICA_SEED, ReferenceSettings, WorldSampling, cache_folder, references};
+use crate::blender::reference::{
+    FIRST_REPLICA_SEED, Reference, ReferenceSettings, WorldSampling, cache_folder, references,
+};
 use crate::blender::{self, Kernel, Message};
 use crate::compare::{DiffRequest, DiffResult, DisplaySettings, StatisticsSettings, Tolerances, Verdict};
 use crate::error::{Error, Result};
@@ -155,6 +157,20 @@ impl Suite {
         }
         Ok(suite)
     }
+
+    /// All entries, or those named.
+    pub(crate) fn chosen(&self, only: &[String]) -> Result<Vec<&Entry>> {
+        if let Some(name) = only.iter().find(|name| self.entries.iter().all(|entry| entry.name != **name)) {
+            let known: Vec<&str> = self.entries.iter().map(|entry| entry.name.as_str()).collect();
+            return Err(Error::new(
+                format!("--only {name}"),
+                "no such entry",
+                known.join(", "),
+                "Give the name of an entry of the suite.",
+            ));
+        }
+        Ok(self.entries.iter().filter(|entry| only.is_empty() || only.contains(&entry.name)).collect())
+    }
 }
 
 impl Entry {
@@ -171,7 +187,16 @@ impl Entry {
         Ok(scene)
     }
 
-    fn sub_pixels(&self) -> Option<u32> {
+    /// How Cycles renders it.
+    pub(crate) fn reference_settings(&self) -> ReferenceSettings {
+        ReferenceSettings {
+            samples: self.samples,
+            world_sampling: if self.sample_world { WorldSampling::Automatic } else { WorldSampling::None },
+            ..ReferenceSettings::default()
+        }
+    }
+
+    pub(crate) fn sub_pixels(&self) -> Option<u32> {
         match self.replicas {
             Replicas::Seeds(_) => None,
             Replicas::SubPixels(factor) => Some(factor),
@@ -197,18 +222,8 @@ pub fn run(
     mut done: impl FnMut(&Row),
 ) -> Result<Vec<Row>> {
     let suite = Suite::load(file)?;
-    if let Some(name) = only.iter().find(|name| suite.entries.iter().all(|entry| entry.name != **name)) {
-        let known: Vec<&str> = suite.entries.iter().map(|entry| entry.name.as_str()).collect();
-        return Err(Error::new(
-            format!("--only {name}"),
-            "no such entry",
-            known.join(", "),
-            "Give the name of an entry of the suite.",
-        ));
-    }
     let folder = file.parent().unwrap_or(Path::new("."));
-    let chosen: Vec<&Entry> =
-        suite.entries.iter().filter(|entry| only.is_empty() || only.contains(&entry.name)).collect();
+    let chosen = suite.chosen(only)?;
     let mut rows = Vec::new();
     for (number, entry) in chosen.iter().enumerate() {
         let report = |share: f64, what: &str| {
@@ -223,34 +238,52 @@ pub fn run(
     Ok(rows)
 }
 
-fn run_entry(entry: &Entry, folder: &Path, output: &Path, report: Report<'_>) -> Result<Row> {
+/// Both sides' pictures of an entry.
+pub(crate) struct Pictures {
+    pub(crate) scene: Scene,
+    pub(crate) references: Vec<Reference>,
+    pub(crate) ours: Vec<PathBuf>,
+    /// What identifies the entry's inputs.
+    identity: String,
+}
+
+/// Cycles' pictures from the cache, rendered where it lacks them, and ours in `output`, which are rendered where others
+/// or none lie there.
+pub(crate) fn pictures(entry: &Entry, folder: &Path, output: &Path, report: Report<'_>) -> Result<Pictures> {
     let scene = entry.load(folder)?;
-    let settings = ReferenceSettings {
-        samples: entry.samples,
-        world_sampling: if entry.sample_world { WorldSampling::Automatic } else { WorldSampling::None },
-        ..ReferenceSettings::default()
-    };
+    let settings = entry.reference_settings();
     let seeds: Vec<u32> = match entry.replicas {
         Replicas::Seeds(count) => (FIRST_REPLICA_SEED..FIRST_REPLICA_SEED + count).collect(),
         Replicas::SubPixels(_) => vec![settings.seed],
     };
-    let found = references(&scene, &settings, &seeds, &cache_folder()?, |message| match message {
+    let references = references(&scene, &settings, &seeds, &cache_folder()?, |message| match message {
         Message::Progress(done, what) => report(0.5 * done, &what),
         Message::Warning(place, text) => eprintln!("warning: {place}: {text}"),
     })?;
-    let keys: Vec<&str> = found.iter().map(|reference| reference.key.as_str()).collect();
+    let keys: Vec<&str> = references.iter().map(|reference| reference.key.as_str()).collect();
     let inputs = json!({"version": env!("CARGO_PKG_VERSION"), "entry": entry, "references": keys, "scene": scene});
     let identity = files::sha256(inputs.to_string().as_bytes());
+    let ours = our_files(entry, output);
+    let note = output.join("ours.sha256");
+    let there = std::fs::read_to_string(&note).is_ok_and(|noted| noted == identity);
+    if !(there && ours.iter().all(|file| file.exists())) {
+        std::fs::create_dir_all(output).map_err(|cause| Error::io(output, "a folder for the results", &cause))?;
+        render(entry, &scene, output, &|share, what| report(0.5 + 0.4 * share, what))?;
+        files::write_atomically(&note, identity.as_bytes())?;
+    }
+    Ok(Pictures { scene, references, ours, identity })
+}
+
+fn run_entry(entry: &Entry, folder: &Path, output: &Path, report: Report<'_>) -> Result<Row> {
+    let Pictures { scene, references, ours, identity } = pictures(entry, folder, output, report)?;
     let row_file = output.join("row.json");
     if let Some(row) = std::fs::read(&row_file).ok().and_then(|bytes| serde_json::from_slice::<Row>(&bytes).ok())
         && row.identity == identity
     {
         return Ok(row);
     }
-    std::fs::create_dir_all(output).map_err(|cause| Error::io(output, "a folder for the results", &cause))?;
-    let ours = render(entry, &scene, output, &|share, what| report(0.5 + 0.4 * share, what))?;
     report(0.9, "comparison");
-    let references = found.into_iter().map(|reference| reference.path).collect();
+    let references = references.into_iter().map(|reference| reference.path).collect();
     let request = DiffRequest {
         out: Some(output.to_owned()),
         display: Some(DisplaySettings::of(&scene.display, None)),
@@ -263,10 +296,19 @@ fn run_entry(entry: &Entry, folder: &Path, output: &Path, report: Report<'_>) ->
     Ok(row)
 }
 
+/// Where our replicas lie, one per seed.
+fn our_files(entry: &Entry, output: &Path) -> Vec<PathBuf> {
+    our_seeds(entry).map(|seed| output.join(format!("ours.seed-{seed}.exr"))).collect()
+}
+
+fn our_seeds(entry: &Entry) -> std::ops::Range<u32> {
+    FIRST_SEED..FIRST_SEED + entry.renders()
+}
+
 /// Our replicas, written beside each other.
-fn render(entry: &Entry, scene: &Scene, output: &Path, report: Report<'_>) -> Result<Vec<PathBuf>> {
+fn render(entry: &Entry, scene: &Scene, output: &Path, report: Report<'_>) -> Result<()> {
     let settings = PathSettings { samples: entry.samples, seed: FIRST_SEED, ..PathSettings::default() };
-    let seeds: Vec<u32> = (FIRST_SEED..FIRST_SEED + entry.renders()).collect();
+    let seeds: Vec<u32> = our_seeds(entry).collect();
     let images: Vec<Image> = match seeds.as_slice() {
         [_] => {
             let state = output.join("ours.state");
@@ -274,15 +316,7 @@ fn render(entry: &Entry, scene: &Scene, output: &Path, report: Report<'_>) -> Re
         }
         seeds => path::render_replicas(scene, &settings, Backend::Cpu, seeds, report)?,
     };
-    images
-        .iter()
-        .zip(&seeds)
-        .map(|(image, seed)| {
-            let file = output.join(format!("ours.seed-{seed}.exr"));
-            image.write_exr(&file, false)?;
-            Ok(file)
-        })
-        .collect()
+    images.iter().zip(our_files(entry, output)).try_for_each(|(image, file)| image.write_exr(&file, false))
 }
 
 fn row(entry: &Entry, result: &DiffResult, identity: String) -> Row {

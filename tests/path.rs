@@ -4,9 +4,10 @@
 
 mod support;
 
+use cloudparity::image::Image;
 use cloudparity::integrate::Backend;
-use cloudparity::integrate::majorant::Majorants;
-use cloudparity::integrate::path::{self, PathSettings};
+use cloudparity::integrate::majorant::{Effort, Majorants};
+use cloudparity::integrate::path::{self, PathSettings, Tracking};
 use cloudparity::scene::{Input, Light, LightKind, Scene};
 use std::f64::consts::PI;
 use support::cube::{SCATTERING, SUN, color, homogeneous, phase, ramp, set, slanted_sun, sphere};
@@ -339,6 +340,41 @@ fn no_density_exceeds_its_majorant_and_the_null_share_is_told() {
 }
 
 #[test]
+fn every_tracking_gives_the_same_mean_and_only_adaptive_looks_less_often() {
+    let mut scene = support::scene("noise-anisotropic");
+    scene.film.resolution = [16, 9];
+    let rendered = |tracking: Tracking, first_seed: u32| {
+        let settings = PathSettings { samples: 64, tracking, ..PathSettings::default() };
+        let seeds: Vec<u32> = (first_seed..first_seed + 16).collect();
+        path::render_replicas(&scene, &settings, Backend::Cpu, &seeds, &|_, _| {}).expect("it renders")
+    };
+    let mean_and_square = |images: &[Image], channel: usize| {
+        let means: Vec<f64> = images.iter().map(|image| image.mean()[channel]).collect();
+        let mean = means.iter().sum::<f64>() / 16.0;
+        (mean, means.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / 15.0 / 16.0)
+    };
+    let collisions = |images: &[Image]| -> u64 {
+        images.iter().map(|image| image.provenance["collisions"].parse::<u64>().expect("a number")).sum()
+    };
+    let proven = rendered(Tracking::Proven, 0);
+    for (tracking, first_seed) in [(Tracking::Adaptive, 100), (Tracking::Global, 200)] {
+        let other = rendered(tracking, first_seed);
+        for channel in 0..4 {
+            let ((ours, square), (expected, other_square)) =
+                (mean_and_square(&other, channel), mean_and_square(&proven, channel));
+            let error = (square + other_square).sqrt();
+            assert!(error < 0.005 * expected, "{tracking:?}, channel {channel}: {error} is too noisy for {expected}");
+            // 30 degrees of freedom exceed 4.5 by chance once in 10,000.
+            let t = (ours - expected) / error;
+            assert!(t.abs() < 4.5, "{tracking:?}, channel {channel}: {ours}, expected {expected}, t = {t}");
+        }
+        assert_eq!(collisions(&other) < collisions(&proven), tracking == Tracking::Adaptive, "{tracking:?}");
+    }
+    let is_negative = |image: &Image| image.pixels.iter().flatten().any(|value| *value < 0.0);
+    assert!(!proven.iter().any(is_negative));
+}
+
+#[test]
 fn a_density_without_bound_is_refused_with_its_place() {
     let mut scene = homogeneous();
     ramp(&mut scene, "Y", 1.0);
@@ -372,7 +408,9 @@ fn majorants_enclose_what_is_there() {
     use rand::{Rng, SeedableRng};
     let program = Program::density(&support::scene("procedural-clouds")).expect("it compiles");
     let corners = [DVec3::splat(-1.0), DVec3::splat(1.0)];
-    let tree = Majorants::build(corners, &DMat4::IDENTITY, 1e5, |boxes| program.bounds_many(boxes)).expect("it builds");
+    let effort = Effort { rays: 1e5, tracking: Tracking::Proven };
+    let tree =
+        Majorants::build(corners, &DMat4::IDENTITY, effort, |boxes| program.bounds_many(boxes)).expect("it builds");
     let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(1);
     // Half of the points in the layer where the cloud is.
     let positions: Vec<[f32; 3]> = (0..100_000)

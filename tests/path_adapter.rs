@@ -4,7 +4,7 @@ mod support;
 
 use cloudparity::image::Image;
 use cloudparity::integrate::Backend;
-use cloudparity::integrate::path::{self, PathSettings};
+use cloudparity::integrate::path::{self, PathSettings, Tracking};
 use cloudparity::scene::Scene;
 
 /// Replicas of each side.
@@ -20,10 +20,9 @@ const SENSITIVITY: f64 = 0.005;
 /// The same of the cloud, which fills a fortieth of its picture: it is there for its deep majorants and heavy density.
 const CLOUD_SENSITIVITY: f64 = 0.02;
 
-fn replicas(scene: &Scene, samples: u32, backend: Backend, first_seed: u32) -> Vec<Image> {
-    let settings = PathSettings { samples, ..PathSettings::default() };
+fn replicas(scene: &Scene, settings: &PathSettings, backend: Backend, first_seed: u32) -> Vec<Image> {
     let seeds: Vec<u32> = (first_seed..first_seed + REPLICAS).collect();
-    path::render_replicas(scene, &settings, backend, &seeds, &|_, _| {}).expect("the scene renders")
+    path::render_replicas(scene, settings, backend, &seeds, &|_, _| {}).expect("the scene renders")
 }
 
 /// Mean over replicas of the picture's mean, and the square of its standard error.
@@ -36,9 +35,14 @@ fn mean_and_error(images: &[Image], channel: usize) -> (f64, f64) {
 }
 
 fn agree(name: &str, scene: &Scene, samples: u32, sensitivity: f64) {
+    agree_with(name, scene, &PathSettings { samples, ..PathSettings::default() }, sensitivity);
+}
+
+/// The CPU always takes the default tracking.
+fn agree_with(name: &str, scene: &Scene, settings: &PathSettings, sensitivity: f64) {
     // The sides share their generator, so their seeds differ.
-    let cpu = replicas(scene, samples, Backend::Cpu, 100);
-    let gpu = replicas(scene, samples, Backend::Gpu, 500);
+    let cpu = replicas(scene, &PathSettings { tracking: Tracking::default(), ..settings.clone() }, Backend::Cpu, 100);
+    let gpu = replicas(scene, settings, Backend::Gpu, 500);
     for channel in 0..4 {
         let (ours, our_square) = mean_and_error(&gpu, channel);
         let (theirs, their_square) = mean_and_error(&cpu, channel);
@@ -72,7 +76,10 @@ fn the_adapter_expects_what_the_cpu_expects() {
         *angle = 1.0;
     }
     agree("wide sun", &sun, 4, SENSITIVITY);
-    agree("coloured noise with emission", &small("noise-coloured", [96, 64]), 4, SENSITIVITY);
+    let coloured = small("noise-coloured", [96, 64]);
+    agree("coloured noise with emission", &coloured, 4, SENSITIVITY);
+    let adaptive = PathSettings { samples: 4, tracking: Tracking::Adaptive, ..PathSettings::default() };
+    agree_with("the same, tracked adaptively", &coloured, &adaptive, SENSITIVITY);
     let mut cloud = small("procedural-clouds", [128, 72]);
     cloud.film.transparent = true;
     cloud.integrator.volume_bounces = 4;

@@ -89,7 +89,7 @@ struct Path {
     carried: vec3f,
     rate: f32,
     weight: vec3f,
-    minorant: f32,
+    control: f32,
     analog: vec3f,
     majorant: f32,
     kept: vec3f,
@@ -129,8 +129,8 @@ struct Outcome {
 @group(0) @binding(1) var<storage, read> rays: array<Ray>;
 // The table over cells of TABLE_LEVEL, then per node the first of its children with the level in the upper four bits.
 @group(0) @binding(2) var<storage, read> tree: array<u32>;
-// Per node: minorant, majorant.
-@group(0) @binding(3) var<storage, read> bounds: array<vec2f>;
+// Per node: control, residual rate, rate of events, majorant.
+@group(0) @binding(3) var<storage, read> rates: array<vec4f>;
 @group(0) @binding(4) var<storage, read> lights: array<Light>;
 @group(0) @binding(5) var<storage, read_write> paths: array<Path>;
 @group(0) @binding(6) var<storage, read_write> outcomes: array<Outcome>;
@@ -142,8 +142,8 @@ var<private> slot: u32;
 var<private> numbers: vec4f;
 
 struct Crossing {
-    minorant: f32,
-    majorant: f32,
+    // As in `rates`.
+    rates: vec4f,
     exit: f32,
     axis: u32,
     base: vec3i,
@@ -215,8 +215,7 @@ fn crossing() -> Crossing {
         entry = tree[stage.table + node];
     }
     var found: Crossing;
-    found.minorant = bounds[node].x;
-    found.majorant = bounds[node].y;
+    found.rates = rates[node];
     found.span = i32(1u << (LEVELS - (entry >> 28u)));
     found.base = path.cell & vec3i(~(found.span - 1));
     found.exit = path.end;
@@ -262,38 +261,38 @@ fn travel() -> bool {
     var remaining = -numeric::log_of(1.0 - path.flight);
     while path.distance < path.end {
         let leaf = crossing();
-        var minorant = leaf.minorant;
-        var rate = leaf.majorant - leaf.minorant;
+        var control = leaf.rates.x;
+        var rate = leaf.rates.y;
         if path.stage == BOUNCE {
-            minorant = 0.0;
-            rate = leaf.majorant;
+            control = 0.0;
+            rate = leaf.rates.z;
         } else if path.stage == CAMERA && stage.scatters != 0u {
-            rate = leaf.majorant;
+            rate = leaf.rates.z;
         }
         let length = leaf.exit - path.distance;
         if remaining < rate * length {
             let step = remaining / rate;
-            fly(minorant, step);
+            fly(control, step);
             path.distance += step;
             path.rate = rate;
-            path.minorant = minorant;
-            path.majorant = leaf.majorant;
+            path.control = control;
+            path.majorant = leaf.rates.w;
             return true;
         }
         remaining -= rate * length;
-        fly(minorant, length);
+        fly(control, length);
         if !cross_leaf(leaf) { path.distance = path.end; }
     }
     return false;
 }
 
-// Emission and light along a flight, and its transmittance through the minorant.
-fn fly(minorant: f32, length: f32) {
+// Emission and light along a flight, and its transmittance through the control.
+fn fly(control: f32, length: f32) {
     let collects = path.stage != SHADOW;
     let hit = path.hit_distance - path.distance;
     let lit = collects && path.hit_distance >= 0.0 && hit > 0.0 && hit <= length;
     if lit { path.hit_distance = -1.0; }
-    let extinction = minorant * stage.share;
+    let extinction = control * stage.share;
     let depth = extinction * length;
     let through = exp(-depth);
     if collects {
@@ -307,8 +306,9 @@ fn fly(minorant: f32, length: f32) {
     path.weight *= through;
 }
 
+// The largest magnitude.
 fn largest(v: vec3f) -> f32 {
-    return max(max(v.x, v.y), v.z);
+    return max(max(abs(v.x), abs(v.y)), abs(v.z));
 }
 
 fn sum(v: vec3f) -> f32 {
@@ -327,7 +327,7 @@ fn collide(density: f32) {
     if path.stage == CAMERA && stage.scatters != 0u {
         // A reservoir of possible first scattering events.
         let weight = path.analog * scattering / path.rate;
-        let mean = sum(weight) / 3.0;
+        let mean = sum(abs(weight)) / 3.0;
         path.total += mean;
         if numbers.y * path.total < mean {
             path.kept_distance = path.distance;
@@ -335,7 +335,7 @@ fn collide(density: f32) {
             path.kept_mean = mean;
         }
     }
-    path.weight *= 1.0 - (extinction - path.minorant * stage.share) / path.rate;
+    path.weight *= 1.0 - (extinction - path.control * stage.share) / path.rate;
     path.analog *= 1.0 - extinction / path.rate;
     var most = largest(path.weight);
     if path.stage == CAMERA { most = max(most, largest(path.analog)); }
@@ -350,8 +350,8 @@ fn collide(density: f32) {
 
 fn collide_between_events(extinction: vec3f, per_metre: vec3f) {
     let weight = path.carried * path.weight;
-    let scattering = sum(weight * per_metre);
-    let nothing = sum(weight * (path.rate - extinction));
+    let scattering = sum(abs(weight * per_metre));
+    let nothing = sum(abs(weight * (path.rate - extinction)));
     let both = scattering + nothing;
     if numbers.y * both < scattering {
         path.throughput = weight * per_metre * (both / (scattering * path.rate));
@@ -572,7 +572,7 @@ fn main(@builtin(global_invocation_id) invocation: vec3u) {
             outcome.finished = 1u;
             break;
         }
-        outcome.null_collisions += 1.0 - extinction / max(path.rate, path.majorant);
+        outcome.null_collisions += 1.0 - extinction / path.majorant;
         numbers = next4();
         collide(density);
     }

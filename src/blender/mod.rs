@@ -41,6 +41,7 @@ pub const SCRIPTS: &[(&str, &str)] = scripts!(
     "reference_render.py",
     "replica_statistics.py",
     "rna.py",
+    "sample_errors.py",
     "scene_builder.py",
     "scene_io.py",
     "scene_reader.py",

@@ -24,6 +24,7 @@ mod render;
 mod report;
 mod schema;
 mod shader;
+mod time_to_error;
 
 use crate::error::Result;
 use clap::{Parser, Subcommand};
@@ -59,6 +60,7 @@ enum Command {
     Report(report::Arguments),
     Schema(schema::Arguments),
     Shader(shader::Arguments),
+    TimeToError(time_to_error::Arguments),
 }
 
 /// Exit status of a command that could not do its work.
@@ -87,6 +89,7 @@ pub fn run() -> ExitCode {
         Command::Report(arguments) => report::run(&arguments),
         Command::Schema(arguments) => schema::run(&arguments),
         Command::Shader(arguments) => shader::run(&arguments),
+        Command::TimeToError(arguments) => time_to_error::run(&arguments),
     };
     result.unwrap_or_else(|error| {
         eprintln!("error: {error}");

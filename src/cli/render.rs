@@ -5,7 +5,7 @@ use super::picture::{Filter, PictureArguments};
 use crate::error::{Error, Result};
 use crate::image::Image;
 use crate::integrate::density_cache::CacheReport;
-use crate::integrate::path::{self, PathSettings};
+use crate::integrate::path::{self, PathSettings, Tracking};
 use crate::integrate::{self, Backend, MarchSettings};
 use crate::scene::Scene;
 use std::process::ExitCode;
@@ -53,6 +53,9 @@ struct PathArguments {
     /// path: stop where the estimated relative mean squared error is this small; --samples as with --time.
     #[arg(long, value_name = "RELMSE")]
     error: Option<f64>,
+    /// path: how rays find their collisions [default: proven].
+    #[arg(long, value_enum)]
+    tracking: Option<Tracking>,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
@@ -145,12 +148,13 @@ fn refuse(integrator: &str, options: &[(&str, bool)]) -> Result<()> {
 }
 
 impl PathArguments {
-    fn given(&self) -> [(&'static str, bool); 4] {
+    fn given(&self) -> [(&'static str, bool); 5] {
         [
             ("--replicas", self.replicas.is_some()),
             ("--samples", self.samples.is_some()),
             ("--time", self.time.is_some()),
             ("--error", self.error.is_some()),
+            ("--tracking", self.tracking.is_some()),
         ]
     }
 
@@ -163,6 +167,7 @@ impl PathArguments {
             seed: seed.unwrap_or(default.seed),
             time: self.time,
             error: self.error,
+            tracking: self.tracking.unwrap_or_default(),
         }
     }
 }

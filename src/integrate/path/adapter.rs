@@ -110,7 +110,7 @@ pub(super) struct Kernel<'a> {
     pipeline: wgpu::ComputePipeline,
     stage: Stage,
     tree: wgpu::Buffer,
-    bounds: wgpu::Buffer,
+    rates: wgpu::Buffer,
     lights: wgpu::Buffer,
     pixels: usize,
 }
@@ -178,7 +178,7 @@ impl<'a> Kernel<'a> {
             pipeline: gpu.pipeline("path", &module)?,
             stage,
             tree: gpu.upload("majorant tree", bytemuck::cast_slice(&flat.tree), storage),
-            bounds: gpu.upload("majorants", bytemuck::cast_slice(&flat.bounds), storage),
+            rates: gpu.upload("rates and majorants", bytemuck::cast_slice(&flat.rates), storage),
             lights: gpu.upload("lights", bytemuck::cast_slice(&lights), storage),
             pixels: if software { SOFTWARE_PIXELS } else { PIXELS },
         }))
@@ -242,7 +242,7 @@ impl<'a> Kernel<'a> {
             let begin = Instant::now();
             let stage = Stage { budget: budget.size as u32, ..stage };
             let stage = gpu.upload("stage", bytemuck::bytes_of(&stage), wgpu::BufferUsages::UNIFORM);
-            let buffers = [&stage, &rays, &self.tree, &self.bounds, &self.lights, &states, &outcomes];
+            let buffers = [&stage, &rays, &self.tree, &self.rates, &self.lights, &states, &outcomes];
             dispatch(gpu, &self.pipeline, &buffers, [(pixels as u32).div_ceil(WORKGROUP), 1, 1]);
             let found: Vec<Outcome> = bytemuck::pod_collect_to_vec(&gpu.read_back(&outcomes, bytes)?);
             budget.adapt(begin);

@@ -13,12 +13,14 @@ mod adapter;
 mod tracer;
 mod volume;
 
+pub use super::majorant::Tracking;
 pub use tracer::Counters;
 
 use super::camera::Camera;
 use super::environment::Environment;
 use super::film::Warp;
 use super::lights::world_radiance;
+use super::majorant::Effort;
 use super::sampled_lights::sampled_lights;
 use super::{Backend, Progress as Report, json, memory};
 use crate::error::{Error, Result};
@@ -68,16 +70,22 @@ pub struct PathSettings {
     /// Estimated relative mean squared error that is good enough: the mean over pixels and channels of
     /// v / (m^2 + (0.01 M)^2) with the pixel's mean m, the variance v of it, and the picture's mean M.
     pub error: Option<f64>,
+    /// How rays find their collisions.
+    #[serde(default)]
+    pub tracking: Tracking,
 }
 
 impl Default for PathSettings {
     fn default() -> Self {
-        Self { samples: 64, seed: 0, time: None, error: None }
+        Self { samples: 64, seed: 0, time: None, error: None, tracking: Tracking::default() }
     }
 }
 
 /// Samples per pixel of which majorants take account at most: how long a render with a time limit lasts is not known.
 const SAMPLES_FOR_MAJORANTS: u32 = 256;
+
+/// What is reported while majorants are made.
+pub const PREPARATION: &str = "majorants";
 
 /// Most paths per pixel.
 pub const MOST_SAMPLES: u32 = 1 << 24;
@@ -102,7 +110,8 @@ impl PathSettings {
     /// number of samples decides how far majorants are refined, and so belongs to it.
     fn identity(&self, scene: &Scene, engine: &Engine<'_>) -> String {
         let version = env!("CARGO_PKG_VERSION");
-        format!("{version} {} {} {} {}", scene.content_hash(), self.samples, self.seed, engine.name())
+        let Self { samples, seed, tracking, .. } = self;
+        format!("{version} {} {samples} {seed} {tracking:?} {}", scene.content_hash(), engine.name())
     }
 }
 
@@ -201,8 +210,9 @@ impl Prepared {
         memory::check(scene.image_size(), BYTES_PER_PIXEL)?;
         let gpu = backend.open()?;
         let begin = Instant::now();
-        progress(0.0, "majorants");
+        progress(0.0, PREPARATION);
         let tracer = Tracer::new(scene, settings)?;
+        progress(0.0, "paths");
         Ok(Self { tracer, gpu, seconds: begin.elapsed().as_secs_f64() })
     }
 
@@ -250,7 +260,7 @@ impl Tracer {
             exposure: f64::from(scene.film.exposure),
             lights: sampled_lights(scene)?,
             world: World::new(scene)?,
-            volume: Volume::new(scene, rays)?,
+            volume: Volume::new(scene, Effort { rays, tracking: settings.tracking })?,
             events,
         })
     }

@@ -5,24 +5,26 @@
 //! density there is needed. So paths wait for each other: all walk, one batch of densities is
 //! evaluated, all handle their collision. The state of a path is small and fixed, nothing recurses.
 //!
-//! With extinction e, majorant M and minorant m per channel (m the minorant of the channel with the
-//! most, times the channel's share), tentative collisions at rate r:
+//! With extinction e and control c per channel (c the control of the channel with the
+//! most, times the channel's share), tentative collisions at rate r. Both come from the leaf where the ray is (see
+//! `majorant::Rates`): c and r > 0 may be any numbers for the sake of the mean; few collisions and little noise come of a c near e and an r
+//! not much above what is left. Where e > r a weight changes its sign:
 //!
 //! * *Camera ray*: every tentative collision is a possible scattering event of weight T s / r with s the
 //!   scattering and T = prod(1 - e/r) so far; one of them is kept with probability in proportion to its
 //!   weight (a reservoir) and goes on with the sum of all. A camera ray through thin media so
 //!   always finds the event if it meets any (an expected-value estimator; Novak et al. 2014).
 //! * *Transmittance* of camera, shadow and last rays: residual ratio tracking (Novak et al. 2014),
-//!   exp(-integral of m) prod(1 - (e - m)/r), r = M - m. Without noise where M = m.
-//! * *Rays between scattering events*: tracking with null collisions, r = M. A collision scatters or is null with
-//!   probabilities in proportion to the sums over channels of b s and b (r - e), b the path's weight;
+//!   exp(-integral of c) prod(1 - (e - c)/r). Without noise where e is constant.
+//! * *Rays between scattering events*: tracking with null collisions. A collision scatters or is null with
+//!   probabilities in proportion to the sums over channels of |b s| and |b (r - e)|, b the path's weight;
 //!   absorption only lowers the weight. These are the probabilities of the mixture of
 //!   one technique per channel, conditional on the path so far, so that the weights are those of
 //!   multiple importance sampling over channels with the path's densities in the balance heuristic (Miller,
-//!   Georgiev and Jarosz 2019; Wilkie et al. 2014): the sum of b over channels never grows.
-//! * *Emission* j that is the same everywhere, along a flight of length l: b j l, or b j (1 - exp(-m l))/m with a
-//!   minorant. Emission that varies: b j / r at every tentative collision, before anything else happens there; a
-//!   part of M that is in proportion to the bound of j makes r > 0 wherever j is not 0 (Novak et al. 2018, section 5).
+//!   Georgiev and Jarosz 2019; Wilkie et al. 2014): where e <= r, the sum of b over channels never grows.
+//! * *Emission* j that is the same everywhere, along a flight of length l: b j l, or b j (1 - exp(-c l))/c with a
+//!   control. Emission that varies: b j / r at every tentative collision, before anything else happens there; a
+//!   part of the majorant, which r then is, in proportion to the bound of j makes r > 0 wherever j is not 0 (Novak et al. 2018, section 5).
 //! * *Lights*: next-event estimation towards one light per event, chosen in proportion to what it roughly delivers; if it has an
 //!   extent, weighted against hits of the sampled ray on that light (balance heuristic; Veach 1997). A picture around
 //!   the scene is chosen like a light; rays that leave the medium see it whatever was chosen, and the chance that
@@ -36,7 +38,7 @@ use crate::error::{Error, Result};
 use crate::integrate::camera::Camera;
 use crate::integrate::environment::Environment;
 use crate::integrate::film::Warp;
-use crate::integrate::majorant::{Majorants, Walk};
+use crate::integrate::majorant::{Majorants, Rates, Walk};
 use crate::integrate::media::PhaseMixture;
 use crate::integrate::phase::{PhaseFunction, turned};
 use crate::integrate::sampled_lights::SampledLight;
@@ -173,11 +175,11 @@ pub(super) struct Path {
     carried: [f64; 3],
     /// The ray's own weight: 1 at its start.
     weight: [f64; 3],
-    /// Camera ray: the weight without the control by minorants, from which scattering is chosen.
+    /// Camera ray: the weight without control, from which scattering is chosen.
     analog: [f64; 3],
-    /// The tentative collision: rate there, the leaf's ends, random numbers.
+    /// The tentative collision: rate and control there, the leaf's majorant, random numbers.
     rate: f64,
-    minorant: f64,
+    control: f64,
     majorant: f64,
     numbers: [f64; 4],
     /// Camera ray: sum over possible events, and the kept one's distance, weight, mean weight.
@@ -280,7 +282,7 @@ impl Tracer {
             if extinction.is_nan() || extinction > path.majorant {
                 return Err(violation(position.as_vec3().to_array(), extinction, path.majorant));
             }
-            counters.null_collisions += 1.0 - extinction / path.rate.max(path.majorant);
+            counters.null_collisions += 1.0 - extinction / path.majorant;
             self.collide(path, found);
         }
         Ok(())
@@ -305,7 +307,7 @@ impl Tracer {
             weight: [1.0; 3],
             analog: [1.0; 3],
             rate: 0.0,
-            minorant: 0.0,
+            control: 0.0,
             majorant: 0.0,
             numbers: [flight, 0.0, 0.0, 0.0],
             total: 0.0,
@@ -366,25 +368,26 @@ impl Tracer {
         let mut remaining = -(-path.numbers[0]).ln_1p();
         while path.walk.distance < path.walk.end {
             let crossing = majorants.crossing(&path.walk);
-            let controlled = path.stage != Stage::Bounce;
-            let (rate, minorant) = match path.stage {
-                Stage::Camera if self.volume.scatters() => (crossing.majorant, crossing.minorant),
-                Stage::Bounce => (crossing.majorant, 0.0),
-                _ => (crossing.majorant - crossing.minorant, crossing.minorant),
+            let Rates { control, residual, event } = crossing.rates;
+            let (rate, control) = match path.stage {
+                Stage::Camera if self.volume.scatters() => (event, control),
+                Stage::Bounce => (event, 0.0),
+                _ => (residual, control),
             };
+            let (rate, control) = (f64::from(rate), f64::from(control));
             let length = crossing.exit - path.walk.distance;
             if remaining < rate * length {
                 let step = remaining / rate;
-                self.fly(path, minorant, step);
+                self.fly(path, control, step);
                 path.walk.distance += step;
                 path.rate = rate;
-                path.minorant = if controlled { minorant } else { 0.0 };
+                path.control = control;
                 path.majorant = crossing.majorant;
                 path.numbers = path.sampler.next4();
                 return true;
             }
             remaining -= rate * length;
-            self.fly(path, minorant, length);
+            self.fly(path, control, length);
             if !majorants.cross(&mut path.walk, &crossing) {
                 path.walk.distance = path.walk.end;
             }
@@ -392,8 +395,8 @@ impl Tracer {
         false
     }
 
-    /// Emission and light along a flight, and its transmittance through the minorant.
-    fn fly(&self, path: &mut Path, minorant: f64, length: f64) {
+    /// Emission and light along a flight, and its transmittance through the control.
+    fn fly(&self, path: &mut Path, control: f64, length: f64) {
         // A shadow ray brings its own light and nothing else.
         let collects = path.stage != Stage::Shadow;
         let hit = path.hit_distance - path.walk.distance;
@@ -402,11 +405,11 @@ impl Tracer {
         if light {
             path.hit_distance = f64::NAN;
         }
-        if minorant == 0.0 && !light && emission == [0.0; 3] {
+        if control == 0.0 && !light && emission == [0.0; 3] {
             return;
         }
         for channel in 0..3 {
-            let extinction = minorant * self.volume.share[channel];
+            let extinction = control * self.volume.share[channel];
             let arriving = path.carried[channel] * path.weight[channel];
             let depth = extinction * length;
             // (1 - exp(-depth)) / extinction, without the division by zero.
@@ -434,7 +437,7 @@ impl Tracer {
             keep_or_not(path, found);
         }
         for channel in 0..3 {
-            let residual = found.extinction[channel] - path.minorant * self.volume.share[channel];
+            let residual = found.extinction[channel] - path.control * self.volume.share[channel];
             path.weight[channel] *= 1.0 - residual / path.rate;
             path.analog[channel] *= 1.0 - found.extinction[channel] / path.rate;
         }
@@ -648,8 +651,8 @@ impl Sums {
 /// A tentative collision of a ray between scattering events: scattering or null.
 fn collide_between_events(path: &mut Path, found: &Coefficients<f64>) {
     let weight: [f64; 3] = std::array::from_fn(|channel| path.carried[channel] * path.weight[channel]);
-    let scattering: f64 = (0..3).map(|channel| weight[channel] * found.scattering[channel]).sum();
-    let null: f64 = (0..3).map(|channel| weight[channel] * (path.rate - found.extinction[channel])).sum();
+    let scattering: f64 = (0..3).map(|channel| (weight[channel] * found.scattering[channel]).abs()).sum();
+    let null: f64 = (0..3).map(|channel| (weight[channel] * (path.rate - found.extinction[channel])).abs()).sum();
     let both = scattering + null;
     if path.numbers[1] * both < scattering {
         let factor = both / (scattering * path.rate);
@@ -674,7 +677,7 @@ fn collide_between_events(path: &mut Path, found: &Coefficients<f64>) {
 /// The reservoir of possible first scattering events.
 fn keep_or_not(path: &mut Path, found: &Coefficients<f64>) {
     let weight: [f64; 3] = std::array::from_fn(|channel| path.analog[channel] * found.scattering[channel] / path.rate);
-    let mean = weight.iter().sum::<f64>() / 3.0;
+    let mean = weight.iter().map(|channel| channel.abs()).sum::<f64>() / 3.0;
     path.total += mean;
     if path.numbers[1] * path.total < mean {
         path.kept_distance = path.walk.distance;
@@ -696,8 +699,9 @@ fn survives(path: &mut Path) -> bool {
     path.numbers[2] < chance
 }
 
+/// The largest magnitude.
 fn largest(values: &[f64; 3]) -> f64 {
-    values.iter().copied().fold(0.0, f64::max)
+    values.iter().fold(0.0, |most, value| most.max(value.abs()))
 }
 
 pub(super) fn violation(position: [f32; 3], extinction: f64, majorant: f64) -> Error {

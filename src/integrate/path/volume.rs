@@ -11,7 +11,7 @@
 use crate::error::{Error, Result};
 use crate::graph::bounds::Bounds3;
 use crate::graph::evaluate::Evaluator;
-use crate::integrate::majorant::{COORDINATE_PADDING, Majorants};
+use crate::integrate::majorant::{COORDINATE_PADDING, Effort, Majorants, Tracking};
 use crate::integrate::media::{Media, ObjectMedium, PhaseMixture, Values};
 use crate::integrate::medium::Region;
 use crate::integrate::phase::PhaseFunction;
@@ -19,6 +19,7 @@ use crate::nodes::Interval;
 use crate::nodes::closure::Coefficients;
 use crate::scene::Scene;
 use glam::{DMat4, DVec3};
+use rayon::prelude::*;
 
 /// Tentative collisions that are added, for the sake of emission that varies, to a ray along the diagonal of a
 /// medium that emits as much as its bound everywhere. More make emission less noisy and rays slower.
@@ -29,6 +30,9 @@ const EMISSION_DEPTH: u32 = 3;
 
 /// Widening of bounds, relative: their rounding to f32, and what an adapter's f32 product is rounded by.
 const WIDENING: f64 = 2.0 * f32::EPSILON as f64;
+
+/// Positions that a thread looks up before the rays begin.
+const PILOT_BATCH: usize = 4096;
 
 const NOTHING: Coefficients<f64> = Coefficients { scattering: [0.0; 3], extinction: [0.0; 3], emission: [0.0; 3] };
 
@@ -50,7 +54,7 @@ pub(super) struct Volume {
     proportional: Option<Coefficients<f64>>,
     /// None where no object has an inside.
     pub(super) majorants: Option<Majorants>,
-    /// Per channel, what a minorant is multiplied by to be one of that channel: the channel's extinction over that
+    /// Per channel, what a control is multiplied by to be one of that channel: the channel's extinction over that
     /// of the channel with the most where coefficients are proportional to a density, else 1.
     pub(super) share: [f64; 3],
     /// Radiance per metre that is the same in the whole medium; 0 if it varies.
@@ -66,8 +70,8 @@ pub(super) struct Volume {
 }
 
 impl Volume {
-    /// The media of a scene; `rays` is how many rays are expected to cross them.
-    pub(super) fn new(scene: &Scene, rays: f64) -> Result<Self> {
+    /// The media of a scene.
+    pub(super) fn new(scene: &Scene, effort: Effort) -> Result<Self> {
         let mut objects = Media::new(scene)?.objects;
         objects.retain(|object| !object.bounds.is_empty());
         let proportional = match objects.as_slice() {
@@ -105,7 +109,11 @@ impl Volume {
             }
         }
         let enclose = |boxes: &[Bounds3]| volume.enclose(boxes);
-        let majorants = Majorants::build([region.low, region.high], &to_world, rays, enclose)?;
+        let mut majorants = Majorants::build([region.low, region.high], &to_world, effort, enclose)?;
+        // Emission that varies is collected at tentative collisions, whose rate is above 0 by its majorant.
+        if effort.tracking == Tracking::Adaptive && !volume.emission_varies {
+            majorants.pilot(&to_world, effort.rays, |places| volume.extinctions(places))?;
+        }
         volume.majorants = Some(majorants);
         Ok(volume)
     }
@@ -185,6 +193,19 @@ impl Volume {
             widened(least, largest(&sum.high) + emission, sum.may_be_nan)
         };
         Ok(sums.iter().map(together).collect())
+    }
+
+    /// Extinction of the channel with the most at positions of the frame, on all cores.
+    fn extinctions(&self, positions: &[DVec3]) -> Result<Vec<f64>> {
+        let parts: Vec<Vec<f64>> = positions
+            .par_chunks(PILOT_BATCH)
+            .map(|part| {
+                let mut found = Vec::new();
+                self.evaluator()?.evaluate(part, &mut found)?;
+                Ok(found.iter().map(|coefficients| largest(&coefficients.extinction)).collect())
+            })
+            .collect::<Result<_>>()?;
+        Ok(parts.concat())
     }
 
     /// The part of a box of the frame that may lie inside an object, in the object's frame, and whether all of

@@ -1,0 +1,61 @@
+//! `cloudparity time-to-error`: how fast path tracing reaches Cycles' error.
+
+use crate::error::Result;
+use crate::integrate::path::Tracking;
+use crate::time_to_error::{TimeSettings, run as measure};
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+/// Measure how long path tracing takes to the error that Cycles has after so many samples.
+///
+/// For the entries of a suite with sub-pixel replicas. References come from the cache, else Cycles renders for hours. Times are
+/// of the processor, so nothing else should run. Writes OUTPUT/time_to_error.json and .md.
+#[derive(clap::Args)]
+pub(super) struct Arguments {
+    /// The suite file.
+    #[arg(default_value = "parity/parity.suite.json")]
+    suite: PathBuf,
+    /// Only this entry. May be given several times.
+    #[arg(long, value_name = "NAME")]
+    only: Vec<String>,
+    /// Samples of Cycles whose error is to be reached.
+    #[arg(long, value_delimiter = ',', default_values_t = TimeSettings::default().levels,
+        value_parser = clap::value_parser!(u32).range(1..=1_048_576))]
+    samples: Vec<u32>,
+    /// Step rate of Cycles' ray marching, which is a second mode to compare with.
+    #[arg(long, default_value_t = 1.0, value_parser = rate)]
+    marching_rate: f64,
+    /// Leave Cycles' ray marching out.
+    #[arg(long, conflicts_with = "marching_rate")]
+    no_marching: bool,
+    /// How our rays find their collisions.
+    #[arg(long, value_enum, value_delimiter = ',', default_values_t = TimeSettings::default().trackings)]
+    tracking: Vec<Tracking>,
+    /// Processor seconds beyond which one of our renders is cut short and taken in proportion.
+    #[arg(long, value_name = "SECONDS", default_value_t = TimeSettings::default().longest, value_parser = rate)]
+    longest: f64,
+    /// The folder for the results.
+    #[arg(short, long, default_value = "out/time-to-error")]
+    output: PathBuf,
+}
+
+fn rate(text: &str) -> std::result::Result<f64, String> {
+    text.parse().ok().filter(|value: &f64| *value > 0.0 && value.is_finite()).ok_or("not a positive number".to_owned())
+}
+
+pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
+    super::need_bpy("the pictures are")?;
+    let settings = TimeSettings {
+        levels: arguments.samples.clone(),
+        marching_rate: (!arguments.no_marching).then_some(arguments.marching_rate),
+        trackings: arguments.tracking.clone(),
+        longest: arguments.longest,
+    };
+    let bar = super::progress_bar(1);
+    let found = measure(&arguments.suite, &arguments.only, &arguments.output, &settings, &|what| {
+        bar.set_message(what.to_owned());
+    })?;
+    bar.finish_and_clear();
+    super::print(&found.table())?;
+    Ok(ExitCode::SUCCESS)
+}
