@@ -10,9 +10,9 @@ the least noise for pixels on average. All figures are means over pixels and cha
 R^2 + epsilon^2 (the denominator of relMSE), epsilon 1 % of the mean of R:
 
   noise of one replica   s_A^2 - c, c the covariance of A_k and B_k over k. Sub-pixel images differ by
-                         position within the pixel; both sides do so alike, and their noise is independent: c estimates
-                         that spread without bias, and it is no noise of a picture whose samples spread over
-                         the whole pixel.
+                         position within the pixel; both sides do so alike, and their noise is
+                         independent: c estimates that spread without bias, and it is no noise of a
+                         picture whose samples spread over the whole pixel.
   squared bias           against R: ours (1 - w)^2 D, Cycles w^2 D, with D = (A - B)^2 less its noise.
   another picture X      error (X - R)^2 less the noise of R; with several replicas also its own noise, with c
                          from A and B at the same positions, and its squared bias, the error of the mean less

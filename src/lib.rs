@@ -8,6 +8,7 @@ pub mod blender;
 pub mod cli;
 pub mod compare;
 pub mod demo;
+pub mod density;
 pub mod error;
 pub mod field;
 pub mod files;

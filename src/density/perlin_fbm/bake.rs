@@ -1,0 +1,130 @@
+//! The byte volume: octaves of noise, made periodic, thresholded.
+
+use super::noise::{Octaves, octaves};
+use super::random::{Permutation, permutation};
+use super::{Volume, finite, smooth};
+use crate::error::{Error, Result};
+use num_traits::Float;
+use rayon::prelude::*;
+
+/// Most texels per axis: 16 MiB.
+pub const LARGEST: usize = 256;
+
+/// Parameters of a bake.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Bake {
+    /// Centre of the threshold, 0 to 1.
+    pub coverage: f64,
+    /// Half width of the threshold, above 0.
+    pub softness: f64,
+    /// Units of noise across the box, above 0.
+    pub noise_scale: f64,
+    /// Octaves of noise.
+    pub octaves: Octaves,
+    /// Exponent before the threshold, above 0.
+    pub intensity: f64,
+    /// Makes the permutation, and shifts the coordinates. Any finite number.
+    pub seed: f64,
+}
+
+impl Default for Bake {
+    /// The engine's defaults; its seed is random, ours is 42.
+    fn default() -> Self {
+        Self {
+            coverage: 0.55,
+            softness: 0.05,
+            noise_scale: 3.5,
+            octaves: Octaves { count: 5, persistence: 0.5, lacunarity: 3.0 },
+            intensity: 1.0,
+            seed: 42.0,
+        }
+    }
+}
+
+/// Corners of the blend in the order of the sum, which decides its rounding.
+const CORNERS: [[usize; 3]; 8] =
+    [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1], [1, 1, 0], [1, 0, 1], [0, 1, 1], [1, 1, 1]];
+
+impl Bake {
+    /// Refuses parameters outside of their ranges.
+    pub fn check(&self) -> Result<()> {
+        let Octaves { count, persistence, lacunarity } = self.octaves;
+        let wrong = |name: &str, found: String, expected: &str| {
+            Err(Error::new(format!("parameter {name}"), found, expected, "Correct the parameter."))
+        };
+        for (name, value) in [
+            ("coverage", self.coverage),
+            ("softness", self.softness),
+            ("noise_scale", self.noise_scale),
+            ("persistence", persistence),
+            ("lacunarity", lacunarity),
+            ("intensity", self.intensity),
+            ("seed", self.seed),
+        ] {
+            finite(name, value)?;
+        }
+        for (name, value) in
+            [("softness", self.softness), ("noise_scale", self.noise_scale), ("intensity", self.intensity)]
+        {
+            if value <= 0.0 {
+                return wrong(name, value.to_string(), "a number above 0");
+            }
+        }
+        if !(1..=64).contains(&count) {
+            return wrong("octaves", count.to_string(), "1 to 64");
+        }
+        Ok(())
+    }
+
+    /// The texture of `side` texels per axis, in double precision: byte for byte the original's.
+    pub fn volume(&self, side: usize) -> Result<Volume> {
+        self.check()?;
+        if !(2..=LARGEST).contains(&side) {
+            return Err(Error::new(
+                "parameter texture_size",
+                side.to_string(),
+                format!("2 to {LARGEST} texels per axis"),
+                "Correct the parameter.",
+            ));
+        }
+        let table = permutation(self.seed);
+        let texels = (0..side.pow(3))
+            .into_par_iter()
+            .with_min_len(side)
+            .map(|index| {
+                let place = [index % side, index / side % side, index / (side * side)];
+                self.byte(self.blend::<f64>(&table, place.map(|number| number as f64 / (side - 1) as f64)))
+            })
+            .collect();
+        Ok(Volume { side, texels })
+    }
+
+    /// The periodic noise mapped to about [0, 1], at a place of the unit box: eight shifted copies, each with the weight of its corner.
+    pub fn blend<T: Float>(&self, table: &Permutation, place: [T; 3]) -> T {
+        let convert = |value: f64| T::from(value).expect("a float holds any double, rounded");
+        let (scale, seed) = (convert(self.noise_scale), convert(self.seed));
+        let base = place.map(|coordinate| coordinate * scale + seed);
+        let mut sum = T::zero();
+        for corner in CORNERS {
+            let shifted = std::array::from_fn(|axis| if corner[axis] == 1 { base[axis] - scale } else { base[axis] });
+            let mut term = octaves(table, shifted, &self.octaves);
+            for axis in 0..3 {
+                term = term * if corner[axis] == 1 { place[axis] } else { T::one() - place[axis] };
+            }
+            sum = sum + term;
+        }
+        (sum + T::one()) / (T::one() + T::one())
+    }
+
+    /// The texel of a value of the blended noise. NaN, a negative value to a broken power, gives 0.
+    pub fn byte<T: Float>(&self, value: T) -> u8 {
+        let convert = |value: f64| T::from(value).expect("a float holds any double, rounded");
+        let [coverage, softness, intensity, most] = [self.coverage, self.softness, self.intensity, 255.0].map(convert);
+        let powered = value.powf(intensity);
+        if powered.is_nan() {
+            return 0;
+        }
+        let density = smooth(coverage - softness, coverage + softness, powered);
+        (density * most).floor().to_u8().unwrap_or(0)
+    }
+}

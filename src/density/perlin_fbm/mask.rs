@@ -1,0 +1,139 @@
+//! The mask: the signed distance of a sphere that is flattened in six directions and deformed by two textures of noise.
+
+use super::noise::{Field, noise};
+use super::random::permutation;
+use super::{Volume, Wrap, finite};
+use crate::error::{Error, Result};
+use rayon::prelude::*;
+
+/// Texels of a mask texture per axis.
+pub const SIDE: usize = 128;
+
+/// Parameters of the mask, in units of the local box.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Mask {
+    /// Radius of the sphere; not above 0: no cloud.
+    pub radius: f64,
+    /// Distance over which the mask fades in, above 0.
+    pub softness: f64,
+    /// Factors on the radius along -x, -y, -z and +x, +y, +z: 1 is a sphere. Not above 0 counts as 1, because the original
+    /// divides by it.
+    pub flattening: [[f64; 3]; 2],
+    /// Main and fine deformation.
+    pub deformations: [Deformation; 2],
+}
+
+/// A deformation of the sphere.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Deformation {
+    /// Seed of its noise.
+    pub seed: f64,
+    /// Largest displacement.
+    pub strength: f64,
+    /// Units of noise in the sphere's radius.
+    pub frequency: f64,
+}
+
+impl Default for Mask {
+    /// What the engine's mask begins with: the only values with which its mask works as published.
+    fn default() -> Self {
+        Self {
+            radius: 0.52,
+            softness: 0.17,
+            flattening: [[0.9, 0.3, 0.9], [0.9, 0.7, 0.9]],
+            deformations: [
+                Deformation { seed: 1.0, strength: 0.05, frequency: 2.7 },
+                Deformation { seed: 10.0, strength: 0.036, frequency: 10.5 },
+            ],
+        }
+    }
+}
+
+/// A mask with its textures.
+#[derive(Debug, Clone)]
+pub struct Baked {
+    mask: Mask,
+    /// Main and fine deformation.
+    pub textures: [Volume; 2],
+}
+
+impl Mask {
+    /// Makes the textures, after refusing parameters that are no numbers and a softness that is not above 0.
+    pub fn bake(&self) -> Result<Baked> {
+        finite("mask radius", self.radius)?;
+        finite("mask softness", self.softness)?;
+        self.flattening.as_flattened().iter().try_for_each(|&value| finite("flattening", value))?;
+        for Deformation { seed, strength, frequency } in self.deformations {
+            finite("deformation seed", seed)?;
+            finite("deformation strength", strength)?;
+            finite("deformation frequency", frequency)?;
+        }
+        if self.softness <= 0.0 {
+            return Err(Error::new(
+                "parameter mask softness",
+                self.softness.to_string(),
+                "a number above 0",
+                "Correct the parameter.",
+            ));
+        }
+        let [main, fine] = self.deformations;
+        Ok(Baked { mask: *self, textures: [main.texture(), fine.texture()] })
+    }
+}
+
+impl Deformation {
+    /// The texture of `SIDE` texels per axis: noise in the direction of each texel from the centre, as a byte that wraps around.
+    pub fn texture(&self) -> Volume {
+        let table = permutation(self.seed);
+        let texels = (0..SIDE.pow(3))
+            .into_par_iter()
+            .with_min_len(SIDE)
+            .map(|index| {
+                let place = [index % SIDE, index / SIDE % SIDE, index / (SIDE * SIDE)];
+                let [x, y, z] = place.map(|number| 2.0 * number as f64 / (SIDE - 1) as f64 - 1.0);
+                // The side is even: no texel lies at the centre.
+                let inverse = 1.0 / (x * x + y * y + z * z).sqrt();
+                let value = noise(Field::Mask, &table, [x, y, z].map(|part| part * inverse * self.frequency));
+                // Truncated, not clamped: 256 wraps to 0.
+                (128.0 * value + 128.0) as i64 as u8
+            })
+            .collect();
+        Volume { side: SIDE, texels }
+    }
+}
+
+impl Baked {
+    /// Signed distance at a place of the local box, positive inside; -1 without a radius.
+    pub fn distance(&self, place: [f64; 3]) -> f64 {
+        let read = |texture: &Volume, at: [f64; 3]| texture.sample(at, Wrap::Clamp);
+        self.distance_by(place, read)
+    }
+
+    /// The same where both textures read as 0, as in the original, which never uploads them: a smaller sphere.
+    pub fn distance_without_textures(&self, place: [f64; 3]) -> f64 {
+        self.distance_by(place, |_, _| 0.0)
+    }
+
+    fn distance_by(&self, place: [f64; 3], read: impl Fn(&Volume, [f64; 3]) -> f64) -> f64 {
+        let Mask { radius, flattening, deformations, .. } = self.mask;
+        if radius <= 0.0 {
+            return -1.0;
+        }
+        let stretched: [f64; 3] = std::array::from_fn(|axis| {
+            let factor = flattening[usize::from(place[axis] > 0.0)][axis];
+            place[axis] / if factor > 0.0 { factor } else { 1.0 }
+        });
+        let length = stretched.iter().map(|part| part * part).sum::<f64>().sqrt();
+        if length == 0.0 {
+            return radius;
+        }
+        let at = stretched.map(|part| part / length * radius * 0.5 + 0.5);
+        let displacement: f64 = self
+            .textures
+            .iter()
+            .zip(deformations)
+            .map(|(texture, deformation)| (2.0 * read(texture, at) - 1.0) * deformation.strength)
+            .sum();
+        radius + displacement - length
+    }
+}

@@ -1,0 +1,158 @@
+//! The seeded, baked, masked Perlin-FBM cloud of a published three.js engine.
+//!
+//! A byte volume is baked from gradient noise that is made periodic by blending eight shifted copies ([`bake`]), looked up
+//! several periods across a box, and masked by the signed distance of a deformed sphere ([`mask`]). Random numbers and
+//! permutations come from a seed ([`random`]), gradient noise from a permutation ([`noise`]). The original computes in double
+//! precision on the CPU; what is deterministic there is equal here to the byte.
+//!
+//! Space is the *local box* from -0.5 to 0.5 on every axis; y is up.
+
+pub mod bake;
+pub mod mask;
+pub mod noise;
+pub mod random;
+
+use crate::error::{Error, Result};
+use bake::Bake;
+use mask::Mask;
+
+/// A byte texture of side `side`: one channel, x fastest.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Volume {
+    /// Texels per axis.
+    pub side: usize,
+    /// `side`^3 texels.
+    pub texels: Vec<u8>,
+}
+
+/// What lies outside of a texture.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Wrap {
+    /// The texture again.
+    Repeat,
+    /// Its nearest texel.
+    Clamp,
+}
+
+impl Volume {
+    /// Trilinear value in [0, 1] at texture coordinates: texel i has its centre at (i + 0.5) / side. A coordinate that is not
+    /// finite reads as NaN.
+    pub fn sample(&self, at: [f64; 3], wrap: Wrap) -> f64 {
+        if at.iter().any(|coordinate| !coordinate.is_finite()) {
+            return f64::NAN;
+        }
+        let side = self.side as f64;
+        let texel = |number: f64| match wrap {
+            Wrap::Repeat => number.rem_euclid(side) as usize % self.side,
+            Wrap::Clamp => number.clamp(0.0, side - 1.0) as usize,
+        };
+        let places = at.map(|coordinate| coordinate * side - 0.5);
+        let fractions = places.map(|place| place - place.floor());
+        let ends = places.map(|place| [texel(place.floor()), texel(place.floor() + 1.0)]);
+        let mut sum = 0.0;
+        for corner in 0..8 {
+            let upper = [corner & 1, corner >> 1 & 1, corner >> 2 & 1];
+            let mut weight = 1.0;
+            for axis in 0..3 {
+                weight *= if upper[axis] == 1 { fractions[axis] } else { 1.0 - fractions[axis] };
+            }
+            let [x, y, z] = std::array::from_fn(|axis| ends[axis][upper[axis]]);
+            sum += weight * f64::from(self.texels[(z * self.side + y) * self.side + x]) / 255.0;
+        }
+        sum
+    }
+}
+
+/// Cubic Hermite step from 0 below `low` to 1 above `high`.
+pub fn smooth<T: num_traits::Float>(low: T, high: T, value: T) -> T {
+    let three = T::one() + T::one() + T::one();
+    let t = ((value - low) / (high - low)).max(T::zero()).min(T::one());
+    t * t * (three - (t + t))
+}
+
+/// What makes the density of the cloud.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Parameters {
+    /// The baked volume.
+    pub bake: Bake,
+    /// Texels of it per axis.
+    pub texture_size: usize,
+    /// The mask.
+    pub mask: Mask,
+    /// Periods of the volume across the box.
+    pub tiling: f64,
+    /// Animation offset in periods.
+    pub offset: [f64; 3],
+    /// Texel values below it are empty.
+    pub threshold: f64,
+    /// Density of a texel of value 1 where the mask is 1.
+    pub density_multiplier: f64,
+}
+
+/// The baked cloud.
+#[derive(Debug, Clone)]
+pub struct Cloud {
+    parameters: Parameters,
+    volume: Volume,
+    mask: mask::Baked,
+}
+
+/// Everything that the density at a place is made of.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Sample {
+    /// Signed distance to the mask's surface, positive inside.
+    pub distance: f64,
+    /// The mask's factor in [0, 1].
+    pub mask: f64,
+    /// The volume's value in [0, 1].
+    pub texel: f64,
+    /// The density.
+    pub density: f64,
+}
+
+impl Cloud {
+    /// Bakes the textures of a cloud.
+    pub fn new(parameters: Parameters) -> Result<Self> {
+        for (name, value) in [
+            ("tiling", parameters.tiling),
+            ("threshold", parameters.threshold),
+            ("density_multiplier", parameters.density_multiplier),
+        ] {
+            finite(name, value)?;
+        }
+        parameters.offset.iter().try_for_each(|&value| finite("offset", value))?;
+        let volume = parameters.bake.volume(parameters.texture_size)?;
+        let mask = parameters.mask.bake()?;
+        Ok(Self { parameters, volume, mask })
+    }
+
+    /// The volume's texture.
+    pub fn volume(&self) -> &Volume {
+        &self.volume
+    }
+
+    /// The mask's textures.
+    pub fn mask(&self) -> &mask::Baked {
+        &self.mask
+    }
+
+    /// The density at a place of the local box, and its parts.
+    pub fn at(&self, place: [f64; 3]) -> Sample {
+        let Parameters { tiling, offset, threshold, density_multiplier, mask, .. } = &self.parameters;
+        let distance = self.mask.distance(place);
+        let factor = smooth(0.0, mask.softness, distance);
+        let coordinates = std::array::from_fn(|axis| (place[axis] + 0.5) * tiling + offset[axis]);
+        let texel = self.volume.sample(coordinates, Wrap::Repeat);
+        let is_empty = factor <= 0.0 || texel < *threshold;
+        let density = if is_empty { 0.0 } else { texel * density_multiplier * factor };
+        Sample { distance, mask: factor, texel, density }
+    }
+}
+
+/// Refuses a parameter that is no number.
+fn finite(name: &str, value: f64) -> Result<()> {
+    if value.is_finite() {
+        return Ok(());
+    }
+    Err(Error::new(format!("parameter {name}"), value.to_string(), "a finite number", "Correct the parameter."))
+}
