@@ -13,15 +13,22 @@ use std::process::ExitCode;
 /// differs; 2: could not tell.
 #[derive(clap::Args)]
 pub(super) struct Arguments {
-    /// The suite file.
-    #[arg(default_value = "parity/parity.suite.json")]
-    suite: PathBuf,
-    /// Only this entry. May be given several times.
-    #[arg(long, value_name = "NAME")]
-    only: Vec<String>,
+    #[command(flatten)]
+    suite: SuiteArguments,
     /// The folder for the results.
     #[arg(short, long, default_value = "out/parity")]
     output: PathBuf,
+}
+
+/// Which entries of which suite.
+#[derive(clap::Args)]
+pub(super) struct SuiteArguments {
+    /// The suite file.
+    #[arg(default_value = "parity/parity.suite.json")]
+    pub(super) suite: PathBuf,
+    /// Only this entry. May be given several times.
+    #[arg(long, value_name = "NAME")]
+    pub(super) only: Vec<String>,
 }
 
 pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
@@ -38,7 +45,8 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
         }
         bar.suspend(|| eprintln!("{line}"));
     };
-    let rows = parity::run(&arguments.suite, &arguments.only, &arguments.output, &report, told)?;
+    let SuiteArguments { suite, only } = &arguments.suite;
+    let rows = parity::run(suite, only, &arguments.output, &report, told)?;
     bar.finish_and_clear();
     super::print(&parity::table(&rows))?;
     let worst = Verdict::worst(rows.iter().map(|row| row.verdict)).unwrap_or(Verdict::CouldNotTell);

@@ -1,5 +1,6 @@
 //! `cloudparity time-to-error`: how fast path tracing reaches Cycles' error.
 
+use super::parity::SuiteArguments;
 use crate::error::Result;
 use crate::integrate::path::Tracking;
 use crate::time_to_error::{TimeSettings, run as measure};
@@ -12,12 +13,8 @@ use std::process::ExitCode;
 /// of the processor, so nothing else should run. Writes OUTPUT/time_to_error.json and .md.
 #[derive(clap::Args)]
 pub(super) struct Arguments {
-    /// The suite file.
-    #[arg(default_value = "parity/parity.suite.json")]
-    suite: PathBuf,
-    /// Only this entry. May be given several times.
-    #[arg(long, value_name = "NAME")]
-    only: Vec<String>,
+    #[command(flatten)]
+    suite: SuiteArguments,
     /// Samples of Cycles whose error is to be reached.
     #[arg(long, value_delimiter = ',', default_values_t = TimeSettings::default().levels,
         value_parser = clap::value_parser!(u32).range(1..=1_048_576))]
@@ -52,7 +49,8 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
         longest: arguments.longest,
     };
     let bar = super::progress_bar(1);
-    let found = measure(&arguments.suite, &arguments.only, &arguments.output, &settings, &|what| {
+    let SuiteArguments { suite, only } = &arguments.suite;
+    let found = measure(suite, only, &arguments.output, &settings, &|what| {
         bar.set_message(what.to_owned());
     })?;
     bar.finish_and_clear();

@@ -2,10 +2,9 @@
 
 use super::noise::{Octaves, octaves};
 use super::random::{Permutation, permutation};
-use super::{Volume, finite, smooth};
+use super::{Volume, above_zero, finite, smooth};
 use crate::error::{Error, Result};
 use num_traits::Float;
-use rayon::prelude::*;
 
 /// Most texels per axis: 16 MiB.
 pub const LARGEST: usize = 256;
@@ -49,9 +48,6 @@ impl Bake {
     /// Refuses parameters outside of their ranges.
     pub fn check(&self) -> Result<()> {
         let Octaves { count, persistence, lacunarity } = self.octaves;
-        let wrong = |name: &str, found: String, expected: &str| {
-            Err(Error::new(format!("parameter {name}"), found, expected, "Correct the parameter."))
-        };
         for (name, value) in [
             ("coverage", self.coverage),
             ("softness", self.softness),
@@ -63,15 +59,11 @@ impl Bake {
         ] {
             finite(name, value)?;
         }
-        for (name, value) in
-            [("softness", self.softness), ("noise_scale", self.noise_scale), ("intensity", self.intensity)]
-        {
-            if value <= 0.0 {
-                return wrong(name, value.to_string(), "a number above 0");
-            }
-        }
+        above_zero("softness", self.softness)?;
+        above_zero("noise_scale", self.noise_scale)?;
+        above_zero("intensity", self.intensity)?;
         if !(1..=64).contains(&count) {
-            return wrong("octaves", count.to_string(), "1 to 64");
+            return Err(Error::new("parameter octaves", count.to_string(), "1 to 64", "Correct the parameter."));
         }
         Ok(())
     }
@@ -88,15 +80,8 @@ impl Bake {
             ));
         }
         let table = permutation(self.seed);
-        let texels = (0..side.pow(3))
-            .into_par_iter()
-            .with_min_len(side)
-            .map(|index| {
-                let place = [index % side, index / side % side, index / (side * side)];
-                self.byte(self.blend::<f64>(&table, place.map(|number| number as f64 / (side - 1) as f64)))
-            })
-            .collect();
-        Ok(Volume { side, texels })
+        let blended = |place: [usize; 3]| self.blend(&table, place.map(|number| number as f64 / (side - 1) as f64));
+        Ok(Volume::bake(side, |place| self.byte(blended(place))))
     }
 
     /// The periodic noise mapped to about [0, 1], at a place of the unit box: eight shifted copies, each with the weight of its corner.

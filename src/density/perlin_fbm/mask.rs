@@ -2,9 +2,8 @@
 
 use super::noise::{Field, noise};
 use super::random::permutation;
-use super::{Volume, Wrap, finite};
-use crate::error::{Error, Result};
-use rayon::prelude::*;
+use super::{Volume, Wrap, above_zero, finite};
+use crate::error::Result;
 
 /// Texels of a mask texture per axis.
 pub const SIDE: usize = 128;
@@ -68,14 +67,7 @@ impl Mask {
             finite("deformation strength", strength)?;
             finite("deformation frequency", frequency)?;
         }
-        if self.softness <= 0.0 {
-            return Err(Error::new(
-                "parameter mask softness",
-                self.softness.to_string(),
-                "a number above 0",
-                "Correct the parameter.",
-            ));
-        }
+        above_zero("mask softness", self.softness)?;
         let [main, fine] = self.deformations;
         Ok(Baked { mask: *self, textures: [main.texture(), fine.texture()] })
     }
@@ -85,20 +77,14 @@ impl Deformation {
     /// The texture of `SIDE` texels per axis: noise in the direction of each texel from the centre, as a byte that wraps around.
     pub fn texture(&self) -> Volume {
         let table = permutation(self.seed);
-        let texels = (0..SIDE.pow(3))
-            .into_par_iter()
-            .with_min_len(SIDE)
-            .map(|index| {
-                let place = [index % SIDE, index / SIDE % SIDE, index / (SIDE * SIDE)];
-                let [x, y, z] = place.map(|number| 2.0 * number as f64 / (SIDE - 1) as f64 - 1.0);
-                // The side is even: no texel lies at the centre.
-                let inverse = 1.0 / (x * x + y * y + z * z).sqrt();
-                let value = noise(Field::Mask, &table, [x, y, z].map(|part| part * inverse * self.frequency));
-                // Truncated, not clamped: 256 wraps to 0.
-                (128.0 * value + 128.0) as i64 as u8
-            })
-            .collect();
-        Volume { side: SIDE, texels }
+        Volume::bake(SIDE, |place| {
+            let [x, y, z] = place.map(|number| 2.0 * number as f64 / (SIDE - 1) as f64 - 1.0);
+            // The side is even: no texel lies at the centre.
+            let inverse = 1.0 / (x * x + y * y + z * z).sqrt();
+            let value = noise(Field::Mask, &table, [x, y, z].map(|part| part * inverse * self.frequency));
+            // Truncated, not clamped: 256 wraps to 0.
+            (128.0 * value + 128.0) as i64 as u8
+        })
     }
 }
 

@@ -15,6 +15,7 @@ pub mod random;
 use crate::error::{Error, Result};
 use bake::Bake;
 use mask::Mask;
+use rayon::prelude::*;
 
 /// A byte texture of side `side`: one channel, x fastest.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -35,6 +36,16 @@ pub enum Wrap {
 }
 
 impl Volume {
+    /// A texture from the byte of each texel, on all cores.
+    fn bake(side: usize, texel: impl Fn([usize; 3]) -> u8 + Sync) -> Self {
+        let texels = (0..side.pow(3))
+            .into_par_iter()
+            .with_min_len(side)
+            .map(|index| texel([index % side, index / side % side, index / (side * side)]))
+            .collect();
+        Self { side, texels }
+    }
+
     /// Trilinear value in [0, 1] at texture coordinates: texel i has its centre at (i + 0.5) / side. A coordinate that is not
     /// finite reads as NaN.
     pub fn sample(&self, at: [f64; 3], wrap: Wrap) -> f64 {
@@ -155,4 +166,12 @@ fn finite(name: &str, value: f64) -> Result<()> {
         return Ok(());
     }
     Err(Error::new(format!("parameter {name}"), value.to_string(), "a finite number", "Correct the parameter."))
+}
+
+/// Refuses a parameter that is not above 0.
+fn above_zero(name: &str, value: f64) -> Result<()> {
+    if value > 0.0 {
+        return Ok(());
+    }
+    Err(Error::new(format!("parameter {name}"), value.to_string(), "a number above 0", "Correct the parameter."))
 }
