@@ -41,6 +41,7 @@ demo-live: build ## the same with a fresh Cycles render as reference (needs bpy;
 # The second takes hours where the cache has no reference of the two heavy scenes.
 bench: build ## speed of the evaluators and of path tracing against Cycles, as ratios on this machine
 	$(PROGRAM) bench $(SCENE)
+	$(PROGRAM) bench-bake
 	$(PROGRAM) time-to-error -o out/time-to-error
 
 test: setup ## lints, all tests of Rust and Python, doc tests

@@ -4,6 +4,7 @@
 //! 1: they differ; 2: the command could not do its work.
 
 mod bench;
+mod bench_bake;
 mod bounds;
 mod build;
 mod convergence;
@@ -42,6 +43,7 @@ struct CommandLine {
 #[derive(Subcommand)]
 enum Command {
     Bench(bench::Arguments),
+    BenchBake(bench_bake::Arguments),
     Bounds(bounds::Arguments),
     Build(build::Arguments),
     Convergence(Box<convergence::Arguments>),
@@ -71,6 +73,7 @@ pub fn run() -> ExitCode {
     let command_line = CommandLine::parse();
     let result = match command_line.command {
         Command::Bench(arguments) => bench::run(&arguments),
+        Command::BenchBake(arguments) => bench_bake::run(&arguments),
         Command::Bounds(arguments) => bounds::run(&arguments),
         Command::Build(arguments) => build::run(&arguments),
         Command::Convergence(arguments) => convergence::run(&arguments),

@@ -162,6 +162,33 @@ impl Gpu {
         buffer
     }
 
+    /// Submits one run of a pipeline over buffers, each group's bound from 0 on.
+    pub fn dispatch(&self, pipeline: &wgpu::ComputePipeline, groups: &[Vec<&wgpu::Buffer>], workgroups: u32) {
+        let mut encoder = self.device.create_command_encoder(&Default::default());
+        {
+            let mut pass = encoder.begin_compute_pass(&Default::default());
+            pass.set_pipeline(pipeline);
+            for (number, buffers) in groups.iter().enumerate() {
+                let entries: Vec<wgpu::BindGroupEntry> = buffers
+                    .iter()
+                    .enumerate()
+                    .map(|(binding, buffer)| wgpu::BindGroupEntry {
+                        binding: binding as u32,
+                        resource: buffer.as_entire_binding(),
+                    })
+                    .collect();
+                let bindings = self.device.create_bind_group(&wgpu::BindGroupDescriptor {
+                    label: None,
+                    layout: &pipeline.get_bind_group_layout(number as u32),
+                    entries: &entries,
+                });
+                pass.set_bind_group(number as u32, &bindings, &[]);
+            }
+            pass.dispatch_workgroups(workgroups, 1, 1);
+        }
+        self.queue.submit([encoder.finish()]);
+    }
+
     /// The first `size` bytes of a buffer with usage `COPY_SRC`, after all submitted work.
     pub fn read_back(&self, buffer: &wgpu::Buffer, size: u64) -> Result<Vec<u8>> {
         let staging = self.device.create_buffer(&wgpu::BufferDescriptor {

@@ -64,7 +64,7 @@ impl Linker {
     /// importable as [`PROGRAM_PATH`]: `fn evaluate(position: vec3f, ...) -> f32` (or `vec3f`, or a
     /// struct `Outputs` for several outputs); each attribute is a further `vec3f` argument.
     pub fn new(program: &Program) -> Result<Self> {
-        let mut linker = Self { composer: Composer::default() };
+        let mut linker = Self::bare();
         for (path, source) in SHARED {
             linker.add(path, source)?;
         }
@@ -76,10 +76,15 @@ impl Linker {
     /// A linker whose program reads the density from a grid: [`PROGRAM_PATH`] as of [`Self::new`], with the grid in
     /// group 1. Format and filter are definitions for [`Self::link_with`].
     pub fn cached() -> Result<Self> {
-        let mut linker = Self { composer: Composer::default() };
+        let mut linker = Self::bare();
         linker.add("integrate/density_cache.wgsl", CACHE_MODULE)?;
         linker.add("generated/graph.wgsl", CACHED_PROGRAM)?;
         Ok(linker)
+    }
+
+    /// A linker without a program, for kernels that read none.
+    pub fn bare() -> Self {
+        Self { composer: Composer::default() }
     }
 
     /// Adds an importable module; its `#define_import_path` names it.

@@ -18,6 +18,8 @@ pub mod medium;
 mod memory;
 pub mod path;
 pub mod phase;
+pub mod real_time;
+pub mod real_time_adapter;
 pub mod sampled_lights;
 pub mod sampler;
 

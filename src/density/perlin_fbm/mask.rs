@@ -4,6 +4,7 @@ use super::noise::{Field, noise};
 use super::random::permutation;
 use super::{Volume, Wrap, above_zero, finite};
 use crate::error::Result;
+use std::sync::Arc;
 
 /// Texels of a mask texture per axis.
 pub const SIDE: usize = 128;
@@ -15,11 +16,13 @@ pub struct Mask {
     pub radius: f64,
     /// Distance over which the mask fades in, above 0.
     pub softness: f64,
-    /// Factors on the radius along -x, -y, -z and +x, +y, +z: 1 is a sphere. Not above 0 counts as 1, because the original
-    /// divides by it.
+    /// Factors on the radius along -x, -y, -z and +x, +y, +z: 1 is a sphere, below it flat. Above 0: the original divides by it.
     pub flattening: [[f64; 3]; 2],
     /// Main and fine deformation.
     pub deformations: [Deformation; 2],
+    /// Whether the textures are read. The original never uploads its own, so that both read as 0 and the sphere is smaller by
+    /// both strengths (defect PF-2).
+    pub reads_textures: bool,
 }
 
 /// A deformation of the sphere.
@@ -44,6 +47,7 @@ impl Default for Mask {
                 Deformation { seed: 1.0, strength: 0.05, frequency: 2.7 },
                 Deformation { seed: 10.0, strength: 0.036, frequency: 10.5 },
             ],
+            reads_textures: true,
         }
     }
 }
@@ -53,23 +57,39 @@ impl Default for Mask {
 pub struct Baked {
     mask: Mask,
     /// Main and fine deformation.
-    pub textures: [Volume; 2],
+    pub textures: [Arc<Volume>; 2],
 }
 
 impl Mask {
-    /// Makes the textures, after refusing parameters that are no numbers and a softness that is not above 0.
+    /// Makes the textures, after refusing parameters that are no numbers, or not above 0 where they must be.
     pub fn bake(&self) -> Result<Baked> {
+        self.bake_after(None)
+    }
+
+    /// The same, with the textures of another mask where their seed and frequency are the same.
+    pub fn bake_after(&self, other: Option<&Baked>) -> Result<Baked> {
         finite("mask radius", self.radius)?;
         finite("mask softness", self.softness)?;
-        self.flattening.as_flattened().iter().try_for_each(|&value| finite("flattening", value))?;
+        for &value in self.flattening.as_flattened() {
+            finite("flattening", value)?;
+            above_zero("flattening", value)?;
+        }
         for Deformation { seed, strength, frequency } in self.deformations {
             finite("deformation seed", seed)?;
             finite("deformation strength", strength)?;
             finite("deformation frequency", frequency)?;
         }
         above_zero("mask softness", self.softness)?;
-        let [main, fine] = self.deformations;
-        Ok(Baked { mask: *self, textures: [main.texture(), fine.texture()] })
+        let textures = std::array::from_fn(|number| {
+            let wanted = self.deformations[number];
+            let found = other.and_then(|other| {
+                let there = other.mask.deformations[number];
+                (there.seed == wanted.seed && there.frequency == wanted.frequency)
+                    .then(|| Arc::clone(&other.textures[number]))
+            });
+            found.unwrap_or_else(|| Arc::new(wanted.texture()))
+        });
+        Ok(Baked { mask: *self, textures })
     }
 }
 
@@ -91,24 +111,12 @@ impl Deformation {
 impl Baked {
     /// Signed distance at a place of the local box, positive inside; -1 without a radius.
     pub fn distance(&self, place: [f64; 3]) -> f64 {
-        let read = |texture: &Volume, at: [f64; 3]| texture.sample(at, Wrap::Clamp);
-        self.distance_by(place, read)
-    }
-
-    /// The same where both textures read as 0, as in the original, which never uploads them: a smaller sphere.
-    pub fn distance_without_textures(&self, place: [f64; 3]) -> f64 {
-        self.distance_by(place, |_, _| 0.0)
-    }
-
-    fn distance_by(&self, place: [f64; 3], read: impl Fn(&Volume, [f64; 3]) -> f64) -> f64 {
-        let Mask { radius, flattening, deformations, .. } = self.mask;
+        let Mask { radius, flattening, deformations, reads_textures, .. } = self.mask;
         if radius <= 0.0 {
             return -1.0;
         }
-        let stretched: [f64; 3] = std::array::from_fn(|axis| {
-            let factor = flattening[usize::from(place[axis] > 0.0)][axis];
-            place[axis] / if factor > 0.0 { factor } else { 1.0 }
-        });
+        let stretched: [f64; 3] =
+            std::array::from_fn(|axis| place[axis] / flattening[usize::from(place[axis] > 0.0)][axis]);
         let length = stretched.iter().map(|part| part * part).sum::<f64>().sqrt();
         if length == 0.0 {
             return radius;
@@ -118,7 +126,10 @@ impl Baked {
             .textures
             .iter()
             .zip(deformations)
-            .map(|(texture, deformation)| (2.0 * read(texture, at) - 1.0) * deformation.strength)
+            .map(|(texture, deformation)| {
+                let value = if reads_textures { texture.sample(at, Wrap::Clamp) } else { 0.0 };
+                (2.0 * value - 1.0) * deformation.strength
+            })
             .sum();
         radius + displacement - length
     }

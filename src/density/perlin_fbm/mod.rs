@@ -7,13 +7,19 @@
 //!
 //! Space is the *local box* from -0.5 to 0.5 on every axis; y is up.
 
+pub mod adapter;
 pub mod bake;
+pub mod benchmark;
 pub mod mask;
 pub mod noise;
 pub mod random;
+mod rows;
+pub mod settings;
 
+use super::{DensityModel, ModelShader, smooth};
 use crate::error::{Error, Result};
 use bake::Bake;
+use glam::DVec3;
 use mask::Mask;
 use rayon::prelude::*;
 
@@ -74,13 +80,6 @@ impl Volume {
     }
 }
 
-/// Cubic Hermite step from 0 below `low` to 1 above `high`.
-pub fn smooth<T: num_traits::Float>(low: T, high: T, value: T) -> T {
-    let three = T::one() + T::one() + T::one();
-    let t = ((value - low) / (high - low)).max(T::zero()).min(T::one());
-    t * t * (three - (t + t))
-}
-
 /// What makes the density of the cloud.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Parameters {
@@ -98,7 +97,12 @@ pub struct Parameters {
     pub threshold: f64,
     /// Density of a texel of value 1 where the mask is 1.
     pub density_multiplier: f64,
+    /// Extinction of a view ray is the density times this and [`TINT`], per side of the box.
+    pub opacity: f64,
 }
+
+/// Extinction of the channels, relative to each other: blue is dimmed most.
+pub const TINT: [f64; 3] = [0.6, 0.65, 0.7];
 
 /// The baked cloud.
 #[derive(Debug, Clone)]
@@ -124,16 +128,22 @@ pub struct Sample {
 impl Cloud {
     /// Bakes the textures of a cloud.
     pub fn new(parameters: Parameters) -> Result<Self> {
+        Self::new_after(parameters, None)
+    }
+
+    /// The same, with the mask's textures of another cloud where they would be the same.
+    pub fn new_after(parameters: Parameters, other: Option<&Self>) -> Result<Self> {
         for (name, value) in [
             ("tiling", parameters.tiling),
             ("threshold", parameters.threshold),
             ("density_multiplier", parameters.density_multiplier),
+            ("opacity", parameters.opacity),
         ] {
             finite(name, value)?;
         }
         parameters.offset.iter().try_for_each(|&value| finite("offset", value))?;
         let volume = parameters.bake.volume(parameters.texture_size)?;
-        let mask = parameters.mask.bake()?;
+        let mask = parameters.mask.bake_after(other.map(|other| &other.mask))?;
         Ok(Self { parameters, volume, mask })
     }
 
@@ -157,6 +167,20 @@ impl Cloud {
         let is_empty = factor <= 0.0 || texel < *threshold;
         let density = if is_empty { 0.0 } else { texel * density_multiplier * factor };
         Sample { distance, mask: factor, texel, density }
+    }
+}
+
+impl DensityModel for Cloud {
+    fn densities(&self, places: &[DVec3]) -> Vec<f64> {
+        places.iter().map(|place| self.at(place.to_array()).density).collect()
+    }
+
+    fn extinction(&self) -> [f64; 3] {
+        TINT.map(|tint| tint * self.parameters.opacity)
+    }
+
+    fn shader(&self) -> ModelShader {
+        adapter::density(self)
     }
 }
 

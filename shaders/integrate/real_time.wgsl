@@ -1,0 +1,143 @@
+// The march of a real-time engine: twin of src/integrate/real_time.rs, one invocation per ray.
+//
+// Conditions: PLAIN (else energy-conserving), EXIT_FADE, SHADOW_TO_EXIT (else of fixed length), SHADOW_VIEW (dimmed as the view
+// ray, else by the density), SOURCE_DENSITY (else extinction times albedo).
+#import cloudparity::density_model
+#import cloudparity::phase
+
+struct March {
+    extinction: vec3f,
+    steps: u32,
+    // Colour times intensity.
+    sun: vec3f,
+    shadow_steps: u32,
+    ambient: vec3f,
+    shadow_length: f32,
+    to_sun: vec3f,
+    albedo: f32,
+    anisotropy: vec2f,
+    second: f32,
+    least_density: f32,
+    least_transmittance: f32,
+    // Rays of this dispatch.
+    first: u32,
+    count: u32,
+    padding: u32,
+}
+
+struct Ray {
+    origin: vec3f,
+    // Beyond it something opaque hides the cloud.
+    farthest: f32,
+    direction: vec3f,
+    jitter: f32,
+}
+
+struct Pixel {
+    radiance: vec3f,
+    samples: u32,
+    transmittance: vec3f,
+    dense: u32,
+}
+
+@group(0) @binding(0) var<uniform> march: March;
+@group(0) @binding(1) var<storage, read> rays: array<Ray>;
+@group(0) @binding(2) var<storage, read_write> pixels: array<Pixel>;
+
+const SHORTEST = 1e-3;
+const LEAST_EXTINCTION = 1e-6;
+const LARGEST = 3.40282347e38;
+
+// Where a ray enters and leaves the box; leaves before it enters where it misses.
+fn crossing(origin: vec3f, direction: vec3f) -> vec2f {
+    var enter = -LARGEST;
+    var leave = LARGEST;
+    for (var axis = 0u; axis < 3u; axis++) {
+        // A ray that runs in a face is inside.
+        if direction[axis] == 0.0 {
+            if abs(origin[axis]) <= 0.5 { continue; }
+            return vec2f(0.0);
+        }
+        let first = (-0.5 - origin[axis]) / direction[axis];
+        let second = (0.5 - origin[axis]) / direction[axis];
+        enter = max(enter, min(first, second));
+        leave = min(leave, max(first, second));
+    }
+    return vec2f(enter, leave);
+}
+
+// Share of the sun that arrives.
+fn arriving(place: vec3f) -> vec3f {
+#ifdef SHADOW_TO_EXIT
+    let length = max(crossing(place, march.to_sun).y, 0.0);
+#else
+    let length = march.shadow_length;
+#endif
+    let step = length / f32(march.shadow_steps);
+    var sum = 0.0;
+    for (var number = 0u; number < march.shadow_steps; number++) {
+        let at = place + march.to_sun * (step * (f32(number) + 0.5));
+        if all(abs(at) < vec3f(0.5)) { sum += density_model::density(at); }
+    }
+#ifdef SHADOW_VIEW
+    return exp(-march.extinction * (sum * step));
+#else
+    return vec3f(exp(-sum * step));
+#endif
+}
+
+// (1 - exp(-e s)) / e: the weight of a step in the energy-conserving rule.
+fn conserving(extinct: f32, step: f32) -> f32 {
+    let depth = extinct * step;
+    // The difference loses the bits of a small depth; the next term of the series is below 2^-24 there.
+    if depth < 0.05 { return step * (1.0 - depth * (0.5 - depth * (1.0 / 6.0 - depth / 24.0))); }
+    return (1.0 - exp(-depth)) / max(extinct, LEAST_EXTINCTION);
+}
+
+@compute @workgroup_size(64)
+fn main(@builtin(global_invocation_id) invocation: vec3u) {
+    if invocation.x >= march.count { return; }
+    let index = march.first + invocation.x;
+    let ray = rays[index];
+    var pixel = Pixel(vec3f(0.0), 0u, vec3f(1.0), 0u);
+    let ends = crossing(ray.origin, ray.direction);
+    let start = max(ends.x, 0.0);
+    let length_inside = ends.y - start;
+    if length_inside >= SHORTEST {
+        let step = length_inside / f32(march.steps);
+        let cosine = dot(ray.direction, march.to_sun);
+        let phase_value = phase::henyey_greenstein(march.anisotropy.x, cosine) * (1.0 - march.second)
+            + phase::henyey_greenstein(march.anisotropy.y, cosine) * march.second;
+        for (var number = 0u; number < march.steps; number++) {
+            let passed = (f32(number) + ray.jitter) * step;
+            let left = length_inside - passed;
+            if start + passed > ray.farthest || left < 0.0 { break; }
+            pixel.samples++;
+            let place = ray.origin + ray.direction * (start + passed);
+            let found = density_model::density(place);
+            if found <= march.least_density { continue; }
+            pixel.dense++;
+            let extinct = found * march.extinction;
+#ifdef SOURCE_DENSITY
+            let factor = vec3f(found);
+#else
+            let factor = march.albedo * extinct;
+#endif
+            var source = factor * (march.sun * arriving(place) * phase_value + march.ambient);
+#ifdef EXIT_FADE
+            let t = clamp(left / (2.0 * step), 0.0, 1.0);
+            source *= t * t * (3.0 - 2.0 * t);
+#endif
+#ifdef PLAIN
+            let weight = vec3f(step);
+#else
+            let weight = vec3f(
+                conserving(extinct.x, step), conserving(extinct.y, step), conserving(extinct.z, step));
+#endif
+            pixel.radiance += pixel.transmittance * source * weight;
+            pixel.transmittance *= exp(-extinct * step);
+            if length(pixel.transmittance) < march.least_transmittance { break; }
+        }
+    }
+    pixels[index] = pixel;
+}

@@ -1,0 +1,48 @@
+//! `cloudparity bench-bake`: speed of the Perlin-FBM bake.
+
+use crate::density::perlin_fbm::benchmark;
+use crate::error::Result;
+use crate::gpu::Gpu;
+use std::process::ExitCode;
+
+/// Measure the bake of the Perlin-FBM cloud beside a straightforward one: byte-exact, in single precision, and on the adapter.
+#[derive(clap::Args)]
+pub(super) struct Arguments {
+    /// Texels per axis.
+    #[arg(long, default_value_t = 96, value_parser = clap::value_parser!(u32).range(2..=256))]
+    texels: u32,
+    /// Repetitions; the median counts.
+    #[arg(long, default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..=100))]
+    repeats: u32,
+    /// Print JSON.
+    #[arg(long)]
+    json: bool,
+}
+
+pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
+    let gpu = Gpu::open().ok();
+    let ways = 3 + u64::from(gpu.is_some());
+    let bar = super::progress_bar(ways * u64::from(arguments.repeats));
+    let rows = benchmark::run(arguments.texels as usize, arguments.repeats as usize, gpu.as_ref(), |what| {
+        bar.set_message(what.to_owned());
+        bar.inc(1);
+    })?;
+    bar.finish_and_clear();
+    let adapter = gpu.as_ref().map_or("none", |gpu| gpu.adapter().name.as_str());
+    if arguments.json {
+        let result = serde_json::json!({ "texels": arguments.texels, "adapter": adapter, "rows": rows });
+        super::print(&(serde_json::to_string_pretty(&result).expect("figures serialise") + "\n"))?;
+        return Ok(ExitCode::SUCCESS);
+    }
+    let mut text = format!("{:<34}{:>10}{:>8}{:>12}{:>10}\n", "bake", "seconds", "ratio", "differing", "largest");
+    for row in &rows {
+        text += &format!(
+            "{:<34}{:>10.3}{:>8.1}{:>12}{:>10}\n",
+            row.what, row.seconds, row.ratio, row.differing, row.largest_difference
+        );
+    }
+    text +=
+        &format!("{}^3 texels, wall time, median of {}. Adapter: {adapter}.\n", arguments.texels, arguments.repeats);
+    super::print(&text)?;
+    Ok(ExitCode::SUCCESS)
+}

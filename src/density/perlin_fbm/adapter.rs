@@ -1,0 +1,157 @@
+//! The Perlin-FBM cloud on the adapter: its bake, and its density for marches.
+
+use super::bake::Bake;
+use super::mask::SIDE;
+use super::random::permutation;
+use super::rows::Tables;
+use super::{Cloud, Volume};
+use crate::density::ModelShader;
+use crate::error::Result;
+use crate::gpu::Gpu;
+use crate::graph::wgsl::Linker;
+use bytemuck::{Pod, Zeroable};
+
+/// Invocations per workgroup.
+const WORKGROUP: usize = 64;
+
+/// Noises per submission: some 40 ms on a software adapter.
+const NOISES: usize = 1 << 21;
+
+/// Uniforms of `shaders/density/perlin_fbm_bake.wgsl`.
+#[repr(C)]
+#[derive(Clone, Copy, Pod, Zeroable)]
+struct BakeUniform {
+    side: u32,
+    octaves: u32,
+    first: u32,
+    count: u32,
+    coverage: f32,
+    softness: f32,
+    intensity: f32,
+    amplitude_sum: f32,
+}
+
+/// Uniforms of `shaders/density/perlin_fbm.wgsl`.
+#[repr(C)]
+#[derive(Clone, Copy, Pod, Zeroable)]
+struct ModelUniform {
+    flattening_low: [f32; 3],
+    mask_radius: f32,
+    flattening_high: [f32; 3],
+    mask_softness: f32,
+    offset: [f32; 3],
+    tiling: f32,
+    strengths: [f32; 2],
+    threshold: f32,
+    multiplier: f32,
+    side: u32,
+    mask_side: u32,
+    reads_textures: u32,
+    padding: u32,
+}
+
+/// The kernel of the bake.
+pub struct BakeKernel<'a> {
+    gpu: &'a Gpu,
+    pipeline: wgpu::ComputePipeline,
+}
+
+impl<'a> BakeKernel<'a> {
+    /// Compiles it.
+    pub fn new(gpu: &'a Gpu) -> Result<Self> {
+        let source = include_str!("../../../shaders/density/perlin_fbm_bake.wgsl");
+        let module = Linker::bare().link("density/perlin_fbm_bake.wgsl", source)?;
+        Ok(Self { gpu, pipeline: gpu.pipeline("perlin_fbm_bake", &module)? })
+    }
+
+    /// The texture of `side` texels per axis, in single precision over tables of double: a few texels of a hundred differ by 1
+    /// from [`Bake::volume`].
+    pub fn volume(&self, bake: &Bake, side: usize) -> Result<Volume> {
+        bake.check_side(side)?;
+        let table = permutation(bake.seed);
+        let tables = Tables::<f64>::new(bake, &table, side);
+        let mut axes: Vec<[f32; 4]> = Vec::new();
+        for axis in tables.axes.iter().flatten() {
+            axes.extend((0..side).map(|place| {
+                let cell = f32::from_bits(axis.cells[place] as u32);
+                [axis.fractions[place] as f32, axis.fades[place] as f32, cell, 0.0]
+            }));
+        }
+        // Coordinates beyond all numbers: what the CPU gives is no number, and its byte is 0.
+        if axes.iter().any(|[fraction, ..]| fraction.is_nan()) {
+            return Ok(Volume { side, texels: vec![0; side.pow(3)] });
+        }
+        let pairs: Vec<u8> =
+            (0..1 << 16).map(|index| table[(usize::from(table[index & 255]) + (index >> 8)) & 255]).collect();
+        let amplitudes: Vec<f32> = tables.amplitudes.iter().map(|&amplitude| amplitude as f32).collect();
+        let gradients: Vec<u32> = tables.last.iter().map(|&gradient| u32::from(gradient)).collect();
+        let storage = wgpu::BufferUsages::STORAGE;
+        let inputs = [
+            self.gpu.upload("axes", bytemuck::cast_slice(&axes), storage),
+            self.gpu.upload("amplitudes", bytemuck::cast_slice(&amplitudes), storage),
+            self.gpu.upload("pairs", &pairs, storage),
+            self.gpu.upload("gradients", bytemuck::cast_slice(&gradients), storage),
+        ];
+        let octaves = bake.octaves.count;
+        let all = side.pow(3);
+        let most = (NOISES / (8 * octaves as usize)).next_multiple_of(WORKGROUP);
+        let mut texels = Vec::with_capacity(all);
+        for first in (0..all).step_by(most) {
+            let count = most.min(all - first);
+            let uniform = BakeUniform {
+                side: side as u32,
+                octaves,
+                first: first as u32,
+                count: count as u32,
+                coverage: bake.coverage as f32,
+                softness: bake.softness as f32,
+                intensity: bake.intensity as f32,
+                amplitude_sum: tables.amplitude_sum as f32,
+            };
+            let uniform = self.gpu.upload("bake", bytemuck::bytes_of(&uniform), wgpu::BufferUsages::UNIFORM);
+            let output = self.gpu.device().create_buffer(&wgpu::BufferDescriptor {
+                label: Some("texels"),
+                size: 4 * count as u64,
+                usage: storage | wgpu::BufferUsages::COPY_SRC,
+                mapped_at_creation: false,
+            });
+            let buffers = std::iter::once(&uniform).chain(&inputs).chain(std::iter::once(&output));
+            self.gpu.dispatch(&self.pipeline, &[buffers.collect()], count.div_ceil(WORKGROUP) as u32);
+            let words: Vec<u32> = bytemuck::pod_collect_to_vec(&self.gpu.read_back(&output, 4 * count as u64)?);
+            texels.extend(words.into_iter().map(|word| word as u8));
+        }
+        Ok(Volume { side, texels })
+    }
+}
+
+/// The density of a cloud for the adapter.
+pub(super) fn density(cloud: &Cloud) -> ModelShader {
+    let parameters = &cloud.parameters;
+    let mask = &parameters.mask;
+    let single = |values: [f64; 3]| values.map(|value| value as f32);
+    let uniform = ModelUniform {
+        flattening_low: single(mask.flattening[0]),
+        mask_radius: mask.radius as f32,
+        flattening_high: single(mask.flattening[1]),
+        mask_softness: mask.softness as f32,
+        offset: single(parameters.offset),
+        tiling: parameters.tiling as f32,
+        strengths: mask.deformations.map(|deformation| deformation.strength as f32),
+        threshold: parameters.threshold as f32,
+        multiplier: parameters.density_multiplier as f32,
+        side: cloud.volume.side as u32,
+        mask_side: SIDE as u32,
+        reads_textures: u32::from(mask.reads_textures),
+        padding: 0,
+    };
+    let [main, fine] = &cloud.mask.textures;
+    ModelShader {
+        path: "density/perlin_fbm.wgsl",
+        source: include_str!("../../../shaders/density/perlin_fbm.wgsl"),
+        uniform: bytemuck::bytes_of(&uniform).to_vec(),
+        storage: vec![
+            cloud.volume.texels.clone(),
+            main.texels.iter().zip(&fine.texels).flat_map(|(&main, &fine)| [main, fine]).collect(),
+        ],
+    }
+}

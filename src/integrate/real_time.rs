@@ -1,0 +1,206 @@
+//! The march of a real-time engine: a fixed number of equal steps through the box of a density model, lit by a light model.
+//!
+//! Unlike [`super::march`], which computes single scattering as a reference does, this one computes what engines compute: the light
+//! at a sample is a model ([`crate::lighting`]), thin samples are skipped, rays end early, and published forms keep their defects.
+//! Everything is f64; the twin on the adapter is `shaders/integrate/real_time.wgsl`.
+//!
+//! A ray that crosses the box from t0 to t1 takes `steps` samples at t0 + (i + j) s with s = (t1 - t0) / steps and jitter j in
+//! [0, 1]. With the density's extinction e and source S at a sample, the transmittance T as it was before,
+//!
+//! - plain: C += T S s;
+//! - energy-conserving: C += T S (1 - exp(-e s)) / e (Hillaire 2015, "Physically Based and Unified Volumetric Rendering in
+//!   Frostbite");
+//!
+//! and T *= exp(-e s).
+
+use super::Integration;
+use super::medium::Region;
+use crate::density::DensityModel;
+use crate::lighting::{LightModel, ShadowExtinction, ShadowLength, SourceFactor};
+use glam::DVec3;
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+/// The box that every density model lives in.
+pub const BOX: Region = Region { low: DVec3::splat(-0.5), high: DVec3::splat(0.5) };
+
+/// A crossing shorter than this, in sides of the box, is left out.
+const SHORTEST: f64 = 1e-3;
+
+/// Extinctions below it scatter as if they were this: the limit of the energy-conserving rule at 0 is S s.
+const LEAST_EXTINCTION: f64 = 1e-6;
+
+/// Rays of a task.
+const RAYS: usize = 64;
+
+/// How a ray is marched.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct RealTimeSettings {
+    /// Steps of a ray; at least 1.
+    pub steps: u32,
+    /// How a step adds its light.
+    pub integration: Integration,
+    /// Whether the source fades to nothing over the last two steps of a ray, while its extinction stays (defect PF-9).
+    pub exit_fade: bool,
+    /// Samples of at most this density are skipped.
+    pub least_density: f64,
+    /// A ray ends when its transmittance, as a vector of the channels, is shorter than this.
+    pub least_transmittance: f64,
+}
+
+/// A ray to be marched.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct RealTimeRay {
+    /// Start in the local box's frame.
+    pub origin: DVec3,
+    /// Unit direction, in the same frame.
+    pub direction: DVec3,
+    /// Distance along the ray beyond which something opaque hides the cloud; infinite where nothing does.
+    pub farthest: f64,
+    /// Part of a step before the first sample, 0 to 1.
+    pub jitter: f64,
+}
+
+/// What a ray came to.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct RealTimePixel {
+    /// Radiance that reaches the camera.
+    pub radiance: [f64; 3],
+    /// Share of the background that reaches it.
+    pub transmittance: [f64; 3],
+    /// Samples at which the density was asked for.
+    pub samples: u32,
+    /// Those of them that were dense enough to count.
+    pub dense: u32,
+}
+
+/// A ray on its way.
+struct Way {
+    ray: RealTimeRay,
+    start: f64,
+    length: f64,
+    cosine: f64,
+    is_done: bool,
+    pixel: RealTimePixel,
+}
+
+/// Marches rays on all cores; pixels in the order of the rays.
+pub fn march(
+    density: &dyn DensityModel,
+    light: &LightModel,
+    settings: &RealTimeSettings,
+    rays: &[RealTimeRay],
+) -> Vec<RealTimePixel> {
+    rays.par_chunks(RAYS).flat_map_iter(|rays| march_together(density, light, settings, rays)).collect()
+}
+
+/// Marches rays step by step together, so that the density gets batches.
+fn march_together(
+    density: &dyn DensityModel,
+    light: &LightModel,
+    settings: &RealTimeSettings,
+    rays: &[RealTimeRay],
+) -> Vec<RealTimePixel> {
+    let to_sun = DVec3::from(light.sun_direction).normalize();
+    let extinction = density.extinction();
+    let mut ways: Vec<Way> = rays.iter().map(|&ray| Way::new(ray, to_sun)).collect();
+    for number in 0..settings.steps {
+        let mut samples = Vec::new();
+        for (index, way) in ways.iter_mut().enumerate().filter(|(_, way)| !way.is_done) {
+            let step = way.length / f64::from(settings.steps);
+            let passed = (f64::from(number) + way.ray.jitter) * step;
+            let distance = way.start + passed;
+            let left = way.length - passed;
+            if distance > way.ray.farthest || left < 0.0 {
+                way.is_done = true;
+                continue;
+            }
+            way.pixel.samples += 1;
+            samples.push((index, way.ray.origin + way.ray.direction * distance, step, left));
+        }
+        if samples.is_empty() {
+            break;
+        }
+        let places: Vec<DVec3> = samples.iter().map(|sample| sample.1).collect();
+        let densities = density.densities(&places);
+        let dense: Vec<usize> = (0..samples.len()).filter(|&at| densities[at] > settings.least_density).collect();
+        let lit: Vec<DVec3> = dense.iter().map(|&at| places[at]).collect();
+        let arriving = shadows(density, light, to_sun, &lit);
+        for (&at, arriving) in dense.iter().zip(arriving) {
+            let (index, _, step, left) = samples[at];
+            let fade = if settings.exit_fade { crate::density::smooth(0.0, 2.0 * step, left) } else { 1.0 };
+            let way = &mut ways[index];
+            way.pixel.dense += 1;
+            let phase = light.phase.evaluate(way.cosine);
+            for channel in 0..3 {
+                let extinct = densities[at] * extinction[channel];
+                let factor = match light.source {
+                    SourceFactor::Density => densities[at],
+                    SourceFactor::Albedo(albedo) => albedo * extinct,
+                };
+                let source = factor * (light.sun[channel] * arriving[channel] * phase + light.ambient[channel]) * fade;
+                let through = (-extinct * step).exp();
+                let weight = match settings.integration {
+                    Integration::Plain => step,
+                    Integration::EnergyConserving => -(-extinct * step).exp_m1() / extinct.max(LEAST_EXTINCTION),
+                };
+                way.pixel.radiance[channel] += way.pixel.transmittance[channel] * source * weight;
+                way.pixel.transmittance[channel] *= through;
+            }
+            way.is_done = DVec3::from(way.pixel.transmittance).length() < settings.least_transmittance;
+        }
+    }
+    ways.into_iter().map(|way| way.pixel).collect()
+}
+
+/// Share of the sun that arrives at each place, per channel.
+fn shadows(density: &dyn DensityModel, light: &LightModel, to_sun: DVec3, places: &[DVec3]) -> Vec<[f64; 3]> {
+    let steps = light.shadow.steps;
+    let scale = match light.shadow.extinction {
+        ShadowExtinction::Density => [1.0; 3],
+        ShadowExtinction::View => density.extinction(),
+    };
+    let lengths: Vec<f64> = places
+        .iter()
+        .map(|&place| match light.shadow.length {
+            ShadowLength::Fixed(length) => length,
+            ShadowLength::ToExit => BOX.segment(place, to_sun).map_or(0.0, |(_, leave)| leave.max(0.0)),
+        })
+        .collect();
+    let mut owners = Vec::new();
+    let mut asked = Vec::new();
+    for (index, (&place, length)) in places.iter().zip(&lengths).enumerate() {
+        for number in 0..steps {
+            let at = place + to_sun * (length * (f64::from(number) + 0.5) / f64::from(steps));
+            // On a face is outside.
+            if at.abs().max_element() < 0.5 {
+                owners.push(index);
+                asked.push(at);
+            }
+        }
+    }
+    let mut sums = vec![0.0; places.len()];
+    for (owner, found) in owners.into_iter().zip(density.densities(&asked)) {
+        sums[owner] += found;
+    }
+    sums.iter()
+        .zip(&lengths)
+        .map(|(sum, length)| scale.map(|scale| (-scale * sum * length / f64::from(steps)).exp()))
+        .collect()
+}
+
+impl Way {
+    fn new(ray: RealTimeRay, to_sun: DVec3) -> Self {
+        let (enter, leave) = BOX.segment(ray.origin, ray.direction).unwrap_or((0.0, 0.0));
+        let start = enter.max(0.0);
+        let length = leave - start;
+        Self {
+            ray,
+            start,
+            length,
+            cosine: ray.direction.dot(to_sun),
+            is_done: length.is_nan() || length < SHORTEST,
+            pixel: RealTimePixel { radiance: [0.0; 3], transmittance: [1.0; 3], samples: 0, dense: 0 },
+        }
+    }
+}

@@ -1,0 +1,153 @@
+//! The march of a real-time engine on the adapter: `shaders/integrate/real_time.wgsl`, in f32.
+
+use super::Integration;
+use super::real_time::{RealTimePixel, RealTimeRay, RealTimeSettings};
+use crate::density::DensityModel;
+use crate::error::Result;
+use crate::gpu::Gpu;
+use crate::graph::wgsl::Linker;
+use crate::lighting::{LightModel, ShadowExtinction, ShadowLength, SourceFactor};
+use bytemuck::{Pod, Zeroable};
+use glam::DVec3;
+
+/// Invocations per workgroup.
+const WORKGROUP: usize = 64;
+
+/// Densities per submission, at most: some 50 ms on a software adapter.
+const DENSITIES: usize = 1 << 18;
+
+/// Uniforms of the kernel.
+#[repr(C)]
+#[derive(Clone, Copy, Pod, Zeroable)]
+struct MarchUniform {
+    extinction: [f32; 3],
+    steps: u32,
+    sun: [f32; 3],
+    shadow_steps: u32,
+    ambient: [f32; 3],
+    shadow_length: f32,
+    to_sun: [f32; 3],
+    albedo: f32,
+    anisotropy: [f32; 2],
+    second: f32,
+    least_density: f32,
+    least_transmittance: f32,
+    first: u32,
+    count: u32,
+    padding: u32,
+}
+
+#[repr(C)]
+#[derive(Clone, Copy, Pod, Zeroable)]
+struct Ray {
+    origin: [f32; 3],
+    farthest: f32,
+    direction: [f32; 3],
+    jitter: f32,
+}
+
+#[repr(C)]
+#[derive(Clone, Copy, Pod, Zeroable)]
+struct Pixel {
+    radiance: [f32; 3],
+    samples: u32,
+    transmittance: [f32; 3],
+    dense: u32,
+}
+
+/// A march compiled for a density model, a light model and settings.
+pub struct RealTimeKernel<'a> {
+    gpu: &'a Gpu,
+    pipeline: wgpu::ComputePipeline,
+    uniform: MarchUniform,
+    model: Vec<wgpu::Buffer>,
+}
+
+impl<'a> RealTimeKernel<'a> {
+    /// Compiles it: what the settings do not ask for is left out.
+    pub fn new(
+        gpu: &'a Gpu,
+        density: &dyn DensityModel,
+        light: &LightModel,
+        settings: &RealTimeSettings,
+    ) -> Result<Self> {
+        let shader = density.shader();
+        let mut linker = Linker::bare();
+        linker.add("lighting/phase.wgsl", include_str!("../../shaders/lighting/phase.wgsl"))?;
+        linker.add(shader.path, shader.source)?;
+        let mut definitions = Vec::new();
+        let mut define = |is_wanted: bool, name: &'static str| definitions.extend(is_wanted.then_some(name));
+        define(settings.integration == Integration::Plain, "PLAIN");
+        define(settings.exit_fade, "EXIT_FADE");
+        define(light.shadow.length == ShadowLength::ToExit, "SHADOW_TO_EXIT");
+        define(light.shadow.extinction == ShadowExtinction::View, "SHADOW_VIEW");
+        define(light.source == SourceFactor::Density, "SOURCE_DENSITY");
+        let source = include_str!("../../shaders/integrate/real_time.wgsl");
+        let module = linker.link_with("integrate/real_time.wgsl", source, &definitions)?;
+        let single = |values: [f64; 3]| values.map(|value| value as f32);
+        let uniform = MarchUniform {
+            extinction: single(density.extinction()),
+            steps: settings.steps,
+            sun: single(light.sun),
+            shadow_steps: light.shadow.steps,
+            ambient: single(light.ambient),
+            shadow_length: match light.shadow.length {
+                ShadowLength::Fixed(length) => length as f32,
+                ShadowLength::ToExit => 0.0,
+            },
+            to_sun: DVec3::from(light.sun_direction).normalize().as_vec3().to_array(),
+            albedo: match light.source {
+                SourceFactor::Density => 0.0,
+                SourceFactor::Albedo(albedo) => albedo as f32,
+            },
+            anisotropy: light.phase.anisotropy.map(|anisotropy| anisotropy as f32),
+            second: light.phase.second as f32,
+            least_density: settings.least_density as f32,
+            least_transmittance: settings.least_transmittance as f32,
+            first: 0,
+            count: 0,
+            padding: 0,
+        };
+        let mut model = vec![gpu.upload("model", &shader.uniform, wgpu::BufferUsages::UNIFORM)];
+        model.extend(shader.storage.iter().map(|data| gpu.upload("model data", data, wgpu::BufferUsages::STORAGE)));
+        Ok(Self { gpu, pipeline: gpu.pipeline("real_time", &module)?, uniform, model })
+    }
+
+    /// Marches rays; pixels in their order.
+    pub fn march(&self, rays: &[RealTimeRay]) -> Result<Vec<RealTimePixel>> {
+        let data: Vec<Ray> = rays
+            .iter()
+            .map(|ray| Ray {
+                origin: ray.origin.as_vec3().to_array(),
+                farthest: ray.farthest as f32,
+                direction: ray.direction.as_vec3().to_array(),
+                jitter: ray.jitter as f32,
+            })
+            .collect();
+        let per_ray = self.uniform.steps as usize * (1 + self.uniform.shadow_steps as usize);
+        let most = (DENSITIES / per_ray).max(1).next_multiple_of(WORKGROUP);
+        let mut pixels = Vec::with_capacity(rays.len());
+        for part in data.chunks(most) {
+            let uniform = MarchUniform { count: part.len() as u32, ..self.uniform };
+            let uniform = self.gpu.upload("march", bytemuck::bytes_of(&uniform), wgpu::BufferUsages::UNIFORM);
+            let rays = self.gpu.upload("rays", bytemuck::cast_slice(part), wgpu::BufferUsages::STORAGE);
+            let size = std::mem::size_of_val(part) as u64;
+            let output = self.gpu.device().create_buffer(&wgpu::BufferDescriptor {
+                label: Some("pixels"),
+                size,
+                usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC,
+                mapped_at_creation: false,
+            });
+            let groups = [vec![&uniform, &rays, &output], self.model.iter().collect()];
+            self.gpu.dispatch(&self.pipeline, &groups, part.len().div_ceil(WORKGROUP) as u32);
+            let found: Vec<Pixel> = bytemuck::pod_collect_to_vec(&self.gpu.read_back(&output, size)?);
+            pixels.extend(found.into_iter().map(|pixel| RealTimePixel {
+                radiance: pixel.radiance.map(f64::from),
+                transmittance: pixel.transmittance.map(f64::from),
+                samples: pixel.samples,
+                dense: pixel.dense,
+            }));
+        }
+        Ok(pixels)
+    }
+}

@@ -1,0 +1,3 @@
+//! Passes over a finished picture.
+
+pub mod god_rays;

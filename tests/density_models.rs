@@ -1,0 +1,131 @@
+//! Density models: no parameters make a picture with a value that is no number, on the CPU and on the adapter.
+
+mod support;
+
+use cloudparity::density::perlin_fbm::{Cloud, settings};
+use cloudparity::density::schema::{Range, Values};
+use cloudparity::gpu::Gpu;
+use cloudparity::integrate::real_time::{RealTimePixel, RealTimeRay, march};
+use cloudparity::integrate::real_time_adapter::RealTimeKernel;
+use cloudparity::lighting::Variant;
+use glam::DVec3;
+use rand::{Rng, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+
+/// Sets of parameters on the CPU, as the issue of the model asks for.
+const SETS: usize = 10_000;
+
+/// One in so many is also marched on the adapter, where each costs the compilation of a kernel; odd, for both variants.
+const ADAPTER_EVERY: usize = 101;
+
+/// Rays of a picture.
+const RAYS: usize = 12;
+
+/// Masks that the sets share: each costs two textures of 128^3 texels.
+const MASKS: usize = 16;
+
+const MASK_TEXTURES: [&str; 4] = ["mask_seed", "noise_frequency", "detail_seed", "detail_frequency"];
+
+/// Random values within the usual ranges. One in eight is an end of its range, where things break.
+fn random_values(random: &mut ChaCha8Rng) -> Values {
+    let mut values = Values::defaults(settings::PARAMETERS);
+    for parameter in settings::PARAMETERS {
+        let [low, high] = parameter.usual;
+        let drawn = match random.random_range(0..16) {
+            0 => low,
+            1 => high,
+            _ => random.random_range(low..=high),
+        };
+        let value = match parameter.range {
+            Range::Whole(..) => drawn.round(),
+            _ => drawn,
+        };
+        let value = if parameter.name == "texture_size" { 32.0 } else { value };
+        values.set(settings::PARAMETERS, parameter.name, value, "a random trial").expect("usual values are allowed");
+    }
+    values
+}
+
+/// Rays from everywhere, also from inside, along axes and along faces.
+fn random_rays(random: &mut ChaCha8Rng) -> Vec<RealTimeRay> {
+    let mut point = |scale: f64| DVec3::from_array(std::array::from_fn(|_| random.random_range(-scale..scale)));
+    let mut rays: Vec<RealTimeRay> = (0..RAYS)
+        .map(|number| {
+            let origin = point(if number % 3 == 0 { 0.5 } else { 1.5 });
+            let direction = (point(0.4) - origin).normalize();
+            RealTimeRay { origin, direction, farthest: f64::INFINITY, jitter: (point(0.5).x + 0.5).clamp(0.0, 1.0) }
+        })
+        .collect();
+    let along = |origin: DVec3, direction: DVec3| RealTimeRay { origin, direction, farthest: 2.0, jitter: 0.5 };
+    rays.push(along(DVec3::new(0.0, 0.0, 2.0), DVec3::NEG_Z));
+    rays.push(along(DVec3::new(-1.0, 0.5, 0.0), DVec3::X));
+    rays.push(along(DVec3::ZERO, DVec3::Y));
+    rays
+}
+
+/// Every value is a number, transmittance a share, light not negative.
+fn check(pixels: &[RealTimePixel], what: &dyn Fn() -> String) -> f64 {
+    for pixel in pixels {
+        for (radiance, transmittance) in pixel.radiance.iter().zip(pixel.transmittance) {
+            assert!(radiance.is_finite() && *radiance >= 0.0, "radiance {radiance}: {}", what());
+            assert!((0.0..=1.0).contains(&transmittance), "transmittance {transmittance}: {}", what());
+        }
+    }
+    pixels.iter().map(|pixel| 1.0 - pixel.transmittance[0]).sum()
+}
+
+#[test]
+fn no_parameters_make_a_value_that_is_no_number() {
+    let gpu = support::require("vulkan").then(|| Gpu::open().expect("the adapter that was just there"));
+    let mut random = ChaCha8Rng::seed_from_u64(4);
+    // Of each variant, for the mask's textures.
+    let mut last: [Option<Cloud>; 2] = [None, None];
+    let mut opacity = 0.0;
+    let mut warned = 0;
+    let mut masks = random_values(&mut random);
+    for set in 0..SETS {
+        let mut values = random_values(&mut random);
+        if set % (SETS / MASKS) == 0 {
+            masks = values.clone();
+        }
+        for name in MASK_TEXTURES {
+            values.set(settings::PARAMETERS, name, masks.get(name), "a random trial").expect("it was allowed before");
+        }
+        let variant = if set % 2 == 0 { Variant::Fixed } else { Variant::AsPublished };
+        let (parameters, warnings) = settings::parameters(&values, variant, f64::from(set as u32)).expect("in range");
+        warned += usize::from(!warnings.is_empty());
+        let cloud = Cloud::new_after(parameters, last[set % 2].as_ref()).expect("in range");
+        let rays = random_rays(&mut random);
+        let (light, rule) = (settings::light(&values, variant), settings::march(&values, variant));
+        let what = || format!("set {set}, {variant:?}: {values:?}");
+        opacity += check(&march(&cloud, &light, &rule, &rays), &what);
+        if let Some(gpu) = gpu.as_ref().filter(|_| set % ADAPTER_EVERY == 0) {
+            let kernel = RealTimeKernel::new(gpu, &cloud, &light, &rule).expect("a kernel");
+            check(&kernel.march(&rays).expect("pixels"), &what);
+        }
+        last[set % 2] = Some(cloud);
+    }
+    // The trials are worth something: clouds were seen, and flattenings of 0 too.
+    assert!(opacity > 0.01 * (SETS * (RAYS + 3)) as f64, "hardly any cloud: {opacity}");
+    assert!(warned > SETS / 100, "hardly any flattening of 0: {warned}");
+}
+
+#[test]
+fn a_flattening_of_zero_is_defined_and_named() {
+    let mut values = Values::defaults(settings::PARAMETERS);
+    for &(name, value) in settings::DOCUMENTED_MASK {
+        values.set(settings::PARAMETERS, name, value, "documented").expect("documented values are allowed");
+    }
+    let rays = random_rays(&mut ChaCha8Rng::seed_from_u64(1));
+    for (variant, is_empty) in [(Variant::AsPublished, true), (Variant::Fixed, false)] {
+        let (parameters, warnings) = settings::parameters(&values, variant, 0.0).expect("in range");
+        for side in ["top", "bottom", "x_positive", "x_negative", "z_positive", "z_negative"] {
+            let name = format!("flatten_{side} is 0");
+            assert!(warnings.iter().any(|warning| warning.contains(&name)), "{name} is not in {warnings:?}");
+        }
+        let cloud = Cloud::new(parameters).expect("in range");
+        let pixels = march(&cloud, &settings::light(&values, variant), &settings::march(&values, variant), &rays);
+        let opacity = check(&pixels, &|| format!("{variant:?}"));
+        assert_eq!(opacity == 0.0, is_empty, "{variant:?}: {opacity}");
+    }
+}
