@@ -48,7 +48,7 @@ def build_scene(scene, warn, folder=None):
     target.world = _build_world(scene["world"], folder)
     materials = _build_materials(objects, scene, warn)
     volumes = [scene["volume"], *scene.get("other_volumes", [])]
-    return [_build_volume(objects, entry, materials) for entry in volumes]
+    return [_build_volume(objects, entry, materials, folder) for entry in volumes]
 
 
 class _Objects:
@@ -155,6 +155,19 @@ def _build_world(entry, folder):
 
 def _load_world_image(entry, folder):
     """The picture around the scene, as linear Rec. 709."""
+    path = _checked_file(entry, folder, "an EXR file")
+    try:
+        image = bpy.data.images.load(str(path))
+    except RuntimeError as error:
+        raise InputError(
+            str(path), str(error), "an EXR file", "put the picture beside the scene file"
+        ) from None
+    image.colorspace_settings.name = "Linear Rec.709"
+    return image
+
+
+def _checked_file(entry, folder, expected):
+    """The path of the file that `entry` names with its SHA-256."""
     if folder is None:
         raise InputError(
             f"{entry.place}.file", "no folder that it is relative to", "a request with `folder`", "add it"
@@ -162,15 +175,11 @@ def _load_world_image(entry, folder):
     path = Path(folder) / entry["file"]
     try:
         content = path.read_bytes()
-        image = bpy.data.images.load(str(path))
-    except (OSError, RuntimeError) as error:
-        raise InputError(
-            str(path), str(error), "an EXR file", "put the picture beside the scene file"
-        ) from None
+    except OSError as error:
+        raise InputError(str(path), str(error), expected, "put the file beside the scene file") from None
     if hashlib.sha256(content).hexdigest() != entry["sha256"]:
-        raise InputError(str(path), "another picture", f"SHA-256 {entry['sha256']}", "restore the picture")
-    image.colorspace_settings.name = "Linear Rec.709"
-    return image
+        raise InputError(str(path), "another file", f"SHA-256 {entry['sha256']}", "restore the file")
+    return path
 
 
 def _build_materials(objects, scene, warn):
@@ -180,13 +189,9 @@ def _build_materials(objects, scene, warn):
     return {graph["material"]: build_material(graph, objects.for_pointer, warn, groups) for graph in graphs}
 
 
-def _build_volume(objects, entry, materials):
-    mesh = bpy.data.meshes.new(entry["object"])
-    mesh.from_pydata(*_mesh_data(entry))
-    mesh.use_auto_texspace = False
-    mesh.texspace_location = entry["texture_space"]["location"]
-    mesh.texspace_size = entry["texture_space"]["size"]
-    item = objects.new(entry["object"], mesh, entry["matrix_world"])
+def _build_volume(objects, entry, materials, folder):
+    data = _grid(entry, folder) if entry["shape"]["type"] == "grid" else _mesh(entry)
+    item = objects.new(entry["object"], data, entry["matrix_world"])
     if entry["material"] not in materials:
         raise InputError(
             f"{entry.place}.material", repr(entry["material"]), f"one of {list(materials)}", "mend the name"
@@ -200,8 +205,25 @@ def _build_volume(objects, entry, materials):
             "mend the value: it belongs to the material",
         )
     material.cycles.volume_step_rate = entry["volume_step_rate"]
-    mesh.materials.append(material)
+    data.materials.append(material)
     return item
+
+
+def _mesh(entry):
+    mesh = bpy.data.meshes.new(entry["object"])
+    mesh.from_pydata(*_mesh_data(entry))
+    mesh.use_auto_texspace = False
+    mesh.texspace_location = entry["texture_space"]["location"]
+    mesh.texspace_size = entry["texture_space"]["size"]
+    return mesh
+
+
+def _grid(entry, folder):
+    """A Volume object's data. Its outline encloses the voxels above `clipping`: all that are not 0, here."""
+    volume = bpy.data.volumes.new(entry["object"])
+    volume.filepath = str(_checked_file(entry["shape"], folder, "an OpenVDB file"))
+    volume.render.clipping = 0.0
+    return volume
 
 
 def _mesh_data(entry):

@@ -101,7 +101,12 @@ pub fn write_values(path: &Path, values: &[f32], components: usize) -> Result<()
     let shape: Vec<usize> = if components == 1 { vec![count] } else { vec![count, components] };
     let array = ndarray::ArrayD::from_shape_vec(shape, values.to_vec())
         .expect("the length is a multiple of the components by construction");
-    replace_atomically(path, |temporary| ndarray_npy::write_npy(temporary, &array).map_err(std::io::Error::other))
+    write_array(path, &array)
+}
+
+/// Writes a float32 array as `.npy`.
+pub fn write_array<D: ndarray::Dimension>(path: &Path, array: &ndarray::Array<f32, D>) -> Result<()> {
+    replace_atomically(path, |temporary| ndarray_npy::write_npy(temporary, array).map_err(std::io::Error::other))
 }
 
 /// Reads any float32 `.npy` file as its flat values and shape.

@@ -23,5 +23,6 @@ pub mod post;
 pub mod report;
 pub mod scene;
 pub mod time_to_error;
+pub mod volume_grid;
 
 pub use error::{Error, Result};

@@ -45,6 +45,7 @@ pub const SCRIPTS: &[(&str, &str)] = scripts!(
     "scene_builder.py",
     "scene_io.py",
     "scene_reader.py",
+    "volume_grid.py",
 );
 
 /// Environment variable that names the interpreter.

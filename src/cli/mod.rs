@@ -12,10 +12,13 @@ mod demo;
 mod diff;
 mod display;
 mod doctor;
+mod engine;
 mod eval;
 pub(crate) mod explain;
 mod export;
+mod grid;
 mod march;
+mod models;
 mod modes;
 mod parity;
 mod picture;
@@ -51,9 +54,12 @@ enum Command {
     Diff(Box<diff::Arguments>),
     Display(display::Arguments),
     Doctor(doctor::Arguments),
+    Engine(Box<engine::Arguments>),
     Eval(eval::Arguments),
     Explain(explain::Arguments),
     Export(export::Arguments),
+    Grid(grid::Arguments),
+    Models(models::Arguments),
     Modes(modes::Arguments),
     Parity(parity::Arguments),
     Probe(probe::Arguments),
@@ -81,9 +87,12 @@ pub fn run() -> ExitCode {
         Command::Diff(arguments) => diff::run(&arguments),
         Command::Display(arguments) => display::run(&arguments),
         Command::Doctor(arguments) => doctor::run(&arguments),
+        Command::Engine(arguments) => engine::run(&arguments),
         Command::Eval(arguments) => eval::run(&arguments),
         Command::Explain(arguments) => explain::run(&arguments),
         Command::Export(arguments) => export::run(&arguments),
+        Command::Grid(arguments) => grid::run(&arguments),
+        Command::Models(arguments) => models::run(&arguments),
         Command::Modes(arguments) => modes::run(&arguments),
         Command::Parity(arguments) => parity::run(&arguments),
         Command::Probe(arguments) => probe::run(&arguments),

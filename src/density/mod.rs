@@ -5,6 +5,9 @@
 pub mod perlin_fbm;
 pub mod schema;
 
+use crate::error::{Error, Result};
+use crate::integrate::real_time::RealTimeSettings;
+use crate::lighting::{LightModel, Variant};
 use glam::DVec3;
 
 /// A density in the local box.
@@ -15,8 +18,8 @@ pub trait DensityModel: Send + Sync {
     /// Extinction of a view ray per unit of density and unit of length, per channel.
     fn extinction(&self) -> [f64; 3];
 
-    /// The same for the adapter.
-    fn shader(&self) -> ModelShader;
+    /// The same for the adapter, or why there is none.
+    fn shader(&self) -> Result<ModelShader>;
 }
 
 /// A density model as a WGSL module with its data.
@@ -36,4 +39,75 @@ pub fn smooth<T: num_traits::Float>(low: T, high: T, value: T) -> T {
     let three = T::one() + T::one() + T::one();
     let t = ((value - low) / (high - low)).max(T::zero()).min(T::one());
     t * t * (three - (t + t))
+}
+
+/// A density model of a published engine, by name.
+pub struct Model {
+    /// Name on the command line.
+    pub id: &'static str,
+    /// Name in words.
+    pub title: &'static str,
+    /// What it is, in a sentence or two.
+    pub about: &'static str,
+    /// Its parameters.
+    pub parameters: &'static [schema::Parameter],
+    /// Levels of quality: a name, and the parameters that it sets.
+    pub qualities: &'static [(&'static str, &'static [(&'static str, f64)])],
+    /// Builds it.
+    pub build: fn(&schema::Values, Variant, f64) -> Result<Engine>,
+}
+
+/// A model with all that its engine brings along.
+pub struct Engine {
+    /// Name of the model.
+    pub model: &'static str,
+    /// Which form.
+    pub variant: Variant,
+    /// The parameters that it was built from.
+    pub values: schema::Values,
+    /// The density.
+    pub density: Box<dyn DensityModel>,
+    /// The engine's light; a scene brings its own sun and world.
+    pub light: LightModel,
+    /// How the engine marches.
+    pub march: RealTimeSettings,
+    /// What is to be said about the parameters.
+    pub warnings: Vec<String>,
+}
+
+/// All models.
+pub fn models() -> &'static [&'static Model] {
+    static MODELS: [&Model; 1] = [&perlin_fbm::MODEL];
+    &MODELS
+}
+
+/// A model by its name.
+pub fn find(id: &str) -> Result<&'static Model> {
+    models().iter().copied().find(|model| model.id == id).ok_or_else(|| {
+        let known: Vec<&str> = models().iter().map(|model| model.id).collect();
+        Error::new("density model", format!("\"{id}\""), format!("one of {}", known.join(", ")), "Correct the name.")
+    })
+}
+
+impl Model {
+    /// The default values, changed by a level of quality and by texts `NAME=VALUE`, in this order.
+    pub fn values(&self, quality: Option<&str>, texts: &[String]) -> Result<schema::Values> {
+        let mut values = schema::Values::defaults(self.parameters);
+        if let Some(wanted) = quality {
+            let Some((_, settings)) = self.qualities.iter().find(|(name, _)| *name == wanted) else {
+                let known: Vec<&str> = self.qualities.iter().map(|(name, _)| *name).collect();
+                return Err(Error::new(
+                    "--quality",
+                    format!("\"{wanted}\""),
+                    format!("one of {}", known.join(", ")),
+                    "Correct the name.",
+                ));
+            };
+            for &(name, value) in *settings {
+                values.set(self.parameters, name, value, "a level of quality")?;
+            }
+        }
+        values.set_texts(self.parameters, texts)?;
+        Ok(values)
+    }
 }

@@ -102,9 +102,9 @@ impl Values {
         for text in texts {
             let number = text.split_once('=').and_then(|(name, value)| Some((name.trim(), value.trim().parse().ok()?)));
             let Some((name, value)) = number else {
-                return Err(Error::new("--set", text, "NAME=VALUE with a number", "Correct the option."));
+                return Err(Error::new("--parameter", text, "NAME=VALUE with a number", "Correct the option."));
             };
-            self.set(parameters, name, value, "--set")?;
+            self.set(parameters, name, value, "--parameter")?;
         }
         Ok(())
     }

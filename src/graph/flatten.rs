@@ -513,7 +513,12 @@ impl<'a> Flattener<'a> {
                 "Link a value output; closures only feed the Material Output.",
             )),
             Role::Source(resolve) => {
-                let context = SourceContext { matrix_world: &self.volume.matrix_world, place: &place, node };
+                let context = SourceContext {
+                    matrix_world: &self.volume.matrix_world,
+                    place: &place,
+                    node,
+                    has_grid: self.volume.grid.is_some(),
+                };
                 let value = resolve(&context, &mode, socket)?;
                 Ok((kind, self.source(tree, node, value)))
             }
@@ -697,6 +702,21 @@ impl<'a> Flattener<'a> {
                     row
                 });
                 affine(self, rows)
+            }
+            SourceValue::Grid => {
+                let handle = self.volume.grid.clone().expect("the node asks only where there is a grid");
+                let to_index = handle.grid().grid().to_object.inverse();
+                let columns = to_index.matrix3.to_cols_array_2d();
+                let origin = to_index.translation;
+                let rows = std::array::from_fn(|row| {
+                    [columns[0][row], columns[1][row], columns[2][row], origin[row]].map(|value| value as f32)
+                });
+                let index = affine(self, rows);
+                let none = serde_json::Map::new();
+                let found = self.internal(tree, node, &nodes::volume_grid_lookup::TYPE, &none, index, 1);
+                let lookup = self.flat.nodes.last_mut().expect("it was just put there");
+                lookup.mode = lookup.mode.clone().with_grid(handle);
+                found
             }
             SourceValue::Attribute(name) => {
                 let known = self.flat.attributes.iter().position(|attribute| *attribute == name);

@@ -50,6 +50,8 @@ pub struct Character {
 /// A closure with what could be computed beforehand.
 struct Term {
     closure: Closure,
+    /// Factor on all coefficients: a Volume object's are per length of its own.
+    scale: f64,
     /// The phase function, where it is the same everywhere.
     phase: Option<PhaseFunction>,
     /// The coefficients where only the density varies.
@@ -105,7 +107,7 @@ fn interval_of(value: Value, row: &[Interval]) -> Interval {
 }
 
 impl Term {
-    fn new(closure: Closure) -> Self {
+    fn new(closure: Closure, scale: f64) -> Self {
         // NaN in place of what varies: what still comes out as a number does not depend on it.
         let known = |value: &Value| match value {
             Value::Constant(value) => f64::from(*value),
@@ -119,7 +121,7 @@ impl Term {
         });
         let scaled = (!inputs.iter().any(|input| input.is_nan()))
             .then(|| Scaled { unit: closure.formula.coefficients(&inputs), density });
-        Self { closure, phase, scaled }
+        Self { closure, scale, phase, scaled }
     }
 
     /// Product of the factors of the mixes.
@@ -128,7 +130,7 @@ impl Term {
             let share = factor.value.at(row).limited(0.0, 1.0);
             if factor.complement { 1.0 - share } else { share }
         };
-        self.closure.factors.iter().map(part).product()
+        self.closure.factors.iter().map(part).fold(self.scale, |product, factor| product * factor)
     }
 
     /// Calls `function` with the closure's inputs at a point.
@@ -160,7 +162,7 @@ impl Term {
     }
 
     fn bounds(&self, row: &[Interval]) -> Coefficients<Interval> {
-        let weight = self.closure.factors.iter().fold(Interval::ONE, |product, factor| {
+        let weight = self.closure.factors.iter().fold(Interval::of(self.scale), |product, factor| {
             let share = interval_of(factor.value, row).limited(0.0, 1.0);
             product * if factor.complement { (Interval::ONE - share).limited(0.0, 1.0) } else { share }
         });
@@ -222,7 +224,8 @@ impl ObjectMedium {
     pub fn new(graph: &Graph, volume: &Volume) -> Result<Self> {
         let bounds = box_of(volume)?;
         let ClosureSum { program, closures } = ClosureSum::compile(graph, volume)?;
-        let terms: Vec<Term> = closures.into_iter().map(Term::new).collect();
+        let scale = length_scale(volume);
+        let terms: Vec<Term> = closures.into_iter().map(|closure| Term::new(closure, scale)).collect();
         let unknown = vec![Interval::EVERYTHING; program.output_components()];
         let all = sum(terms.iter().map(|term| term.bounds(&unknown)), Interval::ZERO);
         let zero = |values: [Interval; 3]| values.iter().all(|value| *value == Interval::ZERO);
@@ -321,9 +324,22 @@ fn sum<Q: Quantity>(terms: impl Iterator<Item = Coefficients<Q>>, zero: Q) -> Co
         .unwrap_or(nothing)
 }
 
+/// Coefficients of the medium in world space over those of its closures. A mesh's are per metre of world space. Those of a Volume
+/// object are per metre of its own: Cycles 5.0 divides them by the length to which the object takes the unit vector along
+/// (1, 1, 1), in all directions alike (measured; docs/volume-objects.md).
+fn length_scale(volume: &Volume) -> f64 {
+    match volume.shape {
+        Shape::Grid { .. } => {
+            let diagonal = DVec3::ONE.normalize();
+            1.0 / scene::matrix_to_glam(&volume.matrix_world).transform_vector3(diagonal).length()
+        }
+        Shape::Box | Shape::Mesh { .. } => 1.0,
+    }
+}
+
 /// The box that a volume fills; a mesh is refused.
 pub(super) fn box_of(volume: &Volume) -> Result<Region> {
-    if !matches!(volume.shape, Shape::Box) {
+    if !matches!(volume.shape, Shape::Box | Shape::Grid { .. }) {
         return Err(Error::new(
             format!("$.volume.shape of object {}", volume.object),
             "a mesh",

@@ -4,9 +4,11 @@
 //! `shaders/integrate/`.
 
 mod adapter;
+pub mod blue_noise;
 pub mod camera;
 pub mod convergence;
 pub mod density_cache;
+pub mod engine;
 pub mod environment;
 pub mod film;
 pub mod light_grid;

@@ -71,7 +71,7 @@ impl<'a> RealTimeKernel<'a> {
         light: &LightModel,
         settings: &RealTimeSettings,
     ) -> Result<Self> {
-        let shader = density.shader();
+        let shader = density.shader()?;
         let mut linker = Linker::bare();
         linker.add("lighting/phase.wgsl", include_str!("../../shaders/lighting/phase.wgsl"))?;
         linker.add(shader.path, shader.source)?;

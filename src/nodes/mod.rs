@@ -34,6 +34,7 @@ pub mod value;
 pub mod vector_math;
 pub mod volume_absorption;
 pub mod volume_coefficients;
+pub mod volume_grid_lookup;
 pub mod volume_scatter;
 pub mod voronoi_texture;
 
@@ -42,6 +43,7 @@ pub use real::{Oracle, Real};
 pub use running_error::RunningError;
 
 use crate::scene::SocketType;
+use crate::volume_grid::GridHandle;
 use serde_json::Value as Json;
 
 /// A node type: everything that the compiler, the checks and the documentation need to know.
@@ -87,6 +89,8 @@ pub enum SourceValue {
     Generated,
     /// Three values per point, given beside the positions under this name.
     Attribute(String),
+    /// The value of the object's grid of densities.
+    Grid,
 }
 
 /// What a source may need besides its own properties.
@@ -97,6 +101,8 @@ pub struct SourceContext<'a> {
     pub place: &'a str,
     /// The node in the file.
     pub node: &'a crate::scene::Node,
+    /// Whether the object has a grid of densities.
+    pub has_grid: bool,
 }
 
 /// A property of a node.
@@ -230,6 +236,7 @@ pub struct Mode {
     choices: Vec<(&'static str, &'static str)>,
     flags: Vec<(&'static str, bool)>,
     wanted: Vec<&'static str>,
+    grid: Option<GridHandle>,
 }
 
 impl Mode {
@@ -251,7 +258,7 @@ impl Mode {
                 ));
             }
         }
-        let mut mode = Self { choices: Vec::new(), flags: Vec::new(), wanted: Vec::new() };
+        let mut mode = Self { choices: Vec::new(), flags: Vec::new(), wanted: Vec::new(), grid: None };
         for property in node_type.properties {
             let given = properties.get(property.identifier);
             let wrong = |expected: String| {
@@ -311,6 +318,20 @@ impl Mode {
     pub fn with_wanted(mut self, wanted: Vec<&'static str>) -> Self {
         self.wanted = wanted;
         self
+    }
+
+    /// The same mode with the grid that the node reads.
+    pub fn with_grid(mut self, grid: GridHandle) -> Self {
+        self.grid = Some(grid);
+        self
+    }
+
+    /// The grid that the node reads.
+    ///
+    /// # Panics
+    /// When it has none: the compiler gives one to every lookup.
+    pub fn grid(&self) -> &GridHandle {
+        self.grid.as_ref().expect("a lookup has a grid")
     }
 
     /// Shader definitions of this mode: `PROPERTY_VALUE` for choices, `PROPERTY` for flags that

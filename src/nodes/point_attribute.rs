@@ -1,10 +1,11 @@
-//! Attribute (`ShaderNodeAttribute`) of type Geometry, in probes only: three numbers per point,
-//! given beside the positions under the attribute's name. A scene that renders has no such data,
-//! so the node is refused there.
+//! Attribute (`ShaderNodeAttribute`) of type Geometry: the density of a Volume object by its output Fac, or, in probes only, three
+//! numbers per point by its output Vector, given beside the positions under the attribute's name. A mesh that renders has no such
+//! data, so the node is refused there.
 
 use super::{NodeType, OutputSocket, Property, Role, SourceValue, always};
 use crate::error::Error;
 use crate::scene::SocketType;
+use crate::volume_grid::DENSITY;
 
 /// The node type.
 pub static TYPE: NodeType = NodeType {
@@ -23,6 +24,13 @@ pub static TYPE: NodeType = NodeType {
     role: Role::Source(|context, _, output| {
         let name = context.node.properties.get("attribute_name").and_then(|value| value.as_str());
         match (output, name) {
+            ("Fac", Some(DENSITY)) if context.has_grid => Ok(SourceValue::Grid),
+            ("Fac", Some(name)) if context.has_grid => Err(Error::new(
+                format!("{}: property attribute_name", context.place),
+                format!("\"{name}\""),
+                format!("\"{DENSITY}\", the grid of the object"),
+                "Name that grid.",
+            )),
             ("Vector", Some(name)) => Ok(SourceValue::Attribute(name.to_owned())),
             (_, None) => Err(Error::new(
                 format!("{}: property attribute_name", context.place),
@@ -33,8 +41,8 @@ pub static TYPE: NodeType = NodeType {
             (other, _) => Err(Error::new(
                 format!("{}: output {other}", context.place),
                 format!("the {other} output of Attribute"),
-                "the Vector output (probes carry three numbers per point)",
-                "Link Vector and take it apart with Separate XYZ.",
+                "the Fac output on a Volume object, or Vector in a probe, which carries three numbers per point",
+                "Link that output, or use a Volume object.",
             )),
         }
     }),

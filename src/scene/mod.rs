@@ -12,6 +12,7 @@ pub use graph_file::{Graph, Group, Input, Node, Socket, SocketType};
 
 use crate::error::{Error, Result};
 use crate::files;
+use crate::volume_grid::{DENSITY, GridHandle, VolumeGrid};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
@@ -329,6 +330,10 @@ pub struct Volume {
     pub material: String,
     /// Blender's per-material factor on ray-marching steps.
     pub volume_step_rate: f32,
+    /// The grid of a shape `grid`, read when the scene is loaded.
+    #[serde(skip)]
+    #[schemars(skip)]
+    pub grid: Option<GridHandle>,
 }
 
 /// Outline of a medium.
@@ -343,6 +348,13 @@ pub enum Shape {
         vertices: Vec<[f32; 3]>,
         /// Vertex indices.
         triangles: Vec<[u32; 3]>,
+    },
+    /// A Volume object with an OpenVDB grid "density"; the bounds enclose its active voxels and one more on each side.
+    Grid {
+        /// The .vdb, relative to the scene file.
+        file: String,
+        /// SHA-256 of that file: the grid is part of the scene's identity.
+        sha256: String,
     },
 }
 
@@ -378,6 +390,7 @@ impl Scene {
         let folder = path.parent().unwrap_or(Path::new("."));
         scene.folder = std::path::absolute(folder).unwrap_or_else(|_| folder.to_owned());
         scene.check_world_image(&path.display().to_string())?;
+        scene.read_grids(&path.display().to_string())?;
         scene.check(&path.display().to_string())?;
         Ok(scene)
     }
@@ -449,6 +462,43 @@ impl Scene {
     /// Where the picture around the scene is, if it has one.
     pub fn world_image_path(&self) -> Option<std::path::PathBuf> {
         self.world.image.as_ref().map(|image| self.folder.join(&image.file))
+    }
+
+    /// Reads the grids of volume objects, which have to be those that the scene was made with.
+    fn read_grids(&mut self, place: &str) -> Result<()> {
+        let folder = self.folder.clone();
+        for volume in std::iter::once(&mut self.volume).chain(&mut self.other_volumes) {
+            let Shape::Grid { file, sha256 } = &volume.shape else { continue };
+            let path = folder.join(file);
+            let bytes = std::fs::read(&path)
+                .map_err(|cause| Error::io(&path, "the grid of a volume object (shape grid)", &cause))?;
+            let found = files::sha256(&bytes);
+            if found != *sha256 {
+                return Err(Error::new(
+                    format!("{place}: object {}: shape.sha256", volume.object),
+                    format!("\"{sha256}\" where {} has {found}", path.display()),
+                    "the hash of the grid's file",
+                    "Restore the file, or write its own hash if another one is meant.",
+                ));
+            }
+            let grid = VolumeGrid::read(&path, DENSITY)?;
+            let [low, high] = grid.extent();
+            let [wrong_low, wrong_high] =
+                [(low, volume.bounds.min), (high, volume.bounds.max)].map(|(wanted, given)| {
+                    let size = (high - low).abs().max_element();
+                    !wanted.abs_diff_eq(glam::DVec3::from(given.map(f64::from)), 1e-5 * size)
+                });
+            if wrong_low || wrong_high {
+                return Err(Error::new(
+                    format!("{place}: object {}: bounds", volume.object),
+                    format!("{:?} to {:?}", volume.bounds.min, volume.bounds.max),
+                    format!("{low} to {high}: the grid's active voxels and one more on each side"),
+                    "Write these bounds.",
+                ));
+            }
+            volume.grid = Some(GridHandle::new(grid, found));
+        }
+        Ok(())
     }
 
     /// The picture around the scene has to be the one that the scene was made with.

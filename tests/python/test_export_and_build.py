@@ -334,7 +334,7 @@ def test_an_environment_image_survives_and_other_mappings_are_refused(tmp_path):
     with pytest.raises(InputError, match="folder"):
         build(located(request | {"folder": None}, "request"), Recorder())
     document["world"]["image"]["sha256"] = "0" * 64
-    with pytest.raises(InputError, match="another picture"):
+    with pytest.raises(InputError, match="another file"):
         build(located(request, "request"), Recorder())
 
     bpy.ops.wm.open_mainfile(filepath=request["blend"])

@@ -1,6 +1,6 @@
 //! The Perlin-FBM cloud on the adapter: its bake, and its density for marches.
 
-use super::bake::Bake;
+use super::bake::{Bake, MOST_OCTAVES};
 use super::mask::SIDE;
 use super::random::permutation;
 use super::rows::Tables;
@@ -14,8 +14,14 @@ use bytemuck::{Pod, Zeroable};
 /// Invocations per workgroup.
 const WORKGROUP: usize = 64;
 
+/// Texels of an invocation, one behind the other.
+const DEPTH: usize = 4;
+
 /// Noises per submission: some 40 ms on a software adapter.
 const NOISES: usize = 1 << 21;
+
+/// Bytes of a uniform buffer that every adapter allows.
+const UNIFORM_BYTES: usize = 1 << 16;
 
 /// Uniforms of `shaders/density/perlin_fbm_bake.wgsl`.
 #[repr(C)]
@@ -28,7 +34,7 @@ struct BakeUniform {
     coverage: f32,
     softness: f32,
     intensity: f32,
-    amplitude_sum: f32,
+    padding: u32,
 }
 
 /// Uniforms of `shaders/density/perlin_fbm.wgsl`.
@@ -53,15 +59,19 @@ struct ModelUniform {
 /// The kernel of the bake.
 pub struct BakeKernel<'a> {
     gpu: &'a Gpu,
-    pipeline: wgpu::ComputePipeline,
+    /// With the tables of the axes in a uniform buffer, and in storage, for those that do not fit.
+    pipelines: [wgpu::ComputePipeline; 2],
 }
 
 impl<'a> BakeKernel<'a> {
     /// Compiles it.
     pub fn new(gpu: &'a Gpu) -> Result<Self> {
         let source = include_str!("../../../shaders/density/perlin_fbm_bake.wgsl");
-        let module = Linker::bare().link("density/perlin_fbm_bake.wgsl", source)?;
-        Ok(Self { gpu, pipeline: gpu.pipeline("perlin_fbm_bake", &module)? })
+        let pipeline = |definitions: &[&str]| {
+            let module = Linker::bare().link_with("density/perlin_fbm_bake.wgsl", source, definitions)?;
+            gpu.pipeline("perlin_fbm_bake", &module)
+        };
+        Ok(Self { gpu, pipelines: [pipeline(&[])?, pipeline(&["LARGE_AXES"])?] })
     }
 
     /// The texture of `side` texels per axis, in single precision over tables of double: a few texels of a hundred differ by 1
@@ -70,12 +80,10 @@ impl<'a> BakeKernel<'a> {
         bake.check_side(side)?;
         let table = permutation(bake.seed);
         let tables = Tables::<f64>::new(bake, &table, side);
-        let mut axes: Vec<[f32; 4]> = Vec::new();
+        let mut axes: Vec<[f32; 2]> = Vec::new();
         for axis in tables.axes.iter().flatten() {
-            axes.extend((0..side).map(|place| {
-                let cell = f32::from_bits(axis.cells[place] as u32);
-                [axis.fractions[place] as f32, axis.fades[place] as f32, cell, 0.0]
-            }));
+            let places = axis.fractions.iter().zip(&axis.cells);
+            axes.extend(places.map(|(&fraction, &cell)| [fraction as f32, f32::from_bits(cell as u32)]));
         }
         // Coordinates beyond all numbers: what the CPU gives is no number, and its byte is 0.
         if axes.iter().any(|[fraction, ..]| fraction.is_nan()) {
@@ -83,21 +91,51 @@ impl<'a> BakeKernel<'a> {
         }
         let pairs: Vec<u8> =
             (0..1 << 16).map(|index| table[(usize::from(table[index & 255]) + (index >> 8)) & 255]).collect();
-        let amplitudes: Vec<f32> = tables.amplitudes.iter().map(|&amplitude| amplitude as f32).collect();
-        let gradients: Vec<u32> = tables.last.iter().map(|&gradient| u32::from(gradient)).collect();
+        let amplitudes: Vec<f32> =
+            tables.amplitudes.iter().map(|&amplitude| (amplitude / tables.amplitude_sum) as f32).collect();
+        let gradients = tables.last.map(|gradient| {
+            let gradient = u32::from(gradient);
+            let first_is_x = u32::from(gradient < 8);
+            let second = match gradient {
+                0..4 => 2,
+                12 | 14 => 4,
+                _ => 0,
+            };
+            gradient << 31 | (gradient >> 1 & 1) << 30 | first_is_x | second
+        });
         let storage = wgpu::BufferUsages::STORAGE;
-        let inputs = [
-            self.gpu.upload("axes", bytemuck::cast_slice(&axes), storage),
-            self.gpu.upload("amplitudes", bytemuck::cast_slice(&amplitudes), storage),
-            self.gpu.upload("pairs", &pairs, storage),
-            self.gpu.upload("gradients", bytemuck::cast_slice(&gradients), storage),
+        let all = side.pow(3);
+        let output = self.gpu.device().create_buffer(&wgpu::BufferDescriptor {
+            label: Some("texels"),
+            size: 4 * all as u64,
+            usage: storage | wgpu::BufferUsages::COPY_SRC,
+            mapped_at_creation: false,
+        });
+        let uniform = wgpu::BufferUsages::UNIFORM;
+        let are_large = axes.len() * 8 > UNIFORM_BYTES;
+        // A uniform binding is as large as its declaration.
+        let padded = |bytes: &[u8], size: usize| {
+            let mut bytes = bytes.to_vec();
+            bytes.resize(size.max(bytes.len()), 0);
+            bytes
+        };
+        let axes = padded(bytemuck::cast_slice(&axes), UNIFORM_BYTES);
+        let data = [
+            self.gpu.upload("axes", &axes, if are_large { storage } else { uniform }),
+            self.gpu.upload(
+                "amplitudes",
+                &padded(bytemuck::cast_slice(&amplitudes), 4 * MOST_OCTAVES as usize),
+                uniform,
+            ),
+            self.gpu.upload("pairs", &pairs, uniform),
+            self.gpu.upload("gradients", bytemuck::cast_slice(&gradients), uniform),
+            output,
         ];
         let octaves = bake.octaves.count;
-        let all = side.pow(3);
-        let most = (NOISES / (8 * octaves as usize)).next_multiple_of(WORKGROUP);
-        let mut texels = Vec::with_capacity(all);
-        for first in (0..all).step_by(most) {
-            let count = most.min(all - first);
+        let invocations = side * side * side.div_ceil(DEPTH);
+        let most = (NOISES / (8 * DEPTH * octaves as usize)).next_multiple_of(WORKGROUP);
+        for first in (0..invocations).step_by(most) {
+            let count = most.min(invocations - first);
             let uniform = BakeUniform {
                 side: side as u32,
                 octaves,
@@ -106,21 +144,15 @@ impl<'a> BakeKernel<'a> {
                 coverage: bake.coverage as f32,
                 softness: bake.softness as f32,
                 intensity: bake.intensity as f32,
-                amplitude_sum: tables.amplitude_sum as f32,
+                padding: 0,
             };
             let uniform = self.gpu.upload("bake", bytemuck::bytes_of(&uniform), wgpu::BufferUsages::UNIFORM);
-            let output = self.gpu.device().create_buffer(&wgpu::BufferDescriptor {
-                label: Some("texels"),
-                size: 4 * count as u64,
-                usage: storage | wgpu::BufferUsages::COPY_SRC,
-                mapped_at_creation: false,
-            });
-            let buffers = std::iter::once(&uniform).chain(&inputs).chain(std::iter::once(&output));
-            self.gpu.dispatch(&self.pipeline, &[buffers.collect()], count.div_ceil(WORKGROUP) as u32);
-            let words: Vec<u32> = bytemuck::pod_collect_to_vec(&self.gpu.read_back(&output, 4 * count as u64)?);
-            texels.extend(words.into_iter().map(|word| word as u8));
+            let buffers = std::iter::once(&uniform).chain(&data).collect();
+            self.gpu.dispatch(&self.pipelines[usize::from(are_large)], &[buffers], count.div_ceil(WORKGROUP) as u32);
         }
-        Ok(Volume { side, texels })
+        let [.., output] = &data;
+        let words: Vec<u32> = bytemuck::pod_collect_to_vec(&self.gpu.read_back(output, 4 * all as u64)?);
+        Ok(Volume { side, texels: words.into_iter().map(|word| word as u8).collect() })
     }
 }
 

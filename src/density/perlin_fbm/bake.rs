@@ -11,6 +11,9 @@ use rayon::prelude::*;
 /// Most texels per axis: 16 MiB.
 pub const LARGEST: usize = 256;
 
+/// Most octaves.
+pub const MOST_OCTAVES: u32 = 64;
+
 /// Parameters of a bake.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Bake {
@@ -64,8 +67,9 @@ impl Bake {
         above_zero("softness", self.softness)?;
         above_zero("noise_scale", self.noise_scale)?;
         above_zero("intensity", self.intensity)?;
-        if !(1..=64).contains(&count) {
-            return Err(Error::new("parameter octaves", count.to_string(), "1 to 64", "Correct the parameter."));
+        if !(1..=MOST_OCTAVES).contains(&count) {
+            let expected = format!("1 to {MOST_OCTAVES}");
+            return Err(Error::new("parameter octaves", count.to_string(), expected, "Correct the parameter."));
         }
         Ok(())
     }
@@ -123,15 +127,26 @@ impl Bake {
         (sum + T::one()) / (T::one() + T::one())
     }
 
-    /// The texel of a value of the blended noise. NaN, a negative value to a broken power, gives 0.
-    pub fn byte<T: Float>(&self, value: T) -> u8 {
+    /// The value in [0, 1] at a place in periods of the texture, that no texture rounds: what a texture of ever more texels and bits
+    /// tends to.
+    pub fn exact(&self, table: &Permutation, place: [f64; 3]) -> f64 {
+        self.density(self.blend(table, place.map(|coordinate| coordinate - coordinate.floor())))
+    }
+
+    /// The thresholded value of the blended noise. NaN, a negative value to a broken power, gives 0.
+    fn density<T: Float>(&self, value: T) -> T {
         let convert = |value: f64| T::from(value).expect("a float holds any double, rounded");
-        let [coverage, softness, intensity, most] = [self.coverage, self.softness, self.intensity, 255.0].map(convert);
+        let [coverage, softness, intensity] = [self.coverage, self.softness, self.intensity].map(convert);
         let powered = value.powf(intensity);
         if powered.is_nan() {
-            return 0;
+            return T::zero();
         }
-        let density = smooth(coverage - softness, coverage + softness, powered);
-        (density * most).floor().to_u8().unwrap_or(0)
+        smooth(coverage - softness, coverage + softness, powered)
+    }
+
+    /// The texel of a value of the blended noise. NaN, a negative value to a broken power, gives 0.
+    pub fn byte<T: Float>(&self, value: T) -> u8 {
+        let most = T::from(255.0).expect("a small whole number");
+        (self.density(value) * most).floor().to_u8().unwrap_or(0)
     }
 }

@@ -1,7 +1,7 @@
 //! The mask: the signed distance of a sphere that is flattened in six directions and deformed by two textures of noise.
 
 use super::noise::{Field, noise};
-use super::random::permutation;
+use super::random::{Permutation, permutation};
 use super::{Volume, Wrap, above_zero, finite};
 use crate::error::Result;
 use std::sync::Arc;
@@ -58,6 +58,8 @@ pub struct Baked {
     mask: Mask,
     /// Main and fine deformation.
     pub textures: [Arc<Volume>; 2],
+    /// Their permutations.
+    tables: [Permutation; 2],
 }
 
 impl Mask {
@@ -89,7 +91,8 @@ impl Mask {
             });
             found.unwrap_or_else(|| Arc::new(wanted.texture()))
         });
-        Ok(Baked { mask: *self, textures })
+        let tables = self.deformations.map(|deformation| permutation(deformation.seed));
+        Ok(Baked { mask: *self, textures, tables })
     }
 }
 
@@ -98,20 +101,47 @@ impl Deformation {
     pub fn texture(&self) -> Volume {
         let table = permutation(self.seed);
         Volume::bake(SIDE, |place| {
-            let [x, y, z] = place.map(|number| 2.0 * number as f64 / (SIDE - 1) as f64 - 1.0);
             // The side is even: no texel lies at the centre.
-            let inverse = 1.0 / (x * x + y * y + z * z).sqrt();
-            let value = noise(Field::Mask, &table, [x, y, z].map(|part| part * inverse * self.frequency));
+            let value = self.value(&table, place.map(|number| 2.0 * number as f64 / (SIDE - 1) as f64 - 1.0));
             // Truncated, not clamped: 256 wraps to 0.
             (128.0 * value + 128.0) as i64 as u8
         })
     }
 }
 
+impl Deformation {
+    /// The noise in a direction of any length but 0.
+    fn value(&self, table: &Permutation, [x, y, z]: [f64; 3]) -> f64 {
+        let inverse = 1.0 / (x * x + y * y + z * z).sqrt();
+        noise(Field::Mask, table, [x, y, z].map(|part| part * inverse * self.frequency))
+    }
+}
+
 impl Baked {
     /// Signed distance at a place of the local box, positive inside; -1 without a radius.
     pub fn distance(&self, place: [f64; 3]) -> f64 {
-        let Mask { radius, flattening, deformations, reads_textures, .. } = self.mask;
+        self.distance_by(place, |number, direction| {
+            if !self.mask.reads_textures {
+                return -1.0;
+            }
+            let at = direction.map(|part| part * self.mask.radius * 0.5 + 0.5);
+            2.0 * self.textures[number].sample(at, Wrap::Clamp) - 1.0
+        })
+    }
+
+    /// The same by the noise itself instead of its textures.
+    pub fn exact_distance(&self, place: [f64; 3]) -> f64 {
+        self.distance_by(place, |number, direction| {
+            if !self.mask.reads_textures {
+                return -1.0;
+            }
+            self.mask.deformations[number].value(&self.tables[number], direction)
+        })
+    }
+
+    /// The distance with the deformations, each -1 to 1, that `deformation` gives by number and unit direction.
+    fn distance_by(&self, place: [f64; 3], deformation: impl Fn(usize, [f64; 3]) -> f64) -> f64 {
+        let Mask { radius, flattening, deformations, .. } = self.mask;
         if radius <= 0.0 {
             return -1.0;
         }
@@ -121,16 +151,9 @@ impl Baked {
         if length == 0.0 {
             return radius;
         }
-        let at = stretched.map(|part| part / length * radius * 0.5 + 0.5);
-        let displacement: f64 = self
-            .textures
-            .iter()
-            .zip(deformations)
-            .map(|(texture, deformation)| {
-                let value = if reads_textures { texture.sample(at, Wrap::Clamp) } else { 0.0 };
-                (2.0 * value - 1.0) * deformation.strength
-            })
-            .sum();
+        let direction = stretched.map(|part| part / length);
+        let displacement: f64 =
+            (0..2).map(|number| deformation(number, direction) * deformations[number].strength).sum();
         radius + displacement - length
     }
 }

@@ -16,12 +16,13 @@ pub mod random;
 mod rows;
 pub mod settings;
 
-use super::{DensityModel, ModelShader, smooth};
+use super::{DensityModel, Engine, Model, ModelShader, smooth};
 use crate::error::{Error, Result};
 use bake::Bake;
 use glam::DVec3;
 use mask::Mask;
 use rayon::prelude::*;
+use std::sync::Arc;
 
 /// A byte texture of side `side`: one channel, x fastest.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -80,6 +81,28 @@ impl Volume {
     }
 }
 
+/// The model under its name.
+pub static MODEL: Model = Model {
+    id: "perlin-fbm",
+    title: "Baked Perlin noise with a deformed-sphere mask",
+    about: "The seeded cloud of a published three.js engine: octaves of gradient noise, made periodic, thresholded and baked to a \
+            byte texture, tiled across a box, and masked by a flattened sphere that two more textures deform.",
+    parameters: settings::PARAMETERS,
+    qualities: settings::QUALITIES,
+    build: |values, variant, seconds| {
+        let (parameters, warnings) = settings::parameters(values, variant, seconds)?;
+        Ok(Engine {
+            model: MODEL.id,
+            variant,
+            values: values.clone(),
+            density: Box::new(Cloud::new(parameters)?),
+            light: settings::light(values, variant),
+            march: settings::march(values, variant),
+            warnings,
+        })
+    },
+};
+
 /// What makes the density of the cloud.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Parameters {
@@ -99,6 +122,18 @@ pub struct Parameters {
     pub density_multiplier: f64,
     /// Extinction of a view ray is the density times this and [`TINT`], per side of the box.
     pub opacity: f64,
+    /// Where values come from.
+    pub evaluation: Evaluation,
+}
+
+/// Where the values of the noise come from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Evaluation {
+    /// From the byte textures, as the engine has them.
+    Baked,
+    /// Computed at each place: no filter, no bytes. The periodic noise is taken at the place within its period, and the mask's noise
+    /// in the direction from the centre. What the textures cost in truth is the difference.
+    Exact,
 }
 
 /// Extinction of the channels, relative to each other: blue is dimmed most.
@@ -108,7 +143,8 @@ pub const TINT: [f64; 3] = [0.6, 0.65, 0.7];
 #[derive(Debug, Clone)]
 pub struct Cloud {
     parameters: Parameters,
-    volume: Volume,
+    table: random::Permutation,
+    volume: Arc<Volume>,
     mask: mask::Baked,
 }
 
@@ -131,7 +167,7 @@ impl Cloud {
         Self::new_after(parameters, None)
     }
 
-    /// The same, with the mask's textures of another cloud where they would be the same.
+    /// The same, with the textures of another cloud where they would be the same.
     pub fn new_after(parameters: Parameters, other: Option<&Self>) -> Result<Self> {
         for (name, value) in [
             ("tiling", parameters.tiling),
@@ -142,9 +178,16 @@ impl Cloud {
             finite(name, value)?;
         }
         parameters.offset.iter().try_for_each(|&value| finite("offset", value))?;
-        let volume = parameters.bake.volume(parameters.texture_size)?;
+        let volume = match other.filter(|other| {
+            let there = &other.parameters;
+            there.bake == parameters.bake && there.texture_size == parameters.texture_size
+        }) {
+            Some(other) => Arc::clone(&other.volume),
+            None => Arc::new(parameters.bake.volume(parameters.texture_size)?),
+        };
         let mask = parameters.mask.bake_after(other.map(|other| &other.mask))?;
-        Ok(Self { parameters, volume, mask })
+        let table = random::permutation(parameters.bake.seed);
+        Ok(Self { parameters, table, volume, mask })
     }
 
     /// The volume's texture.
@@ -160,10 +203,15 @@ impl Cloud {
     /// The density at a place of the local box, and its parts.
     pub fn at(&self, place: [f64; 3]) -> Sample {
         let Parameters { tiling, offset, threshold, density_multiplier, mask, .. } = &self.parameters;
-        let distance = self.mask.distance(place);
+        let is_exact = self.parameters.evaluation == Evaluation::Exact;
+        let distance = if is_exact { self.mask.exact_distance(place) } else { self.mask.distance(place) };
         let factor = smooth(0.0, mask.softness, distance);
         let coordinates = std::array::from_fn(|axis| (place[axis] + 0.5) * tiling + offset[axis]);
-        let texel = self.volume.sample(coordinates, Wrap::Repeat);
+        let texel = if is_exact {
+            self.parameters.bake.exact(&self.table, coordinates)
+        } else {
+            self.volume.sample(coordinates, Wrap::Repeat)
+        };
         let is_empty = factor <= 0.0 || texel < *threshold;
         let density = if is_empty { 0.0 } else { texel * density_multiplier * factor };
         Sample { distance, mask: factor, texel, density }
@@ -179,8 +227,16 @@ impl DensityModel for Cloud {
         TINT.map(|tint| tint * self.parameters.opacity)
     }
 
-    fn shader(&self) -> ModelShader {
-        adapter::density(self)
+    fn shader(&self) -> Result<ModelShader> {
+        if self.parameters.evaluation == Evaluation::Exact {
+            return Err(Error::new(
+                "parameter exact",
+                "1",
+                "0: the adapter reads the textures",
+                "Leave the parameter out, or --gpu.",
+            ));
+        }
+        Ok(adapter::density(self))
     }
 }
 

@@ -3,16 +3,15 @@
 //! Defaults are those that its document calls mandatory, but for the mask, whose documented settings divide by zero: there they are
 //! the values that the mask itself begins with, the only ones with which it works as published.
 
-use super::bake::{Bake, LARGEST};
+use super::bake::{Bake, LARGEST, MOST_OCTAVES};
 use super::mask::{Deformation, Mask};
 use super::noise::Octaves;
-use super::{Parameters, TINT};
+use super::{Evaluation, Parameters, TINT};
 use crate::density::schema::{Parameter, Range, Values};
 use crate::error::Result;
 use crate::integrate::Integration;
 use crate::integrate::real_time::RealTimeSettings;
 use crate::lighting::{LightModel, ShadowExtinction, ShadowLength, ShadowMarch, SourceFactor, TwoLobes, Variant};
-use serde::{Deserialize, Serialize};
 
 /// Short to write.
 const fn parameter(
@@ -45,7 +44,7 @@ pub const PARAMETERS: &[Parameter] = &[
     parameter("coverage", 0.55, UNIT, [0.0, 1.0], "", "centre of the threshold on the noise"),
     parameter("softness", 0.05, Range::Positive, [1e-3, 0.5], "", "half width of the threshold"),
     parameter("noise_scale", 3.5, Range::Positive, [0.5, 12.0], "units of noise", "noise across the box"),
-    parameter("octaves", 5.0, Range::Whole(1, 64), [1.0, 8.0], "", "octaves of noise"),
+    parameter("octaves", 5.0, Range::Whole(1, MOST_OCTAVES), [1.0, 8.0], "", "octaves of noise"),
     parameter("persistence", 0.5, UNIT, [0.0, 1.0], "", "amplitude of an octave over that of the one before"),
     parameter("lacunarity", 3.0, Range::Positive, [1.1, 4.0], "", "frequency of an octave over that of the one before"),
     parameter("intensity", 1.0, Range::Positive, [0.2, 4.0], "", "exponent on the noise before the threshold"),
@@ -71,43 +70,19 @@ pub const PARAMETERS: &[Parameter] = &[
     parameter("speed_x", 0.02, Range::Any, [-0.1, 0.1], SPEED, "motion of the texture, the mask stays"),
     parameter("speed_y", 0.0, Range::Any, [-0.1, 0.1], SPEED, "motion of the texture, the mask stays"),
     parameter("speed_z", 0.01, Range::Any, [-0.1, 0.1], SPEED, "motion of the texture, the mask stays"),
+    parameter("exact", 0.0, Range::Whole(0, 1), [0.0, 0.0], "", "1: noise at each place instead of textures; CPU only"),
     parameter("march_steps", 44.0, Range::Whole(1, 100_000), [1.0, 128.0], "", "steps of a view ray"),
     parameter("light_steps", 1.0, Range::Whole(1, 1000), [1.0, 8.0], "", "steps towards the sun"),
     parameter("albedo", 1.0, UNIT, [0.0, 1.0], "", "single-scattering albedo; fixed form only"),
 ];
 
-/// Levels of quality as the engine names them.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
-#[serde(rename_all = "kebab-case")]
-pub enum Quality {
-    /// 64 texels, 20 steps, 1 towards the sun.
-    Low,
-    /// 96 texels, 30 steps, 2 towards the sun.
-    Medium,
-    /// 128 texels, 44 steps, 4 towards the sun.
-    High,
-}
-
-impl Quality {
-    /// What it sets; the engine applies one always, so that its mandatory 44 steps and 1 become 30 and 2 (defect PF-12).
-    pub fn values(self) -> [(&'static str, f64); 3] {
-        let [texels, steps, light] = match self {
-            Self::Low => [64.0, 20.0, 1.0],
-            Self::Medium => [96.0, 30.0, 2.0],
-            Self::High => [128.0, 44.0, 4.0],
-        };
-        [("texture_size", texels), ("march_steps", steps), ("light_steps", light)]
-    }
-
-    /// Reads of a pixel's god rays.
-    pub fn god_ray_samples(self) -> u32 {
-        match self {
-            Self::Low => 60,
-            Self::Medium => 80,
-            Self::High => 120,
-        }
-    }
-}
+/// Levels of quality as the engine names them. The engine applies one always, so that its mandatory 44 steps and 1 become 30 and 2
+/// (defect PF-12).
+pub const QUALITIES: &[(&str, &[(&str, f64)])] = &[
+    ("low", &[("texture_size", 64.0), ("march_steps", 20.0), ("light_steps", 1.0)]),
+    ("medium", &[("texture_size", 96.0), ("march_steps", 30.0), ("light_steps", 2.0)]),
+    ("high", &[("texture_size", 128.0), ("march_steps", 44.0), ("light_steps", 4.0)]),
+];
 
 /// The mask's settings as the document states them: four of its flattenings are 0.
 pub const DOCUMENTED_MASK: &[(&str, f64)] = &[
@@ -196,6 +171,7 @@ pub fn parameters(values: &Values, variant: Variant, seconds: f64) -> Result<(Pa
         threshold: get("threshold"),
         density_multiplier: get("density_multiplier"),
         opacity: get("opacity"),
+        evaluation: if get("exact") == 1.0 { Evaluation::Exact } else { Evaluation::Baked },
     };
     if variant == Variant::AsPublished && parameters.opacity * TINT[0] < 1.0 {
         warnings.push(format!(

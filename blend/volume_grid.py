@@ -1,0 +1,124 @@
+"""Writes and reads OpenVDB grids of one density, with the library that Blender carries.
+
+Request: {"write": FILE, "values": NPY, "to_object": 4 x 4 rows, "name": NAME, "half": BOOL} writes the
+float32 array [x, y, z] with voxel (0, 0, 0) at index (0, 0, 0). {"read": FILE, "name": NAME, "values": NPY}
+stores the active part of a grid as such an array and answers {"first": [i, j, k], "to_object": rows,
+"background": number, "names": [all grids]}.
+
+`to_object` takes an index to the object's frame; the value of a voxel stands at its index, not half a voxel
+on. Blocks of one value are written voxel by voxel: OpenVDB stores a constant block as a tile, and Cycles 5.0
+cuts the last voxel's fade off at the low sides of tiles.
+"""
+
+import importlib
+import sys
+from pathlib import Path
+
+import numpy as np
+
+import protocol
+
+# Voxels per side of a leaf of the tree.
+LEAF = 8
+
+
+def library():
+    """The module openvdb, which lies in a folder of Blender's own."""
+    import bpy
+
+    folder = Path(bpy.utils.resource_path("LOCAL")) / "python/lib"
+    for packages in folder.glob("python3.*/site-packages"):
+        if str(packages) not in sys.path:
+            sys.path.append(str(packages))
+    return importlib.import_module("openvdb")
+
+
+def write(path, values, to_object, name="density", half=False):
+    """Write one grid."""
+    openvdb = library()
+    if values.ndim != 3 or values.dtype != np.float32 or not values.size:
+        raise protocol.InputError(
+            str(path),
+            f"an array of {values.dtype} and shape {values.shape}",
+            "float32 values in three dimensions",
+            "give one value per voxel",
+        )
+    if not np.isfinite(values).all():
+        raise protocol.InputError(
+            str(path), "values that are NaN or infinite", "numbers", "find out where they come from"
+        )
+    grid = openvdb.FloatGrid()
+    grid.name = name
+    grid.copyFromArray(values)
+    _split_tiles(grid, values)
+    # OpenVDB multiplies from the left.
+    rows = np.asarray(to_object, dtype=float).T
+    grid.transform = openvdb.createLinearTransform(rows.tolist())
+    grid.saveFloatAsHalf = half
+    openvdb.write(str(path), [grid])
+
+
+def _split_tiles(grid, values):
+    """Make voxels of the constant blocks that the grid stores as tiles."""
+    accessor = grid.getAccessor()
+    for corner in np.ndindex(*[-(-size // LEAF) for size in values.shape]):
+        first = tuple(LEAF * index for index in corner)
+        block = values[tuple(slice(start, start + LEAF) for start in first)]
+        if block.shape == (LEAF,) * 3 and block[0, 0, 0] != 0.0 and (block == block[0, 0, 0]).all():
+            value = float(block[0, 0, 0])
+            # Another value makes a leaf of the tile; the right one again does not undo it.
+            accessor.setValueOn(first, 2.0 * value)
+            accessor.setValueOn(first, value)
+
+
+def read(path, name="density"):
+    """The active part of a grid as an array, and where it lies."""
+    openvdb = library()
+    if not Path(path).is_file():
+        raise protocol.InputError(str(path), "no such file", "an OpenVDB file", "correct the name")
+    try:
+        names = [entry.name for entry in openvdb.readAllGridMetadata(str(path))]
+    except (RuntimeError, OSError) as cause:
+        raise protocol.InputError(str(path), str(cause), "an OpenVDB file", "write it again") from cause
+    if name not in names:
+        raise protocol.InputError(
+            str(path), f"the grids {', '.join(names)}", f'a grid "{name}"', "name one of these"
+        )
+    grid = openvdb.read(str(path), name)
+    if grid.valueTypeName != "float":
+        raise protocol.InputError(
+            f"{path}: grid {name}", f"values of type {grid.valueTypeName}", "float", "convert the grid"
+        )
+    first, last = grid.evalActiveVoxelBoundingBox()
+    size = [end - begin + 1 for begin, end in zip(first, last, strict=True)]
+    if min(size) < 1:
+        raise protocol.InputError(f"{path}: grid {name}", "no active voxel", "at least one", "fill the grid")
+    values = np.zeros(size, np.float32)
+    grid.copyToArray(values, ijk=first)
+    corners = [grid.transform.indexToWorld(index) for index in ((0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1))]
+    origin = np.array(corners[0])
+    to_object = np.eye(4)
+    to_object[:3, 3] = origin
+    for axis in range(3):
+        to_object[:3, axis] = np.array(corners[axis + 1]) - origin
+    return {
+        "values": values,
+        "first": [int(index) for index in first],
+        "to_object": to_object.tolist(),
+        "background": float(grid.background),
+        "names": names,
+    }
+
+
+def _handle(request, messages):
+    if "write" in request:
+        values = np.load(request["values"])
+        write(request["write"], values, request["to_object"], request["name"], request["half"])
+        return {"voxels": int(values.size)}
+    found = read(request["read"], request["name"])
+    np.save(request["values"], found.pop("values"))
+    return found
+
+
+if __name__ == "__main__":
+    protocol.serve("volume_grid.py", _handle)

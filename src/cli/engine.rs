@@ -1,0 +1,68 @@
+//! `cloudparity engine`: a picture as a published cloud engine makes it.
+
+use super::picture::PictureArguments;
+use crate::density;
+use crate::error::Result;
+use crate::integrate::Backend;
+use crate::integrate::engine::{self, EngineJitter, EngineSettings};
+use crate::lighting::Variant;
+use std::process::ExitCode;
+
+/// Render a published cloud engine in the box of a scene, with the scene's camera, sun and world.
+#[derive(clap::Args)]
+pub(super) struct Arguments {
+    #[command(flatten)]
+    picture: PictureArguments,
+    /// The density model; `cloudparity models` lists them.
+    #[arg(long, default_value = "perlin-fbm")]
+    model: String,
+    /// As published, with the original's defects, or mended.
+    #[arg(long, value_enum, default_value_t = Variant::Fixed)]
+    variant: Variant,
+    /// A level of quality of the engine.
+    #[arg(long)]
+    quality: Option<String>,
+    /// A parameter of the model. May be given several times.
+    #[arg(short, long = "parameter", value_name = "NAME=VALUE")]
+    parameters: Vec<String>,
+    /// Seconds of animation.
+    #[arg(long, default_value_t = 0.0)]
+    seconds: f64,
+    /// Where in its steps a ray takes its samples.
+    #[arg(long, value_enum, default_value_t = EngineJitter::None)]
+    jitter: EngineJitter,
+    /// Frame of the jitter.
+    #[arg(long, default_value_t = 0)]
+    frame: u32,
+    /// Rays per pixel and axis.
+    #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=64))]
+    sub_pixels: u32,
+    /// Run on the adapter instead of all cores.
+    #[arg(long)]
+    gpu: bool,
+    /// Write pixels that are NaN or infinite, too.
+    #[arg(long)]
+    allow_nonfinite: bool,
+}
+
+pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
+    let scene = arguments.picture.load()?;
+    let model = density::find(&arguments.model)?;
+    let values = model.values(arguments.quality.as_deref(), &arguments.parameters)?;
+    let engine = (model.build)(&values, arguments.variant, arguments.seconds)?;
+    for warning in &engine.warnings {
+        eprintln!("warning: {warning}");
+    }
+    let settings =
+        EngineSettings { jitter: arguments.jitter, frame: arguments.frame, sub_pixels: arguments.sub_pixels };
+    let backend = if arguments.gpu { Backend::Gpu } else { Backend::Cpu };
+    let bar = super::progress_bar(1000);
+    let report = |done: f64, what: &str| {
+        bar.set_position((done * 1000.0) as u64);
+        bar.set_message(what.to_owned());
+    };
+    let image = engine::render(&scene, &engine, &settings, backend, &report)?;
+    bar.finish_and_clear();
+    image.write_exr(&arguments.picture.output, arguments.allow_nonfinite)?;
+    Ok(ExitCode::SUCCESS)
+}

@@ -1,0 +1,86 @@
+//! `cloudparity models`: the density models and their parameters.
+
+use crate::density::{self, Model};
+use crate::error::Result;
+use std::fmt::Write as _;
+use std::process::ExitCode;
+
+/// List the density models of published engines, with parameters, units, ranges and defaults.
+#[derive(clap::Args)]
+pub(super) struct Arguments {
+    /// Only this model.
+    model: Option<String>,
+    /// JSON instead of text.
+    #[arg(long)]
+    json: bool,
+}
+
+pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
+    let models = match &arguments.model {
+        Some(id) => vec![density::find(id)?],
+        None => density::models().to_vec(),
+    };
+    let text = if arguments.json {
+        let all: Vec<serde_json::Value> = models.iter().map(|model| document(model)).collect();
+        serde_json::to_string_pretty(&all).expect("models serialise") + "\n"
+    } else {
+        models.iter().map(|model| describe(model)).collect::<Vec<_>>().join("\n")
+    };
+    super::print(&text)?;
+    Ok(ExitCode::SUCCESS)
+}
+
+fn document(model: &Model) -> serde_json::Value {
+    let parameters: Vec<serde_json::Value> = model
+        .parameters
+        .iter()
+        .map(|parameter| {
+            serde_json::json!({
+                "name": parameter.name,
+                "about": parameter.about,
+                "unit": parameter.unit,
+                "range": parameter.range.to_string(),
+                "default": parameter.default,
+                "usual": parameter.usual,
+            })
+        })
+        .collect();
+    let qualities: serde_json::Map<String, serde_json::Value> = model
+        .qualities
+        .iter()
+        .map(|(name, settings)| {
+            let settings: serde_json::Map<String, serde_json::Value> =
+                settings.iter().map(|&(name, value)| (name.to_owned(), value.into())).collect();
+            ((*name).to_owned(), settings.into())
+        })
+        .collect();
+    serde_json::json!({
+        "id": model.id,
+        "title": model.title,
+        "about": model.about,
+        "parameters": parameters,
+        "qualities": qualities,
+    })
+}
+
+fn describe(model: &Model) -> String {
+    let mut text = format!("{}: {}\n{}\n\n", model.id, model.title, model.about);
+    let width = model.parameters.iter().map(|parameter| parameter.name.len()).max().unwrap_or(0) + 2;
+    let mut line = |parts: std::fmt::Arguments<'_>| writeln!(text, "{parts}").expect("writing to a string cannot fail");
+    line(format_args!("{:<width$}{:>8}  {:<34}{}", "parameter", "default", "allowed", "what it is"));
+    for parameter in model.parameters {
+        let unit = if parameter.unit.is_empty() { String::new() } else { format!(" [{}]", parameter.unit) };
+        line(format_args!(
+            "{:<width$}{:>8}  {:<34}{}{unit}",
+            parameter.name,
+            parameter.default,
+            parameter.range.to_string(),
+            parameter.about
+        ));
+    }
+    for (name, settings) in model.qualities {
+        let settings: Vec<String> = settings.iter().map(|(name, value)| format!("{name} {value}")).collect();
+        line(format_args!("quality {name}: {}", settings.join(", ")));
+    }
+    text
+}
