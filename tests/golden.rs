@@ -30,14 +30,15 @@ const ROUNDING: f64 = 1e-12;
 const SINGLE_NOISE: [f64; 2] = [4e-6, 8e-5];
 const SINGLE_OCTAVES: [f64; 2] = [3e-5, 5e-4];
 
-/// The same for other octaves: a coordinate's rounding grows with the frequency, and counts with the amplitude.
+/// The same for other octaves: a coordinate's rounding grows with the frequency, and counts with the amplitude. Never below the
+/// figure itself, which is the largest of a thousand points, not a bound.
 fn single_octaves(octaves: &Octaves, range: usize) -> f64 {
     let growth = |octaves: &Octaves| {
         let powers = |base: f64| (0..octaves.count as i32).map(|number| base.powi(number)).sum::<f64>();
         powers(octaves.persistence * octaves.lacunarity) / powers(octaves.persistence)
     };
     let measured = Octaves { count: 5, persistence: 0.5, lacunarity: 3.0 };
-    (SINGLE_OCTAVES[range] * growth(octaves) / growth(&measured)).max(SINGLE_NOISE[range])
+    SINGLE_OCTAVES[range] * (growth(octaves) / growth(&measured)).max(1.0)
 }
 
 struct Golden {
@@ -318,6 +319,7 @@ fn parameters(entry: &Value, bake: Bake, size: usize, density_multiplier: &str, 
         density_multiplier: number(entry, density_multiplier),
         opacity,
         evaluation: Evaluation::Baked,
+        shows_mask: entry["mask"]["visualize"].as_bool().unwrap_or(false),
     }
 }
 

@@ -308,10 +308,13 @@ fn imported<'a>(text: &str, all: &'a BTreeMap<String, Shader>) -> Vec<&'a Shader
         .collect()
 }
 
-/// Adds what `shader` imports, what that imports first. The linker itself adds the modules of nodes.
+/// Adds what `shader` imports, what that imports first. The linker itself adds the modules of nodes and the phase functions.
 fn add_imports(linker: &mut Linker, shader: &Shader, all: &BTreeMap<String, Shader>, added: &mut BTreeSet<String>) {
     for import in imported(&shader.text, all) {
         if import.path.starts_with("nodes/") || !added.insert(import.path.clone()) {
+            continue;
+        }
+        if import.path == "lighting/phase.wgsl" {
             continue;
         }
         add_imports(linker, import, all, added);
@@ -328,7 +331,9 @@ fn every_mode_and_every_file_links_and_validates() {
     let mut used: BTreeSet<String> = BTreeSet::new();
     for shader in all.values().filter(|shader| shader.is_entry) {
         let mut linker = Linker::new(&program).expect("the cloud links");
-        add_imports(&mut linker, shader, &all, &mut used);
+        let mut added = BTreeSet::new();
+        add_imports(&mut linker, shader, &all, &mut added);
+        used.extend(added);
         let module = linker.link(&shader.path, &shader.text).unwrap_or_else(|cause| panic!("{}: {cause}", shader.path));
         assert!(!module.entry_points.is_empty(), "{}: no entry point", shader.path);
         validate(&shader.path, &module);
@@ -352,6 +357,16 @@ fn every_mode_and_every_file_links_and_validates() {
     for kind in [&[][..], &["CACHE_F16"], &["CACHE_UNORM8"], &["CACHE_NEAREST"]] {
         check(Linker::cached(), "integrate/march.wgsl", kind);
         check(Linker::cached(), "integrate/light_grid_bake.wgsl", kind);
+    }
+    // The march of engines and the bake with each definition alone.
+    for path in ["integrate/real_time.wgsl", "density/perlin_fbm_bake.wgsl"] {
+        let own = definitions(&all[path].text);
+        assert!(!own.is_empty(), "{path}");
+        for definition in &own {
+            let mut linker = Linker::bare().expect("an empty linker");
+            add_imports(&mut linker, &all[path], &all, &mut BTreeSet::new());
+            check(Ok(linker), path, &[definition]);
+        }
     }
     used.insert("integrate/density_cache.wgsl".into());
     for shader in all.values().filter(|shader| shader.path.starts_with("nodes/")) {

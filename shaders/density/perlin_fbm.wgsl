@@ -15,11 +15,12 @@ struct Model {
     strengths: vec2f,
     threshold: f32,
     multiplier: f32,
-    // Texels per axis of the volume and of the mask's textures, whether the latter are read.
+    // Texels per axis of the volume and of the mask's textures; whether the latter are read; whether every texel of the volume
+    // counts as 1.
     side: u32,
     mask_side: u32,
     reads_textures: u32,
-    padding: u32,
+    shows_mask: u32,
 }
 
 @group(1) @binding(0) var<uniform> model: Model;
@@ -98,6 +99,7 @@ fn density(place: vec3f) -> f32 {
     let t = clamp(distance_at(place) / model.mask_softness, 0.0, 1.0);
     let mask = t * t * (3.0 - 2.0 * t);
     if mask <= 0.0 { return 0.0; }
-    let value = volume_at((place + 0.5) * model.tiling + model.offset);
+    var value = 1.0;
+    if model.shows_mask == 0u { value = volume_at((place + 0.5) * model.tiling + model.offset); }
     return select(value * model.multiplier * mask, 0.0, value < model.threshold);
 }

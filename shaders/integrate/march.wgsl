@@ -4,6 +4,7 @@
 // before `end_step`. Definitions leave out what the scene does not need; without any the kernel is generic.
 
 #import cloudparity::graph
+#import cloudparity::phase
 
 struct Stage {
     extinction: vec3f,
@@ -70,18 +71,13 @@ struct Outcome {
 @group(0) @binding(5) var<storage, read> grid: array<f32>;
 @group(0) @binding(6) var<storage, read_write> outcomes: array<Outcome>;
 
+fn phase_value(cosine: f32) -> f32 {
 #ifdef WITHOUT_PHASE
-fn henyey_greenstein(cosine: f32) -> f32 {
-    return 0.07957747;
-}
+    return phase::isotropic();
 #else
-fn henyey_greenstein(cosine: f32) -> f32 {
-    let g = stage.anisotropy;
-    if abs(g) < 0.001 { return 0.07957747; }
-    let base = 1.0 + g * g - 2.0 * g * cosine;
-    return (1.0 - g * g) * 0.07957747 / (base * sqrt(base));
-}
+    return phase::henyey_greenstein(stage.anisotropy, cosine);
 #endif
+}
 
 fn may_hold(local: vec3f) -> bool {
     let part = (local - stage.bounds_low) / (stage.bounds_high - stage.bounds_low) * f32(stage.cells);
@@ -122,7 +118,7 @@ fn incident(local: vec3f, position: vec3f, direction: vec3f, ray: u32) -> vec3f 
             let part = saturate((-dot(towards, source.axis) - source.edge) / ((1.0 - source.edge) * source.blend));
             power *= part * part * (3.0 - 2.0 * part);
         }
-        light += power * henyey_greenstein(dot(towards, direction)) * exp(-stage.extinction * depth);
+        light += power * phase_value(dot(towards, direction)) * exp(-stage.extinction * depth);
     }
 #endif
 #ifndef WITHOUT_WORLD

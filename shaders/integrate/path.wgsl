@@ -7,6 +7,7 @@
 
 #import cloudparity::graph
 #import cloudparity::numeric
+#import cloudparity::phase
 
 const CAMERA: u32 = 0u;
 const SHADOW: u32 = 1u;
@@ -400,11 +401,8 @@ fn survives() -> bool {
     return true;
 }
 
-fn henyey_greenstein(cosine: f32) -> f32 {
-    let g = stage.anisotropy;
-    if abs(g) < 0.001 { return 0.07957747; }
-    let base = 1.0 + g * g - 2.0 * g * cosine;
-    return (1.0 - g * g) * 0.07957747 / (base * sqrt(base));
+fn phase_value(cosine: f32) -> f32 {
+    return phase::henyey_greenstein(stage.anisotropy, cosine);
 }
 
 // A unit vector at an angle of cosine `cosine` from `axis`, turned by `turn` of a full circle (frame: Duff et al. 2017).
@@ -469,14 +467,14 @@ fn scatter() -> bool {
         let density = 1.0 / (2.0 * PI * light.opening);
         let offset = path.next - light.place;
         if dot(offset, offset) * 0.5 <= light.opening {
-            let phase = henyey_greenstein(dot(before, path.next));
+            let turned = phase_value(dot(before, path.next));
             path.hit_distance = FAR;
-            path.hit = light.power * (phase / (phase + density) / probability);
+            path.hit = light.power * (turned / (turned + density) / probability);
         }
         let lack = directions.z * light.opening;
         towards = around(light.place, 1.0 - lack, sqrt(lack * (2.0 - lack)), directions.w);
         arriving /= density;
-        share = density / (density + henyey_greenstein(dot(before, towards)));
+        share = density / (density + phase_value(dot(before, towards)));
     } else if light.kind >= 2u {
         let way = light.place - path.vertex;
         reach = length(way);
@@ -489,8 +487,8 @@ fn scatter() -> bool {
         }
         if !(largest(arriving) > 0.0 && largest(arriving) < FAR) { return leave_event(); }
     }
-    let phase = henyey_greenstein(dot(before, towards));
-    send(SHADOW, towards, reach, path.throughput * arriving * (share * phase / probability));
+    let turned = phase_value(dot(before, towards));
+    send(SHADOW, towards, reach, path.throughput * arriving * (share * turned / probability));
     return true;
 }
 

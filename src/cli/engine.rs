@@ -37,6 +37,9 @@ pub(super) struct Arguments {
     /// Rays per pixel and axis.
     #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=64))]
     sub_pixels: u32,
+    /// Add the engine's god rays.
+    #[arg(long)]
+    god_rays: bool,
     /// Run on the adapter instead of all cores.
     #[arg(long)]
     gpu: bool,
@@ -53,8 +56,12 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
     for warning in &engine.warnings {
         eprintln!("warning: {warning}");
     }
-    let settings =
-        EngineSettings { jitter: arguments.jitter, frame: arguments.frame, sub_pixels: arguments.sub_pixels };
+    let settings = EngineSettings {
+        jitter: arguments.jitter,
+        frame: arguments.frame,
+        sub_pixels: arguments.sub_pixels,
+        god_rays: arguments.god_rays,
+    };
     let backend = if arguments.gpu { Backend::Gpu } else { Backend::Cpu };
     let bar = super::progress_bar(1000);
     let report = |done: f64, what: &str| {

@@ -8,6 +8,7 @@ pub mod schema;
 use crate::error::{Error, Result};
 use crate::integrate::real_time::RealTimeSettings;
 use crate::lighting::{LightModel, Variant};
+use crate::post::god_rays::GodRays;
 use glam::DVec3;
 
 /// A density in the local box.
@@ -71,6 +72,8 @@ pub struct Engine {
     pub light: LightModel,
     /// How the engine marches.
     pub march: RealTimeSettings,
+    /// The engine's god rays.
+    pub god_rays: GodRays,
     /// What is to be said about the parameters.
     pub warnings: Vec<String>,
 }

@@ -27,6 +27,9 @@ const SHARED: &[(&str, &str)] = &[
 /// Import path of the specialised graph.
 pub const PROGRAM_PATH: &str = "cloudparity::graph";
 
+/// Phase functions.
+const PHASE_MODULE: &str = include_str!("../../shaders/lighting/phase.wgsl");
+
 /// The module that reads a density cache.
 const CACHE_MODULE: &str = include_str!("../../shaders/integrate/density_cache.wgsl");
 
@@ -73,7 +76,7 @@ impl Linker {
                 "Give --backend cpu.",
             ));
         }
-        let mut linker = Self::bare();
+        let mut linker = Self::bare()?;
         for (path, source) in SHARED {
             linker.add(path, source)?;
         }
@@ -85,15 +88,17 @@ impl Linker {
     /// A linker whose program reads the density from a grid: [`PROGRAM_PATH`] as of [`Self::new`], with the grid in
     /// group 1. Format and filter are definitions for [`Self::link_with`].
     pub fn cached() -> Result<Self> {
-        let mut linker = Self::bare();
+        let mut linker = Self::bare()?;
         linker.add("integrate/density_cache.wgsl", CACHE_MODULE)?;
         linker.add("generated/graph.wgsl", CACHED_PROGRAM)?;
         Ok(linker)
     }
 
-    /// A linker without a program, for kernels that read none.
-    pub fn bare() -> Self {
-        Self { composer: Composer::default() }
+    /// A linker without a program, for kernels that read none. Phase functions can be imported from it, as from every one.
+    pub fn bare() -> Result<Self> {
+        let mut linker = Self { composer: Composer::default() };
+        linker.add("lighting/phase.wgsl", PHASE_MODULE)?;
+        Ok(linker)
     }
 
     /// Adds an importable module; its `#define_import_path` names it.

@@ -88,6 +88,18 @@ impl Camera {
         })
     }
 
+    /// Where a point of world space is in the picture, -1 to 1 from left to right and from bottom to top, and the cosine between the
+    /// view axis and the direction to it. Points behind a perspective camera appear mirrored. None in a panorama.
+    pub fn device_coordinates(&self, point: DVec3) -> Option<(DVec2, f64)> {
+        let local = self.rotation.transpose() * (point - self.origin);
+        let plane = match self.projection {
+            Projection::Perspective => local.truncate() / -local.z,
+            Projection::Orthographic => local.truncate(),
+            Projection::Equirectangular => return None,
+        };
+        Some(((plane - self.offset) / self.scale, -local.z / local.length()))
+    }
+
     /// The ray through a raster position, in pixels from the bottom-left corner.
     pub fn ray(&self, raster: DVec2) -> Ray {
         let normalised = raster / self.size;

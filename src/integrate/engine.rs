@@ -9,10 +9,11 @@ use super::lights::{Source, delta_lights, world_radiance};
 use super::real_time::{self, RealTimePixel, RealTimeRay};
 use super::real_time_adapter::RealTimeKernel;
 use super::{Backend, Progress, blue_noise, film, json, memory};
-use crate::density::Engine;
+use crate::density::{Engine, smooth};
 use crate::error::{Error, Result};
 use crate::image::Image;
-use crate::lighting::Variant;
+use crate::lighting::{LightModel, Variant};
+use crate::post::god_rays::Layer;
 use crate::scene::{self, Bounds, Scene};
 use glam::{DAffine3, DMat3, DVec2, DVec3};
 use serde::{Deserialize, Serialize};
@@ -45,7 +46,18 @@ pub struct EngineSettings {
     pub frame: u32,
     /// Rays per pixel and axis.
     pub sub_pixels: u32,
+    /// Whether god rays are added.
+    pub god_rays: bool,
 }
+
+/// Distance of the point that stands for the sun on the screen, in sides of the box: 9000 units where the box has 120.
+const SUN_DISTANCE: f64 = 75.0;
+
+/// Angular radius of the sun's glow in the occlusion picture, in radians: at half resolution a true disc would fall between pixels.
+const SUN_GLOW: f64 = 0.05;
+
+/// Cosine to the view axis below which god rays fade, to nothing where the sun stands in the image plane.
+const FADE: f64 = 0.2;
 
 /// Renders a scene with an engine in place of its graph. The picture's provenance says what was used.
 pub fn render(
@@ -72,6 +84,7 @@ pub fn render(
     let offsets = film::offsets(scene.film.pixel_filter, f64::from(scene.film.filter_width), strata);
     let background = world_radiance(scene);
     let mut image = Image::new(width, height);
+    let mut through: Vec<f32> = Vec::with_capacity(if settings.god_rays { width * height } else { 0 });
     for first in (0..image.pixels.len()).step_by(PIXELS) {
         let pixels = first..image.pixels.len().min(first + PIXELS);
         let rays: Vec<RealTimeRay> = pixels
@@ -111,8 +124,15 @@ pub fn render(
             let exposure = f64::from(scene.film.exposure);
             image.pixels[pixel] =
                 [mean[0] * exposure, mean[1] * exposure, mean[2] * exposure, mean[3]].map(|value| value as f32);
+            if settings.god_rays {
+                let alpha: f64 = parts.iter().map(|part| alpha(part, engine.variant)).sum();
+                through.push((1.0 - alpha / parts.len() as f64) as f32);
+            }
         }
         progress((first + PIXELS).min(image.pixels.len()) as f64 / image.pixels.len() as f64, "view rays");
+    }
+    if settings.god_rays {
+        add_god_rays(&mut image, scene, engine, &camera, &frame, &light, &through)?;
     }
     let adapter = gpu.as_ref().map_or_else(
         || format!("CPU, {} threads", rayon::current_num_threads()),
@@ -179,7 +199,7 @@ impl Frame {
     }
 
     /// Puts the scene's sun and world into a light model.
-    fn light(&self, scene: &Scene, light: &mut crate::lighting::LightModel) -> Result<()> {
+    fn light(&self, scene: &Scene, light: &mut LightModel) -> Result<()> {
         light.sun = [0.0; 3];
         light.ambient = world_radiance(scene);
         let lights = delta_lights(scene)?;
@@ -221,14 +241,79 @@ impl Frame {
 /// where a background is there (defect PF-8).
 fn composite(pixel: &RealTimePixel, variant: Variant, background: Option<[f64; 3]>) -> [f64; 4] {
     let [red, green, blue] = pixel.radiance;
-    let alpha = match variant {
-        Variant::AsPublished => 1.0 - pixel.transmittance[0],
-        Variant::Fixed => 1.0 - pixel.transmittance.iter().sum::<f64>() / 3.0,
-    };
+    let alpha = alpha(pixel, variant);
     let Some(background) = background else { return [red, green, blue, alpha] };
     let mixed: [f64; 3] = std::array::from_fn(|channel| match variant {
         Variant::AsPublished => pixel.radiance[channel] * alpha + (1.0 - alpha) * background[channel],
         Variant::Fixed => pixel.radiance[channel] + pixel.transmittance[channel] * background[channel],
     });
     [mixed[0], mixed[1], mixed[2], 1.0]
+}
+
+fn alpha(pixel: &RealTimePixel, variant: Variant) -> f64 {
+    match variant {
+        Variant::AsPublished => 1.0 - pixel.transmittance[0],
+        Variant::Fixed => 1.0 - pixel.transmittance.iter().sum::<f64>() / 3.0,
+    }
+}
+
+/// Adds the engine's god rays: the sun's glow times what the cloud lets through, at half the resolution, blurred towards the sun.
+/// The original never renders that picture (defect PF-11). As published a sun behind the camera shines from the mirrored point; mended the
+/// rays fade out before (defect PF-13).
+fn add_god_rays(
+    image: &mut Image,
+    scene: &Scene,
+    engine: &Engine,
+    camera: &Camera,
+    frame: &Frame,
+    light: &LightModel,
+    through: &[f32],
+) -> Result<()> {
+    let brightest = light.sun.into_iter().fold(0.0, f64::max);
+    if brightest == 0.0 {
+        return Ok(());
+    }
+    let from_box = frame.to_box.inverse();
+    let to_sun = from_box.transform_vector3(DVec3::from(light.sun_direction)).normalize();
+    let place = from_box.translation + to_sun * (SUN_DISTANCE * frame.side);
+    let Some((sun, cosine)) = camera.device_coordinates(place) else {
+        return Err(Error::new(
+            "$.camera.projection",
+            "a panorama",
+            "a picture on a plane: god rays are straight there only",
+            "Leave --god-rays out, or take another camera.",
+        ));
+    };
+    let fade = match engine.variant {
+        Variant::AsPublished => 1.0,
+        Variant::Fixed => smooth(0.0, FADE, cosine),
+    };
+    let [width, height] = [image.width.div_ceil(2), image.height.div_ceil(2)];
+    let mut occlusion = Layer { width, height, pixels: vec![[0.0; 3]; width * height] };
+    for (index, pixel) in occlusion.pixels.iter_mut().enumerate() {
+        let (column, row) = (index % width, index / width);
+        let raster = DVec2::new(2.0 * column as f64 + 1.0, image.height as f64 - 2.0 * row as f64 - 1.0);
+        let angle = camera.ray(raster).direction.dot(to_sun).clamp(-1.0, 1.0).acos();
+        // The four pixels that it covers, or those that there are.
+        let (mut sum, mut count) = (0.0, 0.0);
+        for y in 2 * row..(2 * row + 2).min(image.height) {
+            for x in 2 * column..(2 * column + 2).min(image.width) {
+                sum += f64::from(through[y * image.width + x]);
+                count += 1.0;
+            }
+        }
+        *pixel = [sum / count * smooth(SUN_GLOW, 0.0, angle); 3];
+    }
+    let strength = fade * f64::from(scene.film.exposure);
+    let colour = light.sun.map(|channel| channel / brightest * strength);
+    let rays = engine.god_rays.render(&occlusion, sun.to_array(), colour);
+    for (index, pixel) in image.pixels.iter_mut().enumerate() {
+        let u = ((index % image.width) as f64 + 0.5) / (2 * width) as f64;
+        let v = 1.0 - ((index / image.width) as f64 + 0.5) / (2 * height) as f64;
+        let found = rays.sample([u, v]);
+        for channel in 0..3 {
+            pixel[channel] += found[channel] as f32;
+        }
+    }
+    Ok(())
 }

@@ -72,8 +72,7 @@ impl<'a> RealTimeKernel<'a> {
         settings: &RealTimeSettings,
     ) -> Result<Self> {
         let shader = density.shader()?;
-        let mut linker = Linker::bare();
-        linker.add("lighting/phase.wgsl", include_str!("../../shaders/lighting/phase.wgsl"))?;
+        let mut linker = Linker::bare()?;
         linker.add(shader.path, shader.source)?;
         let mut definitions = Vec::new();
         let mut define = |is_wanted: bool, name: &'static str| definitions.extend(is_wanted.then_some(name));

@@ -41,7 +41,7 @@ pub struct Layer {
 
 impl Layer {
     /// Bilinear read at texture coordinates, whose origin is the bottom-left corner; outside is the nearest pixel.
-    fn sample(&self, [u, v]: [f64; 2]) -> [f64; 3] {
+    pub fn sample(&self, [u, v]: [f64; 2]) -> [f64; 3] {
         let place = [u * self.width as f64 - 0.5, (1.0 - v) * self.height as f64 - 0.5];
         let sizes = [self.width, self.height];
         let ends: [[usize; 2]; 2] = std::array::from_fn(|axis| {

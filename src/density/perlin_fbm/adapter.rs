@@ -53,7 +53,7 @@ struct ModelUniform {
     side: u32,
     mask_side: u32,
     reads_textures: u32,
-    padding: u32,
+    shows_mask: u32,
 }
 
 /// The kernel of the bake.
@@ -68,7 +68,7 @@ impl<'a> BakeKernel<'a> {
     pub fn new(gpu: &'a Gpu) -> Result<Self> {
         let source = include_str!("../../../shaders/density/perlin_fbm_bake.wgsl");
         let pipeline = |definitions: &[&str]| {
-            let module = Linker::bare().link_with("density/perlin_fbm_bake.wgsl", source, definitions)?;
+            let module = Linker::bare()?.link_with("density/perlin_fbm_bake.wgsl", source, definitions)?;
             gpu.pipeline("perlin_fbm_bake", &module)
         };
         Ok(Self { gpu, pipelines: [pipeline(&[])?, pipeline(&["LARGE_AXES"])?] })
@@ -174,7 +174,7 @@ pub(super) fn density(cloud: &Cloud) -> ModelShader {
         side: cloud.volume.side as u32,
         mask_side: SIDE as u32,
         reads_textures: u32::from(mask.reads_textures),
-        padding: 0,
+        shows_mask: u32::from(parameters.shows_mask),
     };
     let [main, fine] = &cloud.mask.textures;
     ModelShader {

@@ -98,6 +98,7 @@ pub static MODEL: Model = Model {
             density: Box::new(Cloud::new(parameters)?),
             light: settings::light(values, variant),
             march: settings::march(values, variant),
+            god_rays: settings::god_rays(values),
             warnings,
         })
     },
@@ -124,6 +125,8 @@ pub struct Parameters {
     pub opacity: f64,
     /// Where values come from.
     pub evaluation: Evaluation,
+    /// The mask alone: every texel counts as 1.
+    pub shows_mask: bool,
 }
 
 /// Where the values of the noise come from.
@@ -207,7 +210,9 @@ impl Cloud {
         let distance = if is_exact { self.mask.exact_distance(place) } else { self.mask.distance(place) };
         let factor = smooth(0.0, mask.softness, distance);
         let coordinates = std::array::from_fn(|axis| (place[axis] + 0.5) * tiling + offset[axis]);
-        let texel = if is_exact {
+        let texel = if self.parameters.shows_mask {
+            1.0
+        } else if is_exact {
             self.parameters.bake.exact(&self.table, coordinates)
         } else {
             self.volume.sample(coordinates, Wrap::Repeat)

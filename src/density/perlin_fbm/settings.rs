@@ -12,6 +12,7 @@ use crate::error::Result;
 use crate::integrate::Integration;
 use crate::integrate::real_time::RealTimeSettings;
 use crate::lighting::{LightModel, ShadowExtinction, ShadowLength, ShadowMarch, SourceFactor, TwoLobes, Variant};
+use crate::post::god_rays::GodRays;
 
 /// Short to write.
 const fn parameter(
@@ -70,18 +71,24 @@ pub const PARAMETERS: &[Parameter] = &[
     parameter("speed_x", 0.02, Range::Any, [-0.1, 0.1], SPEED, "motion of the texture, the mask stays"),
     parameter("speed_y", 0.0, Range::Any, [-0.1, 0.1], SPEED, "motion of the texture, the mask stays"),
     parameter("speed_z", 0.01, Range::Any, [-0.1, 0.1], SPEED, "motion of the texture, the mask stays"),
+    parameter("show_mask", 0.0, Range::Whole(0, 1), [0.0, 0.0], "", "1: the mask alone, every texel counts as 1"),
     parameter("exact", 0.0, Range::Whole(0, 1), [0.0, 0.0], "", "1: noise at each place instead of textures; CPU only"),
     parameter("march_steps", 44.0, Range::Whole(1, 100_000), [1.0, 128.0], "", "steps of a view ray"),
     parameter("light_steps", 1.0, Range::Whole(1, 1000), [1.0, 8.0], "", "steps towards the sun"),
+    parameter("god_ray_density", 0.96, Range::NotNegative, [0.0, 1.0], "", "factor on the god rays"),
+    parameter("god_ray_decay", 0.95, UNIT, [0.5, 1.0], "", "weight of a read over that of the one before"),
+    parameter("god_ray_weight", 0.5, Range::NotNegative, [0.0, 1.0], "", "weight of the first read"),
+    parameter("god_ray_exposure", 0.6, Range::NotNegative, [0.0, 1.0], "", "another factor on the god rays"),
+    parameter("god_ray_samples", 100.0, Range::Whole(1, 10_000), [1.0, 128.0], "", "reads per pixel"),
     parameter("albedo", 1.0, UNIT, [0.0, 1.0], "", "single-scattering albedo; fixed form only"),
 ];
 
 /// Levels of quality as the engine names them. The engine applies one always, so that its mandatory 44 steps and 1 become 30 and 2
 /// (defect PF-12).
 pub const QUALITIES: &[(&str, &[(&str, f64)])] = &[
-    ("low", &[("texture_size", 64.0), ("march_steps", 20.0), ("light_steps", 1.0)]),
-    ("medium", &[("texture_size", 96.0), ("march_steps", 30.0), ("light_steps", 2.0)]),
-    ("high", &[("texture_size", 128.0), ("march_steps", 44.0), ("light_steps", 4.0)]),
+    ("low", &[("texture_size", 64.0), ("march_steps", 20.0), ("light_steps", 1.0), ("god_ray_samples", 60.0)]),
+    ("medium", &[("texture_size", 96.0), ("march_steps", 30.0), ("light_steps", 2.0), ("god_ray_samples", 80.0)]),
+    ("high", &[("texture_size", 128.0), ("march_steps", 44.0), ("light_steps", 4.0), ("god_ray_samples", 120.0)]),
 ];
 
 /// The mask's settings as the document states them: four of its flattenings are 0.
@@ -171,6 +178,7 @@ pub fn parameters(values: &Values, variant: Variant, seconds: f64) -> Result<(Pa
         threshold: get("threshold"),
         density_multiplier: get("density_multiplier"),
         opacity: get("opacity"),
+        shows_mask: get("show_mask") == 1.0,
         evaluation: if get("exact") == 1.0 { Evaluation::Exact } else { Evaluation::Baked },
     };
     if variant == Variant::AsPublished && parameters.opacity * TINT[0] < 1.0 {
@@ -209,5 +217,16 @@ pub fn march(values: &Values, variant: Variant) -> RealTimeSettings {
         exit_fade: is_published,
         least_density: 0.01,
         least_transmittance: 0.01,
+    }
+}
+
+/// The engine's god rays.
+pub fn god_rays(values: &Values) -> GodRays {
+    GodRays {
+        density: values.get("god_ray_density"),
+        decay: values.get("god_ray_decay"),
+        weight: values.get("god_ray_weight"),
+        exposure: values.get("god_ray_exposure"),
+        samples: values.get("god_ray_samples") as u32,
     }
 }

@@ -1,0 +1,144 @@
+//! Published engines in scenes: both backends, god rays, the box, the commands.
+
+mod support;
+
+use assert_cmd::cargo::cargo_bin_cmd;
+use cloudparity::density::{self, Engine};
+use cloudparity::image::Image;
+use cloudparity::integrate::Backend;
+use cloudparity::integrate::engine::{EngineJitter, EngineSettings, render};
+use cloudparity::lighting::Variant;
+use cloudparity::scene::Scene;
+use glam::DVec3;
+
+const SETTINGS: EngineSettings =
+    EngineSettings { jitter: EngineJitter::BlueNoise, frame: 3, sub_pixels: 1, god_rays: false };
+
+fn engine(variant: Variant, changes: &[&str]) -> Engine {
+    let model = density::find("perlin-fbm").expect("it is there");
+    let changes: Vec<String> =
+        ["texture_size=32", "octaves=3"].iter().chain(changes).map(|&text| text.into()).collect();
+    let values = model.values(Some("low"), &changes).expect("in range");
+    (model.build)(&values, variant, 2.0).expect("in range")
+}
+
+fn scene() -> Scene {
+    let mut scene = support::scene("linear-ramp");
+    scene.film.resolution = [32, 18];
+    scene
+}
+
+fn picture(scene: &Scene, engine: &Engine, settings: &EngineSettings, backend: Backend) -> Image {
+    render(scene, engine, settings, backend, &|_, _| ()).expect("a picture")
+}
+
+/// Turns the sun: it then shines from the direction `towards`.
+fn with_sun_from(mut scene: Scene, towards: DVec3) -> Scene {
+    for (row, part) in towards.normalize().to_array().into_iter().enumerate() {
+        scene.lights[0].matrix_world[row][2] = part as f32;
+    }
+    scene
+}
+
+fn camera_place(scene: &Scene) -> DVec3 {
+    DVec3::from([0, 1, 2].map(|row| f64::from(scene.camera.matrix_world[row][3])))
+}
+
+#[test]
+fn both_backends_show_one_picture() {
+    if !support::require("vulkan") {
+        return;
+    }
+    for variant in [Variant::Fixed, Variant::AsPublished] {
+        let engine = engine(variant, &["light_steps=3"]);
+        let [cpu, gpu] = [Backend::Cpu, Backend::Gpu].map(|backend| picture(&scene(), &engine, &SETTINGS, backend));
+        let largest = cpu.pixels.as_flattened().iter().zip(gpu.pixels.as_flattened()).map(|(a, b)| (a - b).abs());
+        let largest = largest.fold(0.0, f32::max);
+        // The tolerance of the reference data for software filtering, times the sun's strength of 6 in this scene.
+        assert!(largest < 6e-4, "{variant:?}: {largest}");
+        assert!(cpu.pixels.iter().any(|pixel| pixel[0] > 0.1), "{variant:?}: a cloud is seen");
+    }
+}
+
+#[test]
+fn jitter_moves_with_the_frame() {
+    let engine = engine(Variant::Fixed, &[]);
+    let one = picture(&scene(), &engine, &SETTINGS, Backend::Cpu);
+    let other = picture(&scene(), &engine, &EngineSettings { frame: 4, ..SETTINGS }, Backend::Cpu);
+    assert_ne!(one.pixels, other.pixels);
+    assert_eq!(one.pixels, picture(&scene(), &engine, &SETTINGS, Backend::Cpu).pixels);
+}
+
+#[test]
+fn god_rays_shine_from_a_sun_that_is_seen() {
+    let before = with_sun_from(scene(), -camera_place(&scene()));
+    let behind = with_sun_from(scene(), camera_place(&scene()));
+    let added = |scene: &Scene, variant: Variant| {
+        // Thin enough that the sun is not hidden.
+        let engine = engine(variant, &["opacity=0.2"]);
+        let without = picture(scene, &engine, &SETTINGS, Backend::Cpu);
+        let with = picture(scene, &engine, &EngineSettings { god_rays: true, ..SETTINGS }, Backend::Cpu);
+        let difference = |column: usize, row: usize| {
+            let at = row * with.width + column;
+            with.pixels[at][0] - without.pixels[at][0]
+        };
+        [difference(16, 9), difference(1, 1)]
+    };
+    let [centre, corner] = added(&before, Variant::Fixed);
+    assert!(centre > 0.1 && corner < 0.5 * centre, "{centre} {corner}");
+    assert_eq!(added(&behind, Variant::Fixed), [0.0; 2]);
+    // The glow itself is where the sun is, which the camera does not see, so there is nothing to blur.
+    assert_eq!(added(&behind, Variant::AsPublished), [0.0; 2]);
+}
+
+#[test]
+fn what_an_engine_does_not_know_is_refused() {
+    let fixed = engine(Variant::Fixed, &[]);
+    let refusal = |scene: &Scene| {
+        render(scene, &fixed, &SETTINGS, Backend::Cpu, &|_, _| ()).expect_err("it is refused").to_string()
+    };
+    let mut flat = scene();
+    flat.volume.bounds.max[2] = 0.5;
+    assert!(refusal(&flat).contains("a cube"), "{}", refusal(&flat));
+    let mut two = scene();
+    two.lights.push(two.lights[0].clone());
+    assert!(refusal(&two).contains("second sun"), "{}", refusal(&two));
+    let exact = engine(Variant::Fixed, &["exact=1"]);
+    if support::require("vulkan") {
+        let error = render(&scene(), &exact, &SETTINGS, Backend::Gpu, &|_, _| ()).expect_err("on the CPU only");
+        assert!(error.to_string().contains("exact"), "{error}");
+    }
+}
+
+#[test]
+fn the_commands_name_parameters_and_refuse_others() {
+    let output = cargo_bin_cmd!("cloudparity").args(["models", "perlin-fbm", "--json"]).output().expect("it runs");
+    let listed: serde_json::Value = serde_json::from_slice(&output.stdout).expect("JSON");
+    let parameters = listed[0]["parameters"].as_array().expect("parameters");
+    assert_eq!(parameters.len(), density::find("perlin-fbm").expect("it is there").parameters.len());
+    let folder = tempfile::tempdir().expect("a folder");
+    let run = |arguments: &[&str]| {
+        cargo_bin_cmd!("cloudparity")
+            .args(["engine".as_ref(), support::project("parity/scenes/linear-ramp.scene.json").as_os_str()])
+            .args(["--resolution", "8x8", "-p", "texture_size=32", "-o"])
+            .arg(folder.path().join("out.exr"))
+            .args(arguments)
+            .output()
+            .expect("it runs")
+    };
+    assert!(run(&["--god-rays"]).status.success());
+    let warned = run(&["-p", "flatten_top=0"]);
+    assert!(warned.status.success() && String::from_utf8_lossy(&warned.stderr).contains("flatten_top is 0"));
+    for (arguments, expected) in [
+        (&["-p", "coverage=2"][..], "0 to 1"),
+        (&["-p", "cover=0.5"], "one of texture_size"),
+        (&["-p", "coverage=much"], "NAME=VALUE"),
+        (&["--quality", "best"], "one of low, medium, high"),
+        (&["--model", "fog"], "one of perlin-fbm"),
+        (&["--seconds", "inf"], "a finite number"),
+    ] {
+        let refused = run(arguments);
+        let message = String::from_utf8_lossy(&refused.stderr).into_owned();
+        assert!(refused.status.code() == Some(2) && message.contains(expected), "{arguments:?}: {message}");
+    }
+}
