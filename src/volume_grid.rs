@@ -62,8 +62,12 @@ const BLOCKS: i64 = 4;
 impl PyramidGrid {
     fn new(grid: VolumeGrid) -> Self {
         let mut levels: Vec<Array3<[f32; 2]>> = Vec::new();
-        let mut finer = grid.values.mapv(|value| [value; 2]);
-        while finer.shape().iter().any(|&size| size > 1) {
+        let voxels = grid.values.mapv(|value| [value; 2]);
+        loop {
+            let finer = levels.last().unwrap_or(&voxels);
+            if finer.len() == 1 {
+                break;
+            }
             let [x, y, z] = [0, 1, 2].map(|axis| finer.shape()[axis].div_ceil(2));
             let coarser = Array3::from_shape_fn((x, y, z), |(x, y, z)| {
                 let ends = [x, y, z].map(|index| 2 * index);
@@ -74,8 +78,7 @@ impl PyramidGrid {
                 ]);
                 part.iter().copied().reduce(hull).expect("a block has a voxel")
             });
-            levels.push(coarser.clone());
-            finer = coarser;
+            levels.push(coarser);
         }
         Self { grid, levels }
     }
@@ -96,10 +99,8 @@ impl PyramidGrid {
         let size: [i64; 3] = std::array::from_fn(|axis| self.grid.values.shape()[axis] as i64);
         let is_inside = (0..3).all(|axis| first[axis] >= 0 && last[axis] < size[axis]);
         let mut found: Option<[f32; 2]> = (!is_inside).then_some([0.0; 2]);
-        let [first, last] =
-            [first, last].map(|index| -> [i64; 3] { std::array::from_fn(|axis| index[axis].clamp(-1, size[axis])) });
-        let (first, last): ([i64; 3], [i64; 3]) =
-            (first.map(|index| index.max(0)), std::array::from_fn(|axis| last[axis].min(size[axis] - 1)));
+        let first = first.map(|index| index.max(0));
+        let last: [i64; 3] = std::array::from_fn(|axis| last[axis].min(size[axis] - 1));
         if (0..3).any(|axis| first[axis] > last[axis]) {
             return found.unwrap_or([0.0; 2]);
         }

@@ -1,7 +1,7 @@
 //! `cloudparity engine`: a picture as a published cloud engine makes it.
 
 use super::picture::PictureArguments;
-use crate::density;
+use crate::density::{self, Engine};
 use crate::error::Result;
 use crate::integrate::Backend;
 use crate::integrate::engine::{self, EngineJitter, EngineSettings};
@@ -50,12 +50,8 @@ pub(super) struct Arguments {
 
 pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
     let scene = arguments.picture.load()?;
-    let model = density::find(&arguments.model)?;
-    let values = model.values(arguments.quality.as_deref(), &arguments.parameters)?;
-    let engine = (model.build)(&values, arguments.variant, arguments.seconds)?;
-    for warning in &engine.warnings {
-        eprintln!("warning: {warning}");
-    }
+    let values = (arguments.quality.as_deref(), arguments.parameters.as_slice());
+    let engine = build(&arguments.model, arguments.variant, values, arguments.seconds)?;
     let settings = EngineSettings {
         jitter: arguments.jitter,
         frame: arguments.frame,
@@ -72,4 +68,19 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
     bar.finish_and_clear();
     image.write_exr(&arguments.picture.output, arguments.allow_nonfinite)?;
     Ok(ExitCode::SUCCESS)
+}
+
+/// The engine of a model, by its level of quality and parameters `NAME=VALUE`, after `seconds`; warnings go to stderr.
+pub(super) fn build(
+    model: &str,
+    variant: Variant,
+    (quality, parameters): (Option<&str>, &[String]),
+    seconds: f64,
+) -> Result<Engine> {
+    let model = density::find(model)?;
+    let engine = (model.build)(&model.values(quality, parameters)?, variant, seconds)?;
+    for warning in &engine.warnings {
+        eprintln!("warning: {warning}");
+    }
+    Ok(engine)
 }

@@ -1,6 +1,5 @@
 //! `cloudparity grid`: OpenVDB files of densities.
 
-use crate::density;
 use crate::error::{Error, Result};
 use crate::files;
 use crate::graph::Program;
@@ -63,12 +62,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
     let [low, high] = [scene.volume.bounds.min, scene.volume.bounds.max].map(|end| DVec3::from(end.map(f64::from)));
     let grid = match &arguments.model {
         Some(id) => {
-            let model = density::find(id)?;
-            let values = model.values(None, &arguments.parameters)?;
-            let engine = (model.build)(&values, arguments.variant, 0.0)?;
-            for warning in &engine.warnings {
-                eprintln!("warning: {warning}");
-            }
+            let engine = super::engine::build(id, arguments.variant, (None, &arguments.parameters), 0.0)?;
             let to_box = box_of(&scene.volume.bounds);
             VolumeGrid::sample(low, high, arguments.voxels, |places| {
                 let places: Vec<DVec3> = places.iter().map(|&place| to_box.transform_point3(place)).collect();

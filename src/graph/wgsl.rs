@@ -67,12 +67,11 @@ impl Linker {
     /// importable as [`PROGRAM_PATH`]: `fn evaluate(position: vec3f, ...) -> f32` (or `vec3f`, or a
     /// struct `Outputs` for several outputs); each attribute is a further `vec3f` argument.
     pub fn new(program: &Program) -> Result<Self> {
-        let grid = &crate::nodes::volume_grid_lookup::TYPE;
-        if let Some(lookup) = program.instructions.iter().find(|node| std::ptr::eq(node.node_type, grid)) {
+        if let Some(node) = program.instructions.iter().find(|node| node.node_type.shader.is_empty()) {
             return Err(Error::new(
-                format!("node {}", lookup.label),
-                "the grid of a Volume object",
-                "nodes that compute: grids are read on the CPU only",
+                format!("node {}", node.label),
+                node.node_type.label,
+                "nodes with a shader: this one is evaluated on the CPU only",
                 "Give --backend cpu.",
             ));
         }

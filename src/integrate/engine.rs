@@ -8,7 +8,7 @@ use super::camera::Camera;
 use super::lights::{Source, delta_lights, world_radiance};
 use super::real_time::{self, RealTimePixel, RealTimeRay};
 use super::real_time_adapter::RealTimeKernel;
-use super::{Backend, Progress, blue_noise, film, json, memory};
+use super::{Backend, Progress, blue_noise, film, json, memory, worker};
 use crate::density::{Engine, smooth};
 use crate::error::{Error, Result};
 use crate::image::Image;
@@ -134,10 +134,6 @@ pub fn render(
     if settings.god_rays {
         add_god_rays(&mut image, scene, engine, &camera, &frame, &light, &through)?;
     }
-    let adapter = gpu.as_ref().map_or_else(
-        || format!("CPU, {} threads", rayon::current_num_threads()),
-        |gpu| format!("GPU, {}", json(gpu.adapter())),
-    );
     for (name, value) in [
         ("renderer", format!("cloudparity {} engine {}", env!("CARGO_PKG_VERSION"), engine.model)),
         ("variant", json(&engine.variant)),
@@ -148,7 +144,7 @@ pub fn render(
         ("scene", scene.name.clone()),
         ("scene_sha256", scene.content_hash()),
         ("film", json(&scene.film)),
-        ("backend", adapter),
+        ("backend", worker(gpu.as_ref())),
         ("render_seconds", format!("{:.3}", begin.elapsed().as_secs_f64())),
     ] {
         image.provenance.insert(name.to_owned(), value);

@@ -245,22 +245,26 @@ pub fn render(scene: &Scene, settings: &MarchSettings, backend: Backend, progres
     memory::check(scene.image_size(), BYTES_PER_PIXEL)?;
     let gpu = backend.open()?;
     let mut image = march::render(scene, &settings, gpu.as_ref(), progress)?;
-    let adapter = gpu.as_ref().map_or_else(
-        || format!("CPU, {} threads", rayon::current_num_threads()),
-        |gpu| format!("GPU, {}", json(gpu.adapter())),
-    );
     for (name, value) in [
         ("renderer", format!("cloudparity {} march", env!("CARGO_PKG_VERSION"))),
         ("scene", scene.name.clone()),
         ("scene_sha256", scene.content_hash()),
         ("settings", json(&settings)),
         ("film", json(&scene.film)),
-        ("backend", adapter),
+        ("backend", worker(gpu.as_ref())),
         ("render_seconds", format!("{:.3}", begin.elapsed().as_secs_f64())),
     ] {
         image.provenance.insert(name.to_owned(), value);
     }
     Ok(image)
+}
+
+/// What did the work, for a picture's provenance.
+fn worker(gpu: Option<&Gpu>) -> String {
+    gpu.map_or_else(
+        || format!("CPU, {} threads", rayon::current_num_threads()),
+        |gpu| format!("GPU, {}", json(gpu.adapter())),
+    )
 }
 
 fn json(value: &impl Serialize) -> String {

@@ -378,6 +378,21 @@ pub struct TextureSpace {
     pub size: [f32; 3],
 }
 
+/// Refuses a file beside the scene that is not the one the scene was made with. `what` it is, and where the hash `wanted` stands.
+fn check_hash(path: &Path, what: &str, wanted_at: &str, wanted: &str) -> Result<()> {
+    let bytes = std::fs::read(path).map_err(|cause| Error::io(path, what, &cause))?;
+    let found = files::sha256(&bytes);
+    if found == wanted {
+        return Ok(());
+    }
+    Err(Error::new(
+        wanted_at,
+        format!("\"{wanted}\" where {} has {found}", path.display()),
+        format!("the hash of {what}"),
+        "Restore the file, or write its own hash if another one is meant.",
+    ))
+}
+
 impl Scene {
     /// Reads and checks a scene file; a graph in a file of its own is read into the scene.
     pub fn load(path: &Path) -> Result<Self> {
@@ -470,17 +485,8 @@ impl Scene {
         for volume in std::iter::once(&mut self.volume).chain(&mut self.other_volumes) {
             let Shape::Grid { file, sha256 } = &volume.shape else { continue };
             let path = folder.join(file);
-            let bytes = std::fs::read(&path)
-                .map_err(|cause| Error::io(&path, "the grid of a volume object (shape grid)", &cause))?;
-            let found = files::sha256(&bytes);
-            if found != *sha256 {
-                return Err(Error::new(
-                    format!("{place}: object {}: shape.sha256", volume.object),
-                    format!("\"{sha256}\" where {} has {found}", path.display()),
-                    "the hash of the grid's file",
-                    "Restore the file, or write its own hash if another one is meant.",
-                ));
-            }
+            let wanted_at = format!("{place}: object {}: shape.sha256", volume.object);
+            check_hash(&path, "the grid of a volume object (shape grid)", &wanted_at, sha256)?;
             let grid = VolumeGrid::read(&path, DENSITY)?;
             let [low, high] = grid.extent();
             let [wrong_low, wrong_high] =
@@ -496,7 +502,7 @@ impl Scene {
                     "Write these bounds.",
                 ));
             }
-            volume.grid = Some(GridHandle::new(grid, found));
+            volume.grid = Some(GridHandle::new(grid, sha256.clone()));
         }
         Ok(())
     }
@@ -504,18 +510,8 @@ impl Scene {
     /// The picture around the scene has to be the one that the scene was made with.
     fn check_world_image(&self, place: &str) -> Result<()> {
         let (Some(image), Some(path)) = (&self.world.image, self.world_image_path()) else { return Ok(()) };
-        let bytes = std::fs::read(&path)
-            .map_err(|cause| Error::io(&path, "the picture around the scene ($.world.image)", &cause))?;
-        let found = files::sha256(&bytes);
-        if found != image.sha256 {
-            return Err(Error::new(
-                format!("{place}: $.world.image.sha256"),
-                format!("\"{}\" where {} has {found}", image.sha256, path.display()),
-                "the hash of the picture",
-                "Restore the picture, or write its own hash if another one is meant.",
-            ));
-        }
-        Ok(())
+        let wanted_at = format!("{place}: $.world.image.sha256");
+        check_hash(&path, "the picture around the scene ($.world.image)", &wanted_at, &image.sha256)
     }
 
     /// SHA-256 of the compact JSON form: the identity of the scene in every result.
