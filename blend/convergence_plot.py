@@ -5,23 +5,20 @@ and relative RMS, and the magnitude of the relative mean error, with the fitted 
 points that they were fitted to, and triangles of slope 1 and 2. Below, where caches were measured: relative
 RMS (relMSE is ruled by the dark pixels around a medium, into which coarse caches leak) and the magnitude of
 the relative mean error over the cells, every format and filter; formats stand a little apart, because they
-often agree. Colours are those of Okabe and Ito, which differ for every kind of sight; markers and dashes
-differ too, so that the figure survives print in grey.
+often agree.
 """
 
 import math
-import os
-import pathlib
-import tempfile
 
+import plots
 import protocol
 
 COLOURS = {
-    "energy-conserving": "#0072B2",
-    "plain": "#D55E00",
-    "f32": "#000000",
-    "f16": "#009E73",
-    "unorm8": "#CC79A7",
+    "energy-conserving": plots.BLUE,
+    "plain": plots.ORANGE,
+    "f32": plots.BLACK,
+    "f16": plots.GREEN,
+    "unorm8": plots.PURPLE,
 }
 MARKERS = {"energy-conserving": "o", "plain": "s", "f32": "o", "f16": "s", "unorm8": "^"}
 WORDS = {
@@ -29,7 +26,6 @@ WORDS = {
     "relative_rms": "relative RMS",
     "relative_mean_error": "|relative mean error|",
 }
-WIDTH = 3.5  # inches of one panel: a column of a paper
 HEIGHT = 3.1
 INTEGRATIONS = ("energy-conserving", "plain")
 # Factors on the cells at which a format is drawn.
@@ -38,35 +34,14 @@ APART = {"f32": 0.95, "f16": 1.0, "unorm8": 1.05}
 
 def draw(request, messages):
     """Draw the figure and write it as SVG and PNG; return the names of the files."""
-    figure = _figure(request["convergence"])
-    for name, resolution in (("svg", None), ("png", 200)):
-        _save(figure, request[name], name, resolution)
-    return {"svg": request["svg"], "png": request["png"]}
+    return plots.save(_figure(request["convergence"]), request)
 
 
 def _figure(document):
-    try:
-        import matplotlib
-    except ImportError as error:
-        raise protocol.InputError(
-            "Python package matplotlib", str(error), "the plots' library", "run `make setup`"
-        ) from None
-    matplotlib.use("Agg")
-    import matplotlib.pyplot as pyplot
-
-    pyplot.rcParams.update(
-        {
-            "font.size": 8,
-            "font.family": "DejaVu Sans",
-            "axes.linewidth": 0.6,
-            "lines.linewidth": 1.0,
-            "lines.markersize": 4,
-            "svg.hashsalt": "cloudparity",
-        }
-    )
+    pyplot = plots.pyplot()
     rows = 2 if document["caches"] else 1
     figure, axes = pyplot.subplots(
-        rows, 2, figsize=(2 * WIDTH, HEIGHT * rows), squeeze=False, layout="constrained"
+        rows, 2, figsize=(2 * plots.WIDTH, HEIGHT * rows), squeeze=False, layout="constrained"
     )
     width, height = document["resolution"]
     figure.suptitle(
@@ -194,26 +169,6 @@ def _whole_numbers(axis, values):
         axis.yaxis.set_major_locator(ticker.LogLocator(subs=(1, 2, 5)))
         axis.yaxis.set_major_formatter(ticker.FormatStrFormatter("%g"))
         axis.yaxis.set_minor_locator(ticker.NullLocator())
-
-
-def _save(figure, path, kind, resolution):
-    folder = os.path.dirname(os.path.abspath(path))
-    temporary = None
-    try:
-        os.makedirs(folder, exist_ok=True)
-        handle, temporary = tempfile.mkstemp(prefix=".cloudparity-", suffix=f".{kind}", dir=folder)
-        os.close(handle)
-        # Without the date equal figures are equal files.
-        metadata = {"Date": None} if kind == "svg" else None
-        figure.savefig(temporary, format=kind, dpi=resolution or "figure", metadata=metadata)
-        os.chmod(temporary, 0o644)
-        os.replace(temporary, path)
-    except OSError as error:
-        if temporary:
-            pathlib.Path(temporary).unlink(missing_ok=True)
-        raise protocol.InputError(
-            path, error.strerror or str(error), "a writable file", "check the folder and the space"
-        ) from None
 
 
 if __name__ == "__main__":

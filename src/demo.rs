@@ -9,6 +9,7 @@ use crate::blender::reference::{ReferenceSettings, cache_folder, reference};
 use crate::blender::{self, Kernel, Message};
 use crate::cli::explain::describe;
 use crate::compare::{DiffRequest, DisplaySettings, Tolerances, Verdict};
+use crate::density::{self, comparison};
 use crate::error::{Error, Result};
 use crate::field::suite::Selection;
 use crate::field::{self, Domain, Evaluator, Sampling, domain, slices, suite};
@@ -28,11 +29,17 @@ use std::time::Instant;
 /// The scene of the demonstration, so that the program shows it from any folder.
 const SCENE: &str = include_str!("../parity/scenes/procedural-clouds.scene.json");
 
+/// Camera and light under which the cloud stands beside the other density model.
+const DAYLIGHT: &str = include_str!("../parity/scenes/clouds-in-daylight.scene.json");
+
 /// Cycles' picture of it: 320x180, the mean of four replicas of 256 samples.
 const REFERENCE: &[u8] = include_bytes!("../parity/reference/procedural-clouds-320x180.exr");
 
 /// Pixels of the picture.
 const RESOLUTION: [u32; 2] = [320, 180];
+
+/// Mean optical depth of the two clouds: dense enough to look like clouds, thin enough for a few dozen scattering events.
+const MODELS_DEPTH: f64 = 4.0;
 
 /// Points of the probe.
 const POINTS: usize = 65_536;
@@ -109,6 +116,7 @@ pub fn run(settings: &Settings, receive: &(dyn Fn(f64, &str) + Sync)) -> Result<
         let agree = demo.timed("every mode of every node", Demo::modes)?;
         field = field.map(|before| before && agree);
     }
+    demo.timed("density models side by side", Demo::models)?;
     let report = demo.finish()?;
     Ok(Outcome { report, picture, field })
 }
@@ -308,6 +316,31 @@ impl Demo<'_> {
         let outcome = suite::run(&cases, self.gpu.as_ref(), false, self.messages("every mode of every node"))?;
         self.write_json("modes.json", &outcome.rows)?;
         Ok(outcome.rows.iter().all(|row| row.pass))
+    }
+
+    /// The cloud beside the Perlin-FBM cloud, small; `cloudparity compare-models` makes it large.
+    fn models(&mut self) -> Result<()> {
+        let mut value: Json = serde_json::from_str(DAYLIGHT).expect("the committed scene is JSON");
+        // The graph of the scene of the demonstration, which the file names.
+        value["graph"] = serde_json::to_value(self.scene.graph()).expect("a graph serialises");
+        let mut scene = Scene::from_value(value, "the committed scene in daylight")?;
+        scene.film.resolution = [256, 144];
+        let model = density::find("perlin-fbm")?;
+        let settings = comparison::Settings {
+            places: 96,
+            samples: 32,
+            sub_pixels: 1,
+            mean_depth: Some(MODELS_DEPTH),
+            timed_points: 1 << 16,
+        };
+        let values = model.values(Some("high"), &[])?;
+        let folder = self.settings.output.clone();
+        let mut found = comparison::run(&scene, model, &values, &settings, &folder, self.receive)?;
+        comparison::write(&found, &folder)?;
+        if let Err(error) = comparison::show(&mut found, &scene.display, &folder) {
+            self.leave_out("pictures of the density models", &error.found, &error.remedy);
+        }
+        Ok(())
     }
 
     fn finish(self) -> Result<PathBuf> {

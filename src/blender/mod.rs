@@ -33,6 +33,8 @@ pub const SCRIPTS: &[(&str, &str)] = scripts!(
     "graph_builder.py",
     "graph_reader.py",
     "image_metrics.py",
+    "model_comparison_plot.py",
+    "plots.py",
     "point_probe.py",
     "probe.py",
     "probe_graph.py",

@@ -7,6 +7,7 @@ mod bench;
 mod bench_bake;
 mod bounds;
 mod build;
+mod compare_models;
 mod convergence;
 mod demo;
 mod diff;
@@ -49,6 +50,7 @@ enum Command {
     BenchBake(bench_bake::Arguments),
     Bounds(bounds::Arguments),
     Build(build::Arguments),
+    CompareModels(Box<compare_models::Arguments>),
     Convergence(Box<convergence::Arguments>),
     Demo(demo::Arguments),
     Diff(Box<diff::Arguments>),
@@ -82,6 +84,7 @@ pub fn run() -> ExitCode {
         Command::BenchBake(arguments) => bench_bake::run(&arguments),
         Command::Bounds(arguments) => bounds::run(&arguments),
         Command::Build(arguments) => build::run(&arguments),
+        Command::CompareModels(arguments) => compare_models::run(&arguments),
         Command::Convergence(arguments) => convergence::run(&arguments),
         Command::Demo(arguments) => demo::run(&arguments),
         Command::Diff(arguments) => diff::run(&arguments),

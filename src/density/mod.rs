@@ -2,18 +2,23 @@
 //!
 //! All of them answer through [`DensityModel`], in a *local box* from -0.5 to 0.5 on every axis whose side is one unit of length.
 
+pub mod comparison;
+pub mod graph;
 pub mod perlin_fbm;
 pub mod schema;
+pub mod statistics;
 
 use crate::error::{Error, Result};
+use crate::gpu::Gpu;
 use crate::integrate::real_time::RealTimeSettings;
 use crate::lighting::{LightModel, Variant};
 use crate::post::god_rays::GodRays;
 use glam::DVec3;
+use std::sync::Arc;
 
 /// A density in the local box.
 pub trait DensityModel: Send + Sync {
-    /// Densities at places of the local box, in their order; never negative, never NaN.
+    /// Densities at places of the local box, in their order; never negative. NaN only where a graph gives NaN.
     fn densities(&self, places: &[DVec3]) -> Vec<f64>;
 
     /// Extinction of a view ray per unit of density and unit of length, per channel.
@@ -33,6 +38,30 @@ pub struct ModelShader {
     pub uniform: Vec<u8>,
     /// Contents of the bindings from 1 on, read-only storage buffers.
     pub storage: Vec<Vec<u8>>,
+}
+
+impl ModelShader {
+    /// The buffers of group 1, in the order of their bindings.
+    pub(crate) fn buffers(&self, gpu: &Gpu) -> Vec<wgpu::Buffer> {
+        let uniform = gpu.upload("model", &self.uniform, wgpu::BufferUsages::UNIFORM);
+        let storage = self.storage.iter().map(|data| gpu.upload("model data", data, wgpu::BufferUsages::STORAGE));
+        std::iter::once(uniform).chain(storage).collect()
+    }
+}
+
+/// A density shared by several engines.
+impl<T: DensityModel + ?Sized> DensityModel for Arc<T> {
+    fn densities(&self, places: &[DVec3]) -> Vec<f64> {
+        self.as_ref().densities(places)
+    }
+
+    fn extinction(&self) -> [f64; 3] {
+        self.as_ref().extinction()
+    }
+
+    fn shader(&self) -> Result<ModelShader> {
+        self.as_ref().shader()
+    }
 }
 
 /// Cubic Hermite step from 0 below `low` to 1 above `high`.

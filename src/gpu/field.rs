@@ -1,6 +1,7 @@
 //! Evaluating a program at points on the adapter.
 
 use super::Gpu;
+use crate::density::ModelShader;
 use crate::error::{Error, Result};
 use crate::graph::Program;
 use crate::graph::evaluate::Points;
@@ -13,31 +14,60 @@ const WORKGROUP: u32 = 64;
 /// Points per submission: on a software adapter well below a tenth of a second for the cloud.
 const SLICE: usize = 1 << 16;
 
+/// A density model in the place of a program.
+const MODEL_PROGRAM: &str = "#define_import_path cloudparity::graph
+#import cloudparity::density_model
+
+fn evaluate(position: vec3f) -> f32 {
+    return density_model::density(position);
+}
+";
+
 /// A program compiled for the adapter.
 pub struct FieldKernel<'a> {
     gpu: &'a Gpu,
     pipeline: wgpu::ComputePipeline,
     attributes: Vec<String>,
     components: usize,
+    /// Buffers of group 1: a density model's.
+    model: Vec<wgpu::Buffer>,
 }
 
 impl Gpu {
     /// Compiles a program for evaluation at points.
     pub fn field(&self, program: &Program) -> Result<FieldKernel<'_>> {
-        let module = Linker::new(program)?.link("generated/field.wgsl", &entry(program))?;
+        let widths: Vec<usize> = program.outputs.iter().map(|output| output.operands.len()).collect();
+        let module = Linker::new(program)?.link("generated/field.wgsl", &entry(program.attributes.len(), &widths))?;
         Ok(FieldKernel {
             gpu: self,
             pipeline: self.pipeline("field", &module)?,
             attributes: program.attributes.clone(),
             components: program.output_components(),
+            model: Vec::new(),
+        })
+    }
+
+    /// Compiles a density model for evaluation at places of its local box.
+    pub fn density_field(&self, shader: &ModelShader) -> Result<FieldKernel<'_>> {
+        let mut linker = Linker::bare()?;
+        linker.add(shader.path, shader.source)?;
+        linker.add("generated/model.wgsl", MODEL_PROGRAM)?;
+        let module = linker.link("generated/field.wgsl", &entry(0, &[1]))?;
+        Ok(FieldKernel {
+            gpu: self,
+            pipeline: self.pipeline("density_field", &module)?,
+            attributes: Vec::new(),
+            components: 1,
+            model: shader.buffers(self),
         })
     }
 }
 
-/// The entry text: positions and attributes lie one after the other, point by point.
-fn entry(program: &Program) -> String {
-    let inputs = 3 + 3 * program.attributes.len();
-    let width = program.output_components();
+/// The entry text, by the number of attributes and the components of each output: positions and attributes lie one after the other,
+/// point by point.
+fn entry(attributes: usize, outputs: &[usize]) -> String {
+    let inputs = 3 + 3 * attributes;
+    let width: usize = outputs.iter().sum();
     let mut text = String::from(
         "#import cloudparity::graph\n\n\
          @group(0) @binding(0) var<storage, read> points: array<f32>;\n\
@@ -58,10 +88,10 @@ fn entry(program: &Program) -> String {
         .collect();
     line(format_args!("    let value = graph::evaluate({});", vectors.join(", ")));
     let mut component = 0;
-    for (number, output) in program.outputs.iter().enumerate() {
-        let value = if program.outputs.len() == 1 { "value".to_owned() } else { format!("value.o{number}v") };
-        for axis in 0..output.operands.len() {
-            let part = if output.operands.len() == 1 { "" } else { [".x", ".y", ".z"][axis] };
+    for (number, &components) in outputs.iter().enumerate() {
+        let value = if outputs.len() == 1 { "value".to_owned() } else { format!("value.o{number}v") };
+        for axis in 0..components {
+            let part = if components == 1 { "" } else { [".x", ".y", ".z"][axis] };
             line(format_args!("    results[{width}u * index + {component}u] = {value}{part};"));
             component += 1;
         }
@@ -114,11 +144,25 @@ impl FieldKernel<'_> {
                 wgpu::BindGroupEntry { binding: 1, resource: bound(&results, unwritten.len()) },
             ],
         });
+        let model = (!self.model.is_empty()).then(|| {
+            let entries: Vec<wgpu::BindGroupEntry<'_>> = (0..)
+                .zip(&self.model)
+                .map(|(binding, buffer)| wgpu::BindGroupEntry { binding, resource: buffer.as_entire_binding() })
+                .collect();
+            gpu.device().create_bind_group(&wgpu::BindGroupDescriptor {
+                label: Some("model"),
+                layout: &self.pipeline.get_bind_group_layout(1),
+                entries: &entries,
+            })
+        });
         let mut encoder = gpu.device().create_command_encoder(&Default::default());
         {
             let mut pass = encoder.begin_compute_pass(&Default::default());
             pass.set_pipeline(&self.pipeline);
             pass.set_bind_group(0, &bindings, &[]);
+            if let Some(model) = &model {
+                pass.set_bind_group(1, model, &[]);
+            }
             pass.dispatch_workgroups((count as u32).div_ceil(WORKGROUP), 1, 1);
         }
         gpu.queue().submit([encoder.finish()]);

@@ -161,6 +161,11 @@ pub fn box_of(bounds: &Bounds) -> DAffine3 {
     DAffine3 { matrix3: edges, translation: (low + high) / 2.0 }.inverse()
 }
 
+/// Metres of a side of the scene's box, which must be a cube: the engine's unit of length.
+pub fn container_side(scene: &Scene) -> Result<f64> {
+    Ok(Frame::of(scene)?.side)
+}
+
 /// The engine's container in the scene.
 struct Frame {
     /// World to local box.

@@ -327,7 +327,7 @@ fn sum<Q: Quantity>(terms: impl Iterator<Item = Coefficients<Q>>, zero: Q) -> Co
 /// Coefficients of the medium in world space over those of its closures. A mesh's are per metre of world space. Those of a Volume
 /// object are per metre of its own: Cycles 5.0 divides them by the length to which the object takes the unit vector along
 /// (1, 1, 1), in all directions alike (measured; docs/volume-objects.md).
-fn length_scale(volume: &Volume) -> f64 {
+pub(crate) fn length_scale(volume: &Volume) -> f64 {
     match volume.shape {
         Shape::Grid { .. } => {
             let diagonal = DVec3::ONE.normalize();

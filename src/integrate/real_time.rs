@@ -123,7 +123,9 @@ fn march_together(
         }
         let places: Vec<DVec3> = samples.iter().map(|sample| sample.1).collect();
         let densities = density.densities(&places);
-        let dense: Vec<usize> = (0..samples.len()).filter(|&at| densities[at] > settings.least_density).collect();
+        // What is no number counts, so that it is seen in the picture.
+        let is_dense = |&at: &usize| densities[at] > settings.least_density || densities[at].is_nan();
+        let dense: Vec<usize> = (0..samples.len()).filter(is_dense).collect();
         let lit: Vec<DVec3> = dense.iter().map(|&at| places[at]).collect();
         let arriving = shadows(density, light, to_sun, &lit);
         for (&at, arriving) in dense.iter().zip(arriving) {

@@ -107,9 +107,7 @@ impl<'a> RealTimeKernel<'a> {
             count: 0,
             padding: 0,
         };
-        let mut model = vec![gpu.upload("model", &shader.uniform, wgpu::BufferUsages::UNIFORM)];
-        model.extend(shader.storage.iter().map(|data| gpu.upload("model data", data, wgpu::BufferUsages::STORAGE)));
-        Ok(Self { gpu, pipeline: gpu.pipeline("real_time", &module)?, uniform, model })
+        Ok(Self { gpu, pipeline: gpu.pipeline("real_time", &module)?, uniform, model: shader.buffers(gpu) })
     }
 
     /// Marches rays; pixels in their order.

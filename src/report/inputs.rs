@@ -5,6 +5,7 @@
 
 use super::numbers::capitalised;
 use crate::compare::{DiffResult, Verdict};
+use crate::density::comparison::{Comparison, FIGURE};
 use crate::error::{Error, Result};
 use crate::files;
 use base64::Engine;
@@ -18,7 +19,7 @@ use std::path::{Component, Path};
 const DIFF: &str = "cloudparity diff --ours OURS.exr --reference REFERENCE.exr --view AgX --out RUN";
 
 /// Files of a run directory: name, what it shows, how to make it.
-const MAKERS: [(&str, &str, &str); 12] = [
+const MAKERS: [(&str, &str, &str); 13] = [
     ("run.json", "title, command, versions and timings", "cloudparity demo -o RUN"),
     ("diff.json", "the figures of the picture", DIFF),
     ("ours.png", "our picture", DIFF),
@@ -29,6 +30,7 @@ const MAKERS: [(&str, &str, &str); 12] = [
     ("modes.json", "every node in every mode", "cloudparity modes --json > RUN/modes.json"),
     ("bounds.json", "bounds of the density", "cloudparity bounds SCENE --json > RUN/bounds.json"),
     ("bench.json", "speed against Cycles", "cloudparity bench SCENE --json > RUN/bench.json"),
+    ("models.json", "two density models side by side", "cloudparity compare-models SCENE -o RUN"),
     ("explain.txt", "the specialised graph in words", "cloudparity explain SCENE > RUN/explain.txt"),
     ("scene.json", "the scene", "cp SCENE RUN/scene.json"),
 ];
@@ -301,6 +303,8 @@ pub struct Inputs {
     pub bounds: Option<Value>,
     /// `bench.json`.
     pub bench: Option<Bench>,
+    /// `models.json`.
+    pub models: Option<Comparison>,
     /// `explain.txt`.
     pub explain: Option<String>,
     /// `scene.json`.
@@ -330,6 +334,7 @@ impl Inputs {
             bounds: read_json(directory, "bounds.json")?,
             bench: read_json(directory, "bench.json")?,
             scene: read_json(directory, "scene.json")?,
+            models: read_json(directory, "models.json")?,
             ..Self::default()
         };
         inputs.probes = match read_json::<Value>(directory, "probe.json")? {
@@ -361,6 +366,10 @@ impl Inputs {
             wanted.push((format!("{name}.png"), false));
             wanted.push((format!("{name}_legend.svg"), false));
         }
+        if let Some(models) = &self.models {
+            wanted.push((FIGURE.to_owned(), false));
+            wanted.extend(models.pictures.iter().filter_map(|picture| Some((picture.png.clone()?, true))));
+        }
         for slice in &self.slices {
             let named = [&slice.field_png, &slice.field_legend, &slice.error_png, &slice.error_legend];
             wanted.extend(named.into_iter().flatten().map(|name| (name.clone(), true)));
@@ -372,8 +381,8 @@ impl Inputs {
             } else if required {
                 self.left_out.push(LeftOut {
                     what: format!("The picture {name}"),
-                    why: "slices.json names it, and it is not in the run directory.".into(),
-                    remedy: "cloudparity demo -o RUN".into(),
+                    why: "A file of the run names it, and it is not in the run directory.".into(),
+                    remedy: "Run the command that made the directory again.".into(),
                 });
             }
         }
@@ -388,7 +397,7 @@ fn plain_name(name: &str) -> Result<&Path> {
         return Ok(path);
     }
     Err(Error::new(
-        "slices.json",
+        "slices.json or models.json",
         format!("the file name {name:?}"),
         "a relative name inside the run directory",
         "Write the pictures into the run directory and name them without folders.",

@@ -60,6 +60,7 @@ struct Page<'a> {
     bench: &'a Option<inputs::Bench>,
     software_adapter: bool,
     explain: &'a Option<String>,
+    models: Option<tables::ModelsTable<'a>>,
     scene: Option<Vec<(&'static str, String)>>,
     left_out: &'a [inputs::LeftOut],
 }
@@ -99,6 +100,7 @@ fn render(inputs: &Inputs, summary: &summary::Summary) -> Result<String> {
         bench: &inputs.bench,
         software_adapter: inputs.bench.as_ref().is_some_and(inputs::Bench::software_adapter),
         explain: &inputs.explain,
+        models: inputs.models.as_ref().map(|models| tables::ModelsTable::of(models, &inputs.pictures)),
         scene: inputs.scene.as_ref().map(tables::scene_facts),
         left_out: &inputs.left_out,
     };
@@ -201,6 +203,6 @@ mod tests {
     #[test]
     fn pictures_outside_the_run_directory_are_refused() {
         let folder = directory(&[("slices.json", json!([{"title": "t", "field_png": "../a.png"}]).to_string())]);
-        assert_eq!(write_report(folder.path()).unwrap_err().place, "slices.json");
+        assert_eq!(write_report(folder.path()).unwrap_err().place, "slices.json or models.json");
     }
 }

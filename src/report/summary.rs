@@ -3,6 +3,7 @@
 use super::inputs::{Inputs, Mode, Probe};
 use super::numbers::{count, figure, percent, ratio, signed_percent};
 use crate::compare::Verdict;
+use crate::density::comparison::Comparison;
 use serde::Serialize;
 
 /// What the head of a report says.
@@ -10,8 +11,8 @@ use serde::Serialize;
 pub struct Summary {
     /// Title of the page.
     pub title: String,
-    /// The verdict on everything that was judged.
-    pub verdict: Verdict,
+    /// The verdict on everything that was judged; `None` where something was measured and nothing judged.
+    pub verdict: Option<Verdict>,
     /// The verdict in words.
     pub words: &'static str,
     /// One sentence with the reason.
@@ -66,11 +67,14 @@ impl Summary {
         if !inputs.modes.is_empty() {
             parts.push(modes_part(&inputs.modes));
         }
+        parts.extend(inputs.models.as_ref().map(models_part));
         let judged: Vec<&Part> = parts.iter().filter(|part| part.verdict.is_some()).collect();
         let verdict = Verdict::worst(judged.iter().filter_map(|part| part.verdict)).unwrap_or(Verdict::CouldNotTell);
         let deciding: Vec<&str> =
             judged.iter().filter(|part| part.verdict == Some(verdict)).map(|part| part.name.as_str()).collect();
+        let is_measured = judged.is_empty() && !parts.is_empty();
         let sentence = match verdict {
+            _ if is_measured => "Nothing here is judged against a limit.".to_owned(),
             _ if judged.is_empty() => "Nothing in this run was judged against a limit.".to_owned(),
             Verdict::Agrees => format!("Within every limit that was set: {}.", joined(&deciding)),
             Verdict::Differs => format!("Found to differ: {}.", joined(&deciding)),
@@ -78,7 +82,9 @@ impl Summary {
         };
         let run = &inputs.run;
         let title = run.title.clone().or_else(|| run.scene.clone()).unwrap_or_else(|| "Comparison report".into());
-        Self { title, verdict, words: verdict.words(), sentence, figures: key_figures(inputs), parts }
+        let words = if is_measured { "measured" } else { verdict.words() };
+        let verdict = (!is_measured).then_some(verdict);
+        Self { title, verdict, words, sentence, figures: key_figures(inputs), parts }
     }
 }
 
@@ -135,6 +141,22 @@ pub fn evaluator_name(name: &str) -> &str {
         "oracle" => "f64 oracle",
         other => other,
     }
+}
+
+fn models_part(models: &Comparison) -> Part {
+    let [first, second] = &models.sides;
+    let sentence = format!(
+        "{} and {} at a mean optical depth of {}: {} and {} of the vertical lines lose 10 % of the light, {} and {} ns per \
+         sample on the CPU.",
+        first.title,
+        second.title,
+        figure(Some(first.statistics.mean_depth)),
+        percent(Some(first.statistics.covered)),
+        percent(Some(second.statistics.covered)),
+        figure(Some(first.cpu_nanoseconds)),
+        figure(Some(second.cpu_nanoseconds)),
+    );
+    Part::new("Density models", "models", None, sentence)
 }
 
 fn modes_part(modes: &[Mode]) -> Part {

@@ -1,8 +1,10 @@
 //! The figures as CSV and Markdown, and tables from JSON of no fixed layout.
 
-use super::inputs::Inputs;
+use super::inputs::{Inputs, Picture};
 use super::numbers::{ABSENT, capitalised, count, figure, percent, plain, rate, ratio, seconds, signed_percent};
 use super::summary::{Summary, evaluator_name};
+use crate::density::comparison::{Comparison, FIGURE};
+use indexmap::IndexMap;
 use serde::Serialize;
 use serde_json::Value;
 
@@ -49,6 +51,68 @@ impl Table {
         self.columns = keys.iter().map(|key| words(key)).collect();
         self.rows = items.iter().map(|item| keys.iter().map(|key| plain(&item[key.as_str()])).collect()).collect();
     }
+}
+
+/// Two density models, as the page shows them.
+#[derive(Debug, Serialize)]
+pub struct ModelsTable<'a> {
+    /// All figures.
+    pub found: &'a Comparison,
+    /// Figures as rows: what, and one text per density.
+    pub rows: Vec<(&'static str, [String; 2])>,
+    /// Histogram and spectrum.
+    pub figure: Option<&'a Picture>,
+    /// Pictures by light model, one per density.
+    pub lights: Vec<LightRow<'a>>,
+}
+
+/// The pictures of a light model.
+#[derive(Debug, Serialize)]
+pub struct LightRow<'a> {
+    /// The light model in words.
+    pub title: &'a str,
+    /// Density in words, picture, seconds, mean radiance.
+    pub pictures: Vec<(&'a str, &'a Picture, f64, f64)>,
+}
+
+impl<'a> ModelsTable<'a> {
+    /// Arranges a comparison.
+    pub fn of(found: &'a Comparison, pictures: &'a IndexMap<String, Picture>) -> Self {
+        let mut lights: Vec<LightRow<'a>> = Vec::new();
+        for picture in &found.pictures {
+            let title = picture.light_title.as_str();
+            let Some(shown) = picture.png.as_ref().and_then(|name| pictures.get(name)) else { continue };
+            let density = found.sides.iter().find(|side| side.id == picture.density).map_or("", |side| &side.title);
+            let entry = (density, shown, picture.seconds, picture.mean_radiance);
+            match lights.last_mut().filter(|row| row.title == title) {
+                Some(row) => row.pictures.push(entry),
+                None => lights.push(LightRow { title, pictures: vec![entry] }),
+            }
+        }
+        Self { found, rows: model_rows(found), figure: pictures.get(FIGURE), lights }
+    }
+}
+
+/// Figures of two density models: what, and one text per density.
+fn model_rows(found: &Comparison) -> Vec<(&'static str, [String; 2])> {
+    let each = |text: &dyn Fn(&crate::density::comparison::Side) -> String| found.sides.each_ref().map(text);
+    vec![
+        ("factor on the density", each(&|side| figure(Some(side.factor)))),
+        ("mean optical depth, top to bottom", each(&|side| figure(Some(side.statistics.mean_depth)))),
+        ("share of places that hold something", each(&|side| percent(Some(side.statistics.filled)))),
+        (
+            "covered share: vertical lines that lose 10 % of the light",
+            each(&|side| percent(Some(side.statistics.covered))),
+        ),
+        (
+            "standard deviation over mean density",
+            each(&|side| figure(Some(side.statistics.standard_deviation / side.statistics.mean))),
+        ),
+        ("largest over mean density", each(&|side| figure(Some(side.statistics.largest / side.statistics.mean)))),
+        ("evaluator on the CPU", each(&|side| side.evaluator.clone())),
+        ("CPU, all cores, ns per sample", each(&|side| figure(Some(side.cpu_nanoseconds)))),
+        ("adapter, ns per sample", each(&|side| figure(side.gpu_nanoseconds))),
+    ]
 }
 
 fn words(key: &str) -> String {
@@ -180,6 +244,23 @@ pub fn csv(inputs: &Inputs) -> String {
         add("bench", &row.what, "gpu", "rate", row.gpu_rate, "points/s");
         add("bench", &row.what, "cpu", "ratio", row.cpu_ratio, "");
         add("bench", &row.what, "gpu", "ratio", row.gpu_ratio, "");
+    }
+    for side in inputs.models.iter().flat_map(|models| &models.sides) {
+        let found = &side.statistics;
+        let mut model = |quantity, value, unit| add("models", &side.title, "", quantity, value, unit);
+        model("factor", Some(side.factor), "");
+        model("mean_depth", Some(found.mean_depth), "");
+        model("filled", Some(found.filled), "share");
+        model("covered", Some(found.covered), "share");
+        model("mean_density", Some(found.mean), "");
+        model("standard_deviation", Some(found.standard_deviation), "");
+        model("largest_density", Some(found.largest), "");
+        model("cpu_time", Some(side.cpu_nanoseconds), "ns/sample");
+        model("gpu_time", side.gpu_nanoseconds, "ns/sample");
+    }
+    for picture in inputs.models.iter().flat_map(|models| &models.pictures) {
+        add("models", &picture.density, &picture.light, "mean_radiance", Some(picture.mean_radiance), "radiance");
+        add("models", &picture.density, &picture.light, "wall", Some(picture.seconds), "s");
     }
     for timing in &inputs.run.timings {
         add("timing", &timing.what, "", "wall", Some(timing.seconds), "s");
@@ -318,6 +399,16 @@ pub fn markdown(inputs: &Inputs, summary: &Summary) -> String {
             vec![row.what.clone(), count(row.points), rate(row.cycles_rate), ratio(row.cpu_ratio), ratio(row.gpu_ratio)]
         });
         text += &table(&["Work", "Points", "Cycles", "CPU", "GPU"], rows);
+    }
+    if let Some(models) = &inputs.models {
+        text += "\n## Density models side by side\n";
+        let rows = model_rows(models).into_iter().map(|(what, [first, second])| vec![what.to_owned(), first, second]);
+        text += &table(&["", &line(&models.sides[0].title), &line(&models.sides[1].title)], rows);
+        let rows = models.pictures.iter().map(|picture| {
+            let shown = [figure(Some(picture.mean_radiance)), seconds(Some(picture.seconds))];
+            [vec![picture.light_title.clone(), picture.density.clone()], shown.to_vec()].concat()
+        });
+        text += &table(&["Light", "Density", "Mean radiance", "Time"], rows);
     }
     if !inputs.left_out.is_empty() {
         text += "\n## Left out\n";

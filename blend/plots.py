@@ -1,0 +1,69 @@
+"""What all figures share: matplotlib with the same fonts and lines, colours, and files written whole.
+
+Colours are those of Okabe and Ito, which differ for every kind of sight; figures use markers and dashes
+besides, so that they survive print in grey.
+"""
+
+import os
+import pathlib
+import tempfile
+
+import protocol
+
+BLACK = "#000000"
+BLUE = "#0072B2"
+GREEN = "#009E73"
+ORANGE = "#D55E00"
+PURPLE = "#CC79A7"
+WIDTH = 3.5  # inches of one panel: a column of a paper
+
+
+def pyplot():
+    """matplotlib.pyplot without a display, set up for figures of this program."""
+    try:
+        import matplotlib
+    except ImportError as error:
+        raise protocol.InputError(
+            "Python package matplotlib", str(error), "the plots' library", "run `make setup`"
+        ) from None
+    matplotlib.use("Agg")
+    import matplotlib.pyplot as found
+
+    found.rcParams.update(
+        {
+            "font.size": 8,
+            "font.family": "DejaVu Sans",
+            "axes.linewidth": 0.6,
+            "lines.linewidth": 1.0,
+            "lines.markersize": 4,
+            "svg.hashsalt": "cloudparity",
+        }
+    )
+    return found
+
+
+def save(figure, request, kinds=("svg", "png")):
+    """Write the figure to the file that the request names for each kind; return the names."""
+    for kind in kinds:
+        _save(figure, request[kind], kind, 200 if kind == "png" else None)
+    return {kind: request[kind] for kind in kinds}
+
+
+def _save(figure, path, kind, resolution):
+    folder = os.path.dirname(os.path.abspath(path))
+    temporary = None
+    try:
+        os.makedirs(folder, exist_ok=True)
+        handle, temporary = tempfile.mkstemp(prefix=".cloudparity-", suffix=f".{kind}", dir=folder)
+        os.close(handle)
+        # Without the date equal figures are equal files.
+        metadata = {"Date": None} if kind == "svg" else None
+        figure.savefig(temporary, format=kind, dpi=resolution or "figure", metadata=metadata)
+        os.chmod(temporary, 0o644)
+        os.replace(temporary, path)
+    except OSError as error:
+        if temporary:
+            pathlib.Path(temporary).unlink(missing_ok=True)
+        raise protocol.InputError(
+            path, error.strerror or str(error), "a writable file", "check the folder and the space"
+        ) from None

@@ -1,0 +1,107 @@
+//! `cloudparity compare-models`: the density of a scene's graph beside that of a published engine.
+
+use super::picture::SceneArguments;
+use crate::density;
+use crate::density::comparison::{self, Comparison, Settings};
+use crate::error::Result;
+use crate::files;
+use crate::report;
+use crate::report::inputs::{Run, Timing};
+use std::fmt::Write as _;
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::time::Instant;
+
+/// Put the density of a scene's graph beside that of a published engine: same box, camera, light and mean optical depth.
+///
+/// Measures both fields (histogram, power spectrum, covered share) and what a sample costs, renders both with the engine's light as
+/// published and mended and by path tracing, and writes models.json, pictures and the report's page.
+#[derive(clap::Args)]
+pub(super) struct Arguments {
+    #[command(flatten)]
+    scene: SceneArguments,
+    /// The folder to write to.
+    #[arg(short, long, value_name = "DIR")]
+    output: PathBuf,
+    /// The density model; `cloudparity models` lists them.
+    #[arg(long, default_value = "perlin-fbm")]
+    model: String,
+    /// A level of quality of the engine.
+    #[arg(long)]
+    quality: Option<String>,
+    /// A parameter of the model. May be given several times.
+    #[arg(short, long = "parameter", value_name = "NAME=VALUE")]
+    parameters: Vec<String>,
+    /// Mean optical depth from top to bottom that both densities are brought to; the model's own if not given.
+    #[arg(long, value_name = "DEPTH")]
+    mean_depth: Option<f64>,
+    /// Places per axis of the statistics, voxels per axis of path tracing.
+    #[arg(long, default_value_t = 128)]
+    places: usize,
+    /// Paths per pixel.
+    #[arg(long, default_value_t = 256, value_parser = clap::value_parser!(u32).range(1..))]
+    samples: u32,
+    /// Rays per pixel and axis of the engine.
+    #[arg(long, default_value_t = 2, value_parser = clap::value_parser!(u32).range(1..=64))]
+    sub_pixels: u32,
+    /// Points of the timing.
+    #[arg(long, default_value_t = 1 << 18, value_parser = clap::builder::RangedU64ValueParser::<usize>::new().range(1000..))]
+    timed_points: usize,
+}
+
+pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
+    let scene = arguments.scene.load()?;
+    let model = density::find(&arguments.model)?;
+    let values = model.values(arguments.quality.as_deref(), &arguments.parameters)?;
+    let settings = Settings {
+        places: arguments.places,
+        samples: arguments.samples,
+        sub_pixels: arguments.sub_pixels,
+        mean_depth: arguments.mean_depth,
+        timed_points: arguments.timed_points,
+    };
+    let bar = super::progress_bar(1000);
+    let progress = |done: f64, what: &str| {
+        bar.set_position((done * 1000.0) as u64);
+        bar.set_message(what.to_owned());
+    };
+    let begin = Instant::now();
+    let mut found = comparison::run(&scene, model, &values, &settings, &arguments.output, &progress)?;
+    bar.finish_and_clear();
+    comparison::write(&found, &arguments.output)?;
+    let run = Run {
+        title: Some(format!("Density models: {} and {}", found.sides[0].title, found.sides[1].title)),
+        scene: Some(scene.name.clone()),
+        scene_sha256: Some(found.scene_sha256.clone()),
+        command: Some("cloudparity compare-models".into()),
+        versions: [("cloudparity".to_owned(), env!("CARGO_PKG_VERSION").into())].into(),
+        timings: vec![Timing { what: "statistics and pictures".into(), seconds: begin.elapsed().as_secs_f64() }],
+        ..Run::default()
+    };
+    let text = serde_json::to_string_pretty(&run).expect("a run serialises") + "\n";
+    files::write_atomically(&arguments.output.join("run.json"), text.as_bytes())?;
+    comparison::show(&mut found, &scene.display, &arguments.output)?;
+    let page = report::write_report(&arguments.output)?;
+    super::print(&format!("{}{}\n", summary(&found), page.display()))?;
+    Ok(ExitCode::SUCCESS)
+}
+
+fn summary(found: &Comparison) -> String {
+    let mut text = String::new();
+    for side in &found.sides {
+        let statistics = &side.statistics;
+        let adapter = side.gpu_nanoseconds.map_or(String::new(), |time| format!(", {time:.1} on the adapter"));
+        writeln!(
+            text,
+            "{}: factor {:.4}, mean depth {:.3}, filled {:.1} %, covered {:.1} %, {:.1} ns per sample{adapter}",
+            side.title,
+            side.factor,
+            statistics.mean_depth,
+            100.0 * statistics.filled,
+            100.0 * statistics.covered,
+            side.cpu_nanoseconds,
+        )
+        .expect("writing to a string cannot fail");
+    }
+    text
+}

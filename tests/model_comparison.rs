@@ -1,0 +1,138 @@
+//! Two density models side by side: units, the light they share, and what is refused.
+
+mod support;
+
+use assert_cmd::cargo::cargo_bin_cmd;
+use cloudparity::density::comparison::{Comparison, Settings, run};
+use cloudparity::density::{self, DensityModel};
+use cloudparity::error::Result;
+use cloudparity::gpu::Gpu;
+use cloudparity::graph::evaluate::Points;
+use cloudparity::lighting::Variant;
+use cloudparity::scene::Scene;
+use glam::DVec3;
+use rand::{Rng as _, SeedableRng as _};
+use rand_chacha::ChaCha8Rng;
+use std::path::Path;
+
+const SETTINGS: Settings =
+    Settings { places: 32, samples: 64, sub_pixels: 1, mean_depth: Some(1.0), timed_points: 2000 };
+
+fn compare(scene: &Scene, changes: &[&str], settings: &Settings, folder: &Path) -> Result<Comparison> {
+    let model = density::find("perlin-fbm").expect("it is there");
+    let changes: Vec<String> = ["texture_size=32"].iter().chain(changes).map(|&text| text.into()).collect();
+    let values = model.values(None, &changes).expect("in range");
+    run(scene, model, &values, settings, folder, &|_, _| ())
+}
+
+/// A homogeneous cube in the sun alone, single scattering.
+fn scene() -> Scene {
+    let mut scene = support::scene("linear-ramp");
+    scene.film.resolution = [48, 27];
+    scene.world.color = [0.0; 3];
+    scene.set_volume_bounces(0);
+    let graph = support::scene("homogeneous-cube");
+    *scene.graph_mut() = graph.graph().clone();
+    scene
+}
+
+#[test]
+fn a_homogeneous_cube_has_known_figures_and_both_lights_agree() {
+    let folder = tempfile::tempdir().expect("a folder");
+    // The mended light is single scattering; its steps are many, so that only their error of second order is left.
+    let fine = ["march_steps=128", "light_steps=64"];
+    let found = compare(&scene(), &fine, &SETTINGS, folder.path()).expect("a comparison");
+    let [graph, model] = &found.sides;
+    for side in [graph, model] {
+        // Sums of 32768 places in f64, of densities in f32.
+        assert!((side.statistics.mean_depth - 1.0).abs() < 1e-6, "{}: {}", side.id, side.statistics.mean_depth);
+        assert!(side.cpu_nanoseconds > 0.0);
+    }
+    let statistics = &graph.statistics;
+    assert_eq!((statistics.filled, statistics.covered), (1.0, 1.0));
+    assert!(statistics.standard_deviation < 1e-6 && statistics.spectrum.iter().all(|power| *power < 1e-12));
+    assert!(model.statistics.filled < 0.5, "the mask leaves most of the box empty");
+    let radiance = |light: &str, density: &str| {
+        let picture = found.pictures.iter().find(|picture| (picture.light == light) && picture.density == density);
+        picture.expect("every picture is there").mean_radiance
+    };
+    for (density, tolerance) in [
+        // The grid's edges are soft over one voxel of 32; the noise of 83,000 paths is some 0.3 %.
+        ("graph", 0.02),
+        // A grid of 32 voxels smooths the model's texture, of two times 32 texels a side.
+        ("perlin-fbm", 0.06),
+    ] {
+        let ratio = radiance("path", density) / radiance("mended", density);
+        assert!((ratio - 1.0).abs() < tolerance, "{density}: {ratio}");
+    }
+    assert!(radiance("as-published", "graph") / radiance("path", "graph") < 0.9, "the published light differs");
+    assert!(folder.path().join("models-path-perlin-fbm.exr").is_file());
+}
+
+#[test]
+fn what_cannot_be_compared_is_refused() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let refused = |scene: &Scene, changes: &[&str], settings: &Settings| {
+        compare(scene, changes, settings, folder.path()).expect_err("refused").to_string()
+    };
+    let error = refused(&scene(), &["mask_radius=0"], &SETTINGS);
+    assert!(error.contains("perlin-fbm") && error.contains("optical depth of 0"), "{error}");
+    let error = refused(&scene(), &[], &Settings { mean_depth: Some(0.0), ..SETTINGS });
+    assert!(error.contains("mean depth"), "{error}");
+    let error = refused(&scene(), &[], &Settings { places: 1, ..SETTINGS });
+    assert!(error.contains("places"), "{error}");
+    let mut flat = scene();
+    flat.volume.matrix_world[2][2] = 0.5;
+    let error = refused(&flat, &[], &SETTINGS);
+    assert!(error.contains("a cube"), "{error}");
+}
+
+#[test]
+fn the_density_alone_is_the_same_on_the_adapter() {
+    if !support::require("vulkan") {
+        return;
+    }
+    let gpu = Gpu::open().expect("an adapter");
+    let model = density::find("perlin-fbm").expect("it is there");
+    for variant in [Variant::Fixed, Variant::AsPublished] {
+        let values = model.values(None, &["texture_size=32".into()]).expect("in range");
+        let engine = (model.build)(&values, variant, 1.0).expect("in range");
+        let kernel = gpu.density_field(&engine.density.shader().expect("a shader")).expect("a kernel");
+        let mut random = ChaCha8Rng::seed_from_u64(3);
+        let positions: Vec<[f32; 3]> =
+            (0..20_000).map(|_| std::array::from_fn(|_| random.random_range(-0.5..0.5))).collect();
+        let places: Vec<DVec3> = positions.iter().map(|&place| DVec3::from(place.map(f64::from))).collect();
+        let found = kernel.evaluate(Points::new(&positions)).expect("values");
+        let expected = engine.density.densities(&places);
+        let largest = expected.iter().copied().fold(0.0, f64::max);
+        let error = found.iter().zip(&expected).map(|(&a, &b)| (f64::from(a) - b).abs()).fold(0.0, f64::max);
+        // A place in f32 is 2^-24 off; a texel of 1/64 of the box, times the largest slope of 1 per texel, 64 times that; the mask's
+        // texels of 1/128 less. 1e-4 leaves an order of magnitude.
+        assert!(largest > 10.0 && error < 1e-4 * largest, "{variant:?}: {error} of {largest}");
+    }
+}
+
+#[test]
+fn the_command_makes_a_page() {
+    if !support::require("bpy") {
+        return;
+    }
+    let folder = tempfile::tempdir().expect("a folder");
+    cargo_bin_cmd!("cloudparity")
+        .arg("compare-models")
+        .arg(support::project("parity/scenes/clouds-in-daylight.scene.json"))
+        .arg("-o")
+        .arg(folder.path())
+        .args(["--resolution", "32x18", "--places", "24", "--samples", "2", "--sub-pixels", "1", "--mean-depth", "2"])
+        .args(["--timed-points", "2000", "-p", "texture_size=32"])
+        .assert()
+        .success();
+    let page = std::fs::read_to_string(folder.path().join("index.html")).expect("a page");
+    assert!(page.contains("Density models side by side") && page.contains("Light as published"));
+    assert_eq!(page.matches("data:image/png").count(), 6, "two densities under three lights");
+    assert!(page.contains("data:image/svg+xml"), "the figure of both fields");
+    let figures = std::fs::read_to_string(folder.path().join("figures.csv")).expect("figures");
+    assert!(figures.contains("models,perlin-fbm,,covered,"), "{figures}");
+    let report = std::fs::read_to_string(folder.path().join("report.md")).expect("a report");
+    assert!(report.contains("## Density models side by side"));
+}
