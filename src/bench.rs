@@ -111,7 +111,7 @@ fn workloads(scene: &Scene, program: &Program, count: usize) -> Result<Vec<Workl
 
 /// Points per second by the slope between a fifth of the points and all of them; median of the
 /// repeats.
-pub(crate) fn slope(count: usize, repeats: usize, mut evaluate: impl FnMut(usize) -> Result<()>) -> Result<f64> {
+fn slope(count: usize, repeats: usize, mut evaluate: impl FnMut(usize) -> Result<()>) -> Result<f64> {
     let few = count / SMALLER;
     evaluate(few)?;
     let mut seconds = Vec::new();

@@ -9,7 +9,6 @@ use super::graph::GraphDensity;
 use super::schema::Values;
 use super::statistics::FieldStatistics;
 use super::{DensityModel, Engine, Model};
-use crate::bench;
 use crate::blender::{self, Kernel};
 use crate::compare::{self, DisplaySettings};
 use crate::error::{Error, Result};
@@ -33,6 +32,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::json;
 use std::path::Path;
 use std::sync::Arc;
+use std::time::Instant;
 
 /// What is compared and how closely.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -323,27 +323,36 @@ fn costs(
     let positions = graph.positions(&places);
     let local: Vec<[f32; 3]> = places.iter().map(|place| place.as_vec3().to_array()).collect();
     // The graph's evaluator takes all cores by itself; a model is called from all of them, as the march does.
-    let graph_cpu = bench::slope(count, REPEATS, |count| {
-        graph.program().evaluate_single(Points::new(&positions[..count])).map(|_| ())
-    })?;
-    let model_cpu = bench::slope(count, REPEATS, |count| {
-        let sum: f64 =
-            places[..count].par_chunks(BATCH / 16).map(|part| model.densities(part).iter().sum::<f64>()).sum();
+    let graph_cpu = nanoseconds(count, || graph.program().evaluate_single(Points::new(&positions)).map(drop))?;
+    let model_cpu = nanoseconds(count, || {
+        let sum: f64 = places.par_chunks(BATCH / 16).map(|part| model.densities(part).iter().sum::<f64>()).sum();
         std::hint::black_box(sum);
         Ok(())
     })?;
-    let on_adapter = |kernel: Result<crate::gpu::FieldKernel<'_>>, points: &[[f32; 3]]| -> Result<Option<f64>> {
-        // A model without a shader has no cost there.
-        let Ok(kernel) = kernel else { return Ok(None) };
-        let rate = bench::slope(count, REPEATS, |count| kernel.evaluate(Points::new(&points[..count])).map(|_| ()))?;
-        Ok(Some(1e9 / rate))
-    };
     let (mut graph_gpu, mut model_gpu) = (None, None);
     if let Some(gpu) = gpu {
-        graph_gpu = on_adapter(gpu.field(graph.program()), &positions)?;
-        model_gpu = on_adapter(model.shader().and_then(|shader| gpu.density_field(&shader)), &local)?;
+        let kernel = gpu.field(graph.program())?;
+        graph_gpu = Some(nanoseconds(count, || kernel.evaluate(Points::new(&positions)).map(drop))?);
+        // A model without a shader has no cost there.
+        if let Ok(shader) = model.shader() {
+            let kernel = gpu.density_field(&shader)?;
+            model_gpu = Some(nanoseconds(count, || kernel.evaluate(Points::new(&local)).map(drop))?);
+        }
     }
-    Ok([(1e9 / graph_cpu, graph_gpu), (1e9 / model_cpu, model_gpu)])
+    Ok([(graph_cpu, graph_gpu), (model_cpu, model_gpu)])
+}
+
+/// Median time of some repetitions after one that does not count, over the number of points.
+fn nanoseconds(count: usize, mut evaluate: impl FnMut() -> Result<()>) -> Result<f64> {
+    evaluate()?;
+    let mut seconds = Vec::with_capacity(REPEATS);
+    for _ in 0..REPEATS {
+        let begin = Instant::now();
+        evaluate()?;
+        seconds.push(begin.elapsed().as_secs_f64());
+    }
+    seconds.sort_by(f64::total_cmp);
+    Ok(1e9 * seconds[REPEATS / 2] / count as f64)
 }
 
 /// The scene with a grid in place of its volume, under a medium of given extinction (per unit of density and side of the box), albedo
