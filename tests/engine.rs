@@ -5,9 +5,10 @@ mod support;
 use assert_cmd::cargo::cargo_bin_cmd;
 use cloudparity::density::{self, Engine};
 use cloudparity::image::Image;
-use cloudparity::integrate::Backend;
 use cloudparity::integrate::engine::{EngineJitter, EngineSettings, render};
+use cloudparity::integrate::{Backend, MarchSettings};
 use cloudparity::lighting::Variant;
+use cloudparity::lighting::models::LIGHTS;
 use cloudparity::scene::Scene;
 use glam::DVec3;
 
@@ -19,7 +20,7 @@ fn engine(variant: Variant, changes: &[&str]) -> Engine {
     let changes: Vec<String> =
         ["texture_size=32", "octaves=3"].iter().chain(changes).map(|&text| text.into()).collect();
     let values = model.values(Some("low"), &changes).expect("in range");
-    (model.build)(&values, variant, 2.0).expect("in range")
+    model.engine(&support::scene("linear-ramp"), &values, variant, 2.0).expect("in range")
 }
 
 fn scene() -> Scene {
@@ -141,4 +142,86 @@ fn the_commands_name_parameters_and_refuse_others() {
         let message = String::from_utf8_lossy(&refused.stderr).into_owned();
         assert!(refused.status.code() == Some(2) && message.contains(expected), "{arguments:?}: {message}");
     }
+}
+
+#[test]
+fn light_models_are_the_same_on_both_backends() {
+    if !support::require("vulkan") {
+        return;
+    }
+    let mut scene = scene();
+    scene.world.color = [0.2, 0.3, 0.5];
+    let mut pictures: Vec<Image> = Vec::new();
+    for named in LIGHTS {
+        let mut engine = engine(Variant::Fixed, &["light_steps=3"]);
+        named.apply(&mut engine.light).expect("in range");
+        let [cpu, gpu] = [Backend::Cpu, Backend::Gpu].map(|backend| picture(&scene, &engine, &SETTINGS, backend));
+        let largest = cpu.pixels.as_flattened().iter().zip(gpu.pixels.as_flattened()).map(|(a, b)| (a - b).abs());
+        let largest = largest.fold(0.0, f32::max);
+        // As above: the tolerance of the reference data for software filtering, times the sun's strength of 6.
+        assert!(largest < 6e-4, "{}: {largest}", named.id);
+        assert!(pictures.iter().all(|other| other.pixels != cpu.pixels), "{} is a light of its own", named.id);
+        pictures.push(cpu);
+    }
+}
+
+#[test]
+fn the_command_takes_light_models() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let render = |arguments: &[&str]| {
+        let mut command = cargo_bin_cmd!("cloudparity");
+        command.arg("engine").arg(support::project("parity/scenes/linear-ramp.scene.json"));
+        command.args(["--resolution", "16x9", "-p", "texture_size=32", "-o"]).arg(folder.path().join("light.exr"));
+        command.args(arguments).assert()
+    };
+    render(&["--light", "octaves", "--light-parameter", "contribution=0.7"]).success();
+    let refused = |arguments: &[&str]| {
+        let output = render(arguments).code(2).get_output().stderr.clone();
+        String::from_utf8(output).expect("text")
+    };
+    assert!(refused(&["--light", "moon"]).contains("octaves-deep"));
+    assert!(refused(&["--light-parameter", "octaves=99"]).contains("1 to 16"));
+    assert!(refused(&["--light-parameter", "octaves"]).contains("NAME=VALUE"));
+    let listed = cargo_bin_cmd!("cloudparity").arg("lights").assert().success().get_output().stdout.clone();
+    assert!(String::from_utf8(listed).expect("text").contains("powder_length"));
+}
+
+#[test]
+fn the_graphs_own_engine_shows_single_scattering_of_its_material() {
+    let mut scene = scene();
+    scene.world.color = [0.0; 3];
+    scene.set_volume_bounces(0);
+    let truth = cloudparity::integrate::render(&scene, &MarchSettings::default(), Backend::Cpu, &|_, _| ());
+    let truth = truth.expect("a picture");
+    let model = density::find("graph").expect("it is there");
+    let shown = |changes: &[&str]| {
+        let changes: Vec<String> = changes.iter().map(|&text| text.into()).collect();
+        let values = model.values(None, &changes).expect("in range");
+        let engine = model.engine(&scene, &values, Variant::Fixed, 0.0).expect("an engine");
+        picture(&scene, &engine, &EngineSettings { sub_pixels: 4, ..SETTINGS }, Backend::Cpu)
+    };
+    let mean = |image: &Image| {
+        let sum: f64 = image.pixels.iter().flat_map(|pixel| &pixel[..3]).map(|&value| f64::from(value)).sum();
+        sum / (3 * image.pixels.len()) as f64
+    };
+    let fine = shown(&["march_steps=256", "light_steps=64"]);
+    // A ray that ends at a transmittance of 0.01 leaves less than 1 % of its light; steps leave far less.
+    assert!((mean(&fine) / mean(&truth) - 1.0).abs() < 0.01, "{} and {}", mean(&fine), mean(&truth));
+    // Trilinear filtering is exact for a linear density; what is left is its rounding in f32, and in 8 bits half a step of 255.
+    for (format, tolerance) in [("cache_format=0", 1e-4), ("cache_format=2", 5e-3)] {
+        let cached = shown(&["march_steps=256", "light_steps=64", "cache_cells=32", format]);
+        assert!((mean(&cached) / mean(&fine) - 1.0).abs() < tolerance, "{format}: {}", mean(&cached));
+        assert_ne!(cached.pixels, fine.pixels, "{format}: the cache is read");
+    }
+    let coarse = shown(&["march_steps=2", "light_steps=1"]);
+    assert!((mean(&coarse) / mean(&truth) - 1.0).abs() > 0.01, "steps are those that were asked for");
+}
+
+#[test]
+fn a_material_that_emits_has_no_engine() {
+    let scene = support::scene("noise-coloured");
+    let model = density::find("graph").expect("it is there");
+    let values = model.values(None, &[]).expect("in range");
+    let error = model.engine(&scene, &values, Variant::Fixed, 0.0).err().expect("refused").to_string();
+    assert!(error.contains("emi"), "{error}");
 }

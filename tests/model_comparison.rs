@@ -39,7 +39,7 @@ fn scene() -> Scene {
 #[test]
 fn a_homogeneous_cube_has_known_figures_and_both_lights_agree() {
     let folder = tempfile::tempdir().expect("a folder");
-    // The mended light is single scattering; its steps are many, so that only their error of second order is left.
+    // The light "single" is single scattering; its steps are many, so that only their error of second order is left.
     let fine = ["march_steps=128", "light_steps=64"];
     let found = compare(&scene(), &fine, &SETTINGS, folder.path()).expect("a comparison");
     let [graph, model] = &found.sides;
@@ -62,7 +62,7 @@ fn a_homogeneous_cube_has_known_figures_and_both_lights_agree() {
         // The grid is not the model's texture, of two times 32 texels a side: 9 % at 32 voxels, 0.9 % at 64, 0.4 % at 256.
         ("perlin-fbm", 0.03),
     ] {
-        let ratio = radiance("path", density) / radiance("mended", density);
+        let ratio = radiance("path", density) / radiance("single", density);
         assert!((ratio - 1.0).abs() < tolerance, "{density}: {ratio}");
     }
     assert!(radiance("as-published", "graph") / radiance("path", "graph") < 0.9, "the published light differs");
@@ -96,7 +96,7 @@ fn the_density_alone_is_the_same_on_the_adapter() {
     let model = density::find("perlin-fbm").expect("it is there");
     for variant in [Variant::Fixed, Variant::AsPublished] {
         let values = model.values(None, &["texture_size=32".into()]).expect("in range");
-        let engine = (model.build)(&values, variant, 1.0).expect("in range");
+        let engine = model.engine(&support::scene("linear-ramp"), &values, variant, 1.0).expect("in range");
         let kernel = gpu.density_field(&engine.density.shader().expect("a shader")).expect("a kernel");
         let mut random = ChaCha8Rng::seed_from_u64(3);
         let positions: Vec<[f32; 3]> =
@@ -129,7 +129,8 @@ fn the_command_makes_a_page() {
         .success();
     let page = std::fs::read_to_string(folder.path().join("index.html")).expect("a page");
     assert!(page.contains("Density models side by side") && page.contains("Light as published"));
-    assert_eq!(page.matches("data:image/png").count(), 6, "two densities under three lights");
+    let lights = 2 + cloudparity::lighting::models::LIGHTS.len();
+    assert_eq!(page.matches("data:image/png").count(), 2 * lights, "two densities under every light");
     assert!(page.contains("data:image/svg+xml"), "the figure of both fields");
     let figures = std::fs::read_to_string(folder.path().join("figures.csv")).expect("figures");
     assert!(figures.contains("models,perlin-fbm,,covered,"), "{figures}");

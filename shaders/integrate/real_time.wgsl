@@ -1,7 +1,8 @@
 // The march of a real-time engine: twin of src/integrate/real_time.rs, one invocation per ray.
 //
 // Conditions: PLAIN (else energy-conserving), EXIT_FADE, SHADOW_TO_EXIT (else of fixed length), SHADOW_VIEW (dimmed as the view
-// ray, else by the density), SOURCE_DENSITY (else extinction times albedo).
+// ray, else by the density), SOURCE_DENSITY (else extinction times albedo), and the terms of src/lighting/terms.rs: OCTAVES (else one),
+// SILVER, POWDER, AMBIENT_GRADIENT.
 #import cloudparity::density_model
 #import cloudparity::phase
 
@@ -14,7 +15,7 @@ struct March {
     ambient: vec3f,
     shadow_length: f32,
     to_sun: vec3f,
-    albedo: f32,
+    padding: u32,
     anisotropy: vec2f,
     second: f32,
     least_density: f32,
@@ -22,7 +23,17 @@ struct March {
     // Rays of this dispatch.
     first: u32,
     count: u32,
-    padding: u32,
+    octaves: u32,
+    contribution: f32,
+    attenuation: f32,
+    eccentricity: f32,
+    powder_strength: f32,
+    powder_length: f32,
+    silver_strength: f32,
+    silver_exponent: f32,
+    ambient_bottom: f32,
+    ambient_top: f32,
+    albedo: vec3f,
 }
 
 struct Ray {
@@ -66,8 +77,8 @@ fn crossing(origin: vec3f, direction: vec3f) -> vec2f {
     return vec2f(enter, leave);
 }
 
-// Share of the sun that arrives.
-fn arriving(place: vec3f) -> vec3f {
+// Optical depth towards the sun.
+fn shadow_depth(place: vec3f) -> vec3f {
 #ifdef SHADOW_TO_EXIT
     let length = max(crossing(place, march.to_sun).y, 0.0);
 #else
@@ -80,9 +91,57 @@ fn arriving(place: vec3f) -> vec3f {
         if all(abs(at) < vec3f(0.5)) { sum += density_model::density(at); }
     }
 #ifdef SHADOW_VIEW
-    return exp(-march.extinction * (sum * step));
+    return march.extinction * (sum * step);
 #else
-    return vec3f(exp(-sum * step));
+    return vec3f(sum * step);
+#endif
+}
+
+fn two_lobes(anisotropy: vec2f, cosine: f32) -> f32 {
+    return phase::henyey_greenstein(anisotropy.x, cosine) * (1.0 - march.second)
+        + phase::henyey_greenstein(anisotropy.y, cosine) * march.second;
+}
+
+#ifdef OCTAVES
+// Of the octaves, phase functions included; as many as MOST_OCTAVES.
+var<private> weights: array<f32, 16>;
+#else
+var<private> weight: f32;
+#endif
+
+// Prepares a ray whose cosine to the sun is given.
+fn prepare(cosine: f32) {
+#ifdef SILVER
+    let silver = select(0.0, march.silver_strength * pow(cosine, march.silver_exponent), cosine > 0.0);
+#else
+    let silver = 0.0;
+#endif
+#ifdef OCTAVES
+    var share = 1.0;
+    var anisotropy = march.anisotropy;
+    for (var octave = 0u; octave < march.octaves; octave++) {
+        weights[octave] = share * two_lobes(anisotropy, cosine);
+        share *= march.contribution;
+        anisotropy *= march.eccentricity;
+    }
+    weights[0] += silver;
+#else
+    weight = two_lobes(march.anisotropy, cosine) + silver;
+#endif
+}
+
+// What the sun sends towards the camera per unit of its irradiance and of scattering.
+fn scattered(depth: vec3f) -> vec3f {
+#ifdef OCTAVES
+    var sum = vec3f(0.0);
+    var dimmed = depth;
+    for (var octave = 0u; octave < march.octaves; octave++) {
+        sum += weights[octave] * exp(-dimmed);
+        dimmed *= march.attenuation;
+    }
+    return sum;
+#else
+    return weight * exp(-depth);
 #endif
 }
 
@@ -105,9 +164,7 @@ fn main(@builtin(global_invocation_id) invocation: vec3u) {
     let length_inside = ends.y - start;
     if length_inside >= SHORTEST {
         let step = length_inside / f32(march.steps);
-        let cosine = dot(ray.direction, march.to_sun);
-        let phase_value = phase::henyey_greenstein(march.anisotropy.x, cosine) * (1.0 - march.second)
-            + phase::henyey_greenstein(march.anisotropy.y, cosine) * march.second;
+        prepare(dot(ray.direction, march.to_sun));
         for (var number = 0u; number < march.steps; number++) {
             let passed = (f32(number) + ray.jitter) * step;
             let left = length_inside - passed;
@@ -123,7 +180,16 @@ fn main(@builtin(global_invocation_id) invocation: vec3u) {
 #else
             let factor = march.albedo * extinct;
 #endif
-            var source = factor * (march.sun * arriving(place) * phase_value + march.ambient);
+#ifdef AMBIENT_GRADIENT
+            let ambient = march.ambient * mix(march.ambient_bottom, march.ambient_top, place.y + 0.5);
+#else
+            let ambient = march.ambient;
+#endif
+            var source = factor * (march.sun * scattered(shadow_depth(place)) + ambient);
+#ifdef POWDER
+            let mean_extinction = (extinct.x + extinct.y + extinct.z) / 3.0;
+            source *= 1.0 - march.powder_strength * exp(-march.powder_length * mean_extinction);
+#endif
 #ifdef EXIT_FADE
             let t = clamp(left / (2.0 * step), 0.0, 1.0);
             source *= t * t * (3.0 - 2.0 * t);

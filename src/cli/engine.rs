@@ -1,11 +1,12 @@
 //! `cloudparity engine`: a picture as a published cloud engine makes it.
 
 use super::picture::PictureArguments;
-use crate::density::{self, Engine};
+use crate::density::{self, Engine, schema};
 use crate::error::Result;
 use crate::integrate::Backend;
 use crate::integrate::engine::{self, EngineJitter, EngineSettings};
-use crate::lighting::Variant;
+use crate::lighting::{Variant, models};
+use crate::scene::Scene;
 use std::process::ExitCode;
 
 /// Render a published cloud engine in the box of a scene, with the scene's camera, sun and world.
@@ -25,6 +26,12 @@ pub(super) struct Arguments {
     /// A parameter of the model. May be given several times.
     #[arg(short, long = "parameter", value_name = "NAME=VALUE")]
     parameters: Vec<String>,
+    /// A light model in the place of the engine's; `cloudparity lights` lists them.
+    #[arg(long)]
+    light: Option<String>,
+    /// A parameter of the light model. May be given several times.
+    #[arg(long = "light-parameter", value_name = "NAME=VALUE")]
+    light_parameters: Vec<String>,
     /// Seconds of animation.
     #[arg(long, default_value_t = 0.0)]
     seconds: f64,
@@ -51,7 +58,14 @@ pub(super) struct Arguments {
 pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
     let scene = arguments.picture.load()?;
     let values = (arguments.quality.as_deref(), arguments.parameters.as_slice());
-    let engine = build(&arguments.model, arguments.variant, values, arguments.seconds)?;
+    let mut engine = build(&scene, &arguments.model, arguments.variant, values, arguments.seconds)?;
+    if let Some(light) = &arguments.light {
+        models::find(light)?.apply(&mut engine.light)?;
+    }
+    for text in &arguments.light_parameters {
+        let (name, value) = schema::assignment(text)?;
+        models::set(&mut engine.light, name, value, text)?;
+    }
     let settings = EngineSettings {
         jitter: arguments.jitter,
         frame: arguments.frame,
@@ -72,13 +86,14 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
 
 /// The engine of a model, by its level of quality and parameters `NAME=VALUE`, after `seconds`; warnings go to stderr.
 pub(super) fn build(
+    scene: &Scene,
     model: &str,
     variant: Variant,
     (quality, parameters): (Option<&str>, &[String]),
     seconds: f64,
 ) -> Result<Engine> {
     let model = density::find(model)?;
-    let engine = (model.build)(&model.values(quality, parameters)?, variant, seconds)?;
+    let engine = model.engine(scene, &model.values(quality, parameters)?, variant, seconds)?;
     for warning in &engine.warnings {
         eprintln!("warning: {warning}");
     }

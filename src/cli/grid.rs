@@ -62,7 +62,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
     let [low, high] = [scene.volume.bounds.min, scene.volume.bounds.max].map(|end| DVec3::from(end.map(f64::from)));
     let grid = match &arguments.model {
         Some(id) => {
-            let engine = super::engine::build(id, arguments.variant, (None, &arguments.parameters), 0.0)?;
+            let engine = super::engine::build(&scene, id, arguments.variant, (None, &arguments.parameters), 0.0)?;
             let to_box = box_of(&scene.volume.bounds);
             VolumeGrid::sample(low, high, arguments.voxels, |places| {
                 let places: Vec<DVec3> = places.iter().map(|&place| to_box.transform_point3(place)).collect();

@@ -18,6 +18,7 @@ mod eval;
 pub(crate) mod explain;
 mod export;
 mod grid;
+mod lights;
 mod march;
 mod models;
 mod modes;
@@ -61,6 +62,7 @@ enum Command {
     Explain(explain::Arguments),
     Export(export::Arguments),
     Grid(grid::Arguments),
+    Lights(lights::Arguments),
     Models(models::Arguments),
     Modes(modes::Arguments),
     Parity(parity::Arguments),
@@ -95,6 +97,7 @@ pub fn run() -> ExitCode {
         Command::Explain(arguments) => explain::run(&arguments),
         Command::Export(arguments) => export::run(&arguments),
         Command::Grid(arguments) => grid::run(&arguments),
+        Command::Lights(arguments) => lights::run(&arguments),
         Command::Models(arguments) => models::run(&arguments),
         Command::Modes(arguments) => modes::run(&arguments),
         Command::Parity(arguments) => parity::run(&arguments),

@@ -1,5 +1,6 @@
 //! `cloudparity models`: the density models and their parameters.
 
+use crate::density::schema::Parameter;
 use crate::density::{self, Model};
 use crate::error::Result;
 use std::fmt::Write as _;
@@ -30,9 +31,9 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-fn document(model: &Model) -> serde_json::Value {
-    let parameters: Vec<serde_json::Value> = model
-        .parameters
+/// Parameters as JSON.
+pub(super) fn parameter_documents(parameters: &[Parameter]) -> Vec<serde_json::Value> {
+    parameters
         .iter()
         .map(|parameter| {
             serde_json::json!({
@@ -44,7 +45,29 @@ fn document(model: &Model) -> serde_json::Value {
                 "usual": parameter.usual,
             })
         })
-        .collect();
+        .collect()
+}
+
+/// Parameters as lines of text.
+pub(super) fn parameter_lines(parameters: &[Parameter]) -> String {
+    let mut text = String::new();
+    let width = parameters.iter().map(|parameter| parameter.name.len()).max().unwrap_or(0) + 2;
+    let mut line = |parts: std::fmt::Arguments<'_>| writeln!(text, "{parts}").expect("writing to a string cannot fail");
+    line(format_args!("{:<width$}{:>8}  {:<34}{}", "parameter", "default", "allowed", "what it is"));
+    for parameter in parameters {
+        let unit = if parameter.unit.is_empty() { String::new() } else { format!(" [{}]", parameter.unit) };
+        line(format_args!(
+            "{:<width$}{:>8}  {:<34}{}{unit}",
+            parameter.name,
+            parameter.default,
+            parameter.range.to_string(),
+            parameter.about
+        ));
+    }
+    text
+}
+
+fn document(model: &Model) -> serde_json::Value {
     let qualities: serde_json::Map<String, serde_json::Value> = model
         .qualities
         .iter()
@@ -58,29 +81,21 @@ fn document(model: &Model) -> serde_json::Value {
         "id": model.id,
         "title": model.title,
         "about": model.about,
-        "parameters": parameters,
+        "parameters": parameter_documents(model.parameters),
         "qualities": qualities,
     })
 }
 
 fn describe(model: &Model) -> String {
     let mut text = format!("{}: {}\n{}\n\n", model.id, model.title, model.about);
-    let width = model.parameters.iter().map(|parameter| parameter.name.len()).max().unwrap_or(0) + 2;
-    let mut line = |parts: std::fmt::Arguments<'_>| writeln!(text, "{parts}").expect("writing to a string cannot fail");
-    line(format_args!("{:<width$}{:>8}  {:<34}{}", "parameter", "default", "allowed", "what it is"));
-    for parameter in model.parameters {
-        let unit = if parameter.unit.is_empty() { String::new() } else { format!(" [{}]", parameter.unit) };
-        line(format_args!(
-            "{:<width$}{:>8}  {:<34}{}{unit}",
-            parameter.name,
-            parameter.default,
-            parameter.range.to_string(),
-            parameter.about
-        ));
-    }
+    text += &parameter_lines(model.parameters);
     for (name, settings) in model.qualities {
-        let settings: Vec<String> = settings.iter().map(|(name, value)| format!("{name} {value}")).collect();
-        line(format_args!("quality {name}: {}", settings.join(", ")));
+        text += &format!("quality {name}: {}\n", assignments(settings));
     }
     text
+}
+
+/// Settings as text: "steps 20, octaves 3".
+pub(super) fn assignments(settings: &[(&str, f64)]) -> String {
+    settings.iter().map(|(name, value)| format!("{name} {value}")).collect::<Vec<_>>().join(", ")
 }

@@ -2,13 +2,13 @@
 //!
 //! The density of a scene's node graph takes the place of a published engine's, with the engine's extinction, albedo and phase
 //! function, so that pictures differ by the density alone. One factor on each density brings the mean optical depth along the box's
-//! vertical lines to the same value. Both are then rendered by the engine's light models, as published and mended, and by path tracing
-//! with the light transport that these stand for. Path tracing sees both as grids of the same voxels, those of the statistics.
+//! vertical lines to the same value. Both are then rendered by the engine's light as published, by every light model on its mended form, and by
+//! path tracing with the light transport that these stand for. Path tracing sees both as grids of the same voxels, those of the statistics.
 
 use super::graph::GraphDensity;
 use super::schema::Values;
 use super::statistics::FieldStatistics;
-use super::{DensityModel, Engine, Model};
+use super::{Build, DensityModel, Model};
 use crate::blender::{self, Kernel};
 use crate::compare::{self, DisplaySettings};
 use crate::error::{Error, Result};
@@ -20,6 +20,7 @@ use crate::integrate::engine::{self, EngineJitter, EngineSettings, box_of, conta
 use crate::integrate::media::length_scale;
 use crate::integrate::path::{self, PathSettings};
 use crate::integrate::{Backend, Progress};
+use crate::lighting::models::LIGHTS;
 use crate::lighting::{SourceFactor, TwoLobes, Variant};
 use crate::scene::{Bounds, Display, Graph, GraphSource, Scene, Shape};
 use crate::volume_grid::{DENSITY, GridHandle, VolumeGrid};
@@ -163,11 +164,19 @@ pub fn run(
     progress: Progress<'_>,
 ) -> Result<Comparison> {
     check(settings)?;
+    if matches!(model.build, Build::OfScene(_)) {
+        return Err(Error::new(
+            "--model",
+            format!("\"{}\"", model.id),
+            "a density model that is not the scene's own",
+            "Give another one: cloudparity models lists them.",
+        ));
+    }
     std::fs::create_dir_all(folder).map_err(|cause| Error::io(folder, "a folder for the results", &cause))?;
-    let engine = |variant| (model.build)(values, variant, 0.0);
+    let engine = |variant| model.engine(scene, values, variant, 0.0);
     let mended = engine(Variant::Fixed)?;
     let (extinction, light) = (mended.density.extinction(), mended.light.clone());
-    let SourceFactor::Albedo(albedo) = light.source else {
+    let SourceFactor::Albedo([albedo, ..]) = light.source else {
         unreachable!("the mended form of an engine has an albedo");
     };
     let mean_extinction = extinction.iter().sum::<f64>() / 3.0;
@@ -228,24 +237,29 @@ pub fn run(
     };
     let engine_settings =
         EngineSettings { jitter: EngineJitter::None, frame: 0, sub_pixels: settings.sub_pixels, god_rays: false };
-    for (variant, id, title) in
-        [(Variant::AsPublished, "as-published", "Light as published"), (Variant::Fixed, "mended", "Light mended")]
-    {
+    let mut lights = vec![(engine(Variant::AsPublished)?, "as-published", "Light as published".to_owned())];
+    for named in LIGHTS {
+        let mut mended = engine(Variant::Fixed)?;
+        named.apply(&mut mended.light)?;
+        lights.push((mended, named.id, format!("Light {}: {}", named.id, named.about)));
+    }
+    let share = 0.5 / (2 * lights.len()) as f64;
+    for (lit, id, title) in lights {
         for (density, side) in densities.iter().zip(&sides) {
-            let engine = Engine { density: Box::new(Arc::clone(density)), ..engine(variant)? };
-            let report = |part: f64, what: &str| progress(done + 0.15 * part, what);
+            let engine = lit.with_density(Box::new(Arc::clone(density)));
+            let report = |part: f64, what: &str| progress(done + share * part, what);
             let image = engine::render(scene, &engine, &engine_settings, Backend::Cpu, &report)?;
-            keep(id, title, &side.id, &image)?;
-            done += 0.15;
+            keep(id, &title, &side.id, &image)?;
+            done += share;
         }
     }
     let path_settings = PathSettings { samples: settings.samples, ..PathSettings::default() };
     for ((field, side), factor) in fields.iter().zip(&sides).zip(factors) {
         let medium = grid_scene(scene, &field.mapv(|density| density * factor), extinction, albedo, &light.phase)?;
-        let report = |part: f64, what: &str| progress(done + 0.12 * part, what);
+        let report = |part: f64, what: &str| progress(done + 0.17 * part, what);
         let image = path::render(&medium, &path_settings, Backend::Cpu, None, &report)?;
         keep("path", "Path tracing", &side.id, &image)?;
-        done += 0.12;
+        done += 0.17;
     }
     Ok(Comparison {
         scene: scene.name.clone(),
@@ -323,7 +337,7 @@ fn costs(
     let positions = graph.positions(&places);
     let local: Vec<[f32; 3]> = places.iter().map(|place| place.as_vec3().to_array()).collect();
     // The graph's evaluator takes all cores by itself; a model is called from all of them, as the march does.
-    let graph_cpu = nanoseconds(count, || graph.program().evaluate_single(Points::new(&positions)).map(drop))?;
+    let graph_cpu = nanoseconds(count, || graph.medium().densities(&positions).map(drop))?;
     let model_cpu = nanoseconds(count, || {
         let sum: f64 = places.par_chunks(BATCH / 16).map(|part| model.densities(part).iter().sum::<f64>()).sum();
         std::hint::black_box(sum);
@@ -331,7 +345,7 @@ fn costs(
     })?;
     let (mut graph_gpu, mut model_gpu) = (None, None);
     if let Some(gpu) = gpu {
-        let kernel = gpu.field(graph.program())?;
+        let kernel = gpu.field(&graph.medium().density)?;
         graph_gpu = Some(nanoseconds(count, || kernel.evaluate(Points::new(&positions)).map(drop))?);
         // A model without a shader has no cost there.
         if let Ok(shader) = model.shader() {

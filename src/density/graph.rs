@@ -1,40 +1,51 @@
 //! The density of a scene's node graph as a density model: what engines' light models and marches take.
+//!
+//! As a model of its own, `graph`, it brings along what its material says: extinction and albedo per channel and one phase function.
+//! So a Blender material is seen as an engine would show it, beside what path tracing of the same material shows.
 
-use super::{DensityModel, ModelShader};
+use super::schema::{Parameter, Range, Values};
+use super::{Build, DensityModel, Engine, Model, ModelShader};
 use crate::error::{Error, Result};
-use crate::graph::Program;
-use crate::graph::evaluate::Points;
-use crate::integrate::engine::box_of;
+use crate::integrate::engine::{box_of, container_side};
+use crate::integrate::medium::Medium;
+use crate::integrate::real_time::RealTimeSettings;
+use crate::integrate::{CacheFilter, CacheFormat, CacheSettings, Integration};
+use crate::lighting::terms::Terms;
+use crate::lighting::{LightModel, ShadowExtinction, ShadowLength, ShadowMarch, SourceFactor, TwoLobes, Variant};
+use crate::post::god_rays::GodRays;
 use crate::scene::Scene;
 use glam::{DAffine3, DVec3};
 
-/// The graph's density in the box of its volume, under an extinction that is given.
+/// The graph's density in the box of its volume.
 pub struct GraphDensity {
-    program: Program,
+    medium: Medium,
     from_box: DAffine3,
     factor: f64,
     extinction: [f64; 3],
 }
 
 impl GraphDensity {
-    /// Compiles the density of a scene whose closures share one; `factor` on it, and the extinction per unit of what that gives and
-    /// side of the box, stand for the material's own.
+    /// The density of a scene whose closures share one, times a factor, under an extinction (per unit of that product and side of the
+    /// box) in the place of the material's own.
     pub fn new(scene: &Scene, factor: f64, extinction: [f64; 3]) -> Result<Self> {
-        let program = Program::density(scene)?;
-        if let Some(name) = program.attributes.first() {
+        Self::of_medium(Medium::new(scene)?, scene, factor, extinction)
+    }
+
+    fn of_medium(medium: Medium, scene: &Scene, factor: f64, extinction: [f64; 3]) -> Result<Self> {
+        if let Some(name) = medium.density.attributes.first() {
             return Err(Error::new(
                 format!("the density of scene {}", scene.name),
-                format!("the attribute \"{name}\", whose values are not known"),
+                format!("the attribute \"{name}\""),
                 "a density of the place alone",
                 "Take the attribute out of the graph.",
             ));
         }
-        Ok(Self { program, from_box: box_of(&scene.volume.bounds).inverse(), factor, extinction })
+        Ok(Self { medium, from_box: box_of(&scene.volume.bounds).inverse(), factor, extinction })
     }
 
-    /// The program that it evaluates, in the object's frame.
-    pub fn program(&self) -> &Program {
-        &self.program
+    /// The medium that it reads, in the object's frame.
+    pub fn medium(&self) -> &Medium {
+        &self.medium
     }
 
     /// Object-space positions of places of the local box.
@@ -45,11 +56,19 @@ impl GraphDensity {
 
 impl DensityModel for GraphDensity {
     fn densities(&self, places: &[DVec3]) -> Vec<f64> {
-        let positions = self.positions(places);
-        let values = self.program.evaluate_single(Points::new(&positions)).expect("a density without attributes");
-        // Negative densities act as 0; NaN stays to be seen.
-        let density = |value: f32| if value < 0.0 { 0.0 } else { f64::from(value) * self.factor };
-        values.into_iter().map(density).collect()
+        // Where there is provably nothing, nothing is asked.
+        let (asked, held): (Vec<usize>, Vec<[f32; 3]>) = self
+            .positions(places)
+            .into_iter()
+            .enumerate()
+            .filter(|(_, position)| self.medium.may_hold(DVec3::from(position.map(f64::from))))
+            .unzip();
+        let found = self.medium.densities(&held).expect("a density without attributes");
+        let mut densities = vec![0.0; places.len()];
+        for (index, value) in asked.into_iter().zip(found) {
+            densities[index] = f64::from(value) * self.factor;
+        }
+        densities
     }
 
     fn extinction(&self) -> [f64; 3] {
@@ -64,4 +83,112 @@ impl DensityModel for GraphDensity {
             "Leave --gpu out.",
         ))
     }
+}
+
+/// Formats of the density cache by their number in a parameter.
+const FORMATS: [CacheFormat; 3] = [CacheFormat::F32, CacheFormat::F16, CacheFormat::Unorm8];
+
+/// Parameters of the march through a graph's density.
+pub const PARAMETERS: &[Parameter] = &[
+    Parameter {
+        name: "march_steps",
+        about: "steps of a view ray",
+        unit: "",
+        range: Range::Whole(1, 100_000),
+        default: 64.0,
+        usual: [1.0, 256.0],
+    },
+    Parameter {
+        name: "light_steps",
+        about: "steps towards the sun",
+        unit: "",
+        range: Range::Whole(1, 1000),
+        default: 6.0,
+        usual: [1.0, 16.0],
+    },
+    Parameter {
+        name: "cache_cells",
+        about: "cells of a density cache along the longest side; 0 evaluates the graph at each place",
+        unit: "cells",
+        range: Range::Whole(0, 1024),
+        default: 0.0,
+        usual: [0.0, 128.0],
+    },
+    Parameter {
+        name: "cache_format",
+        about: "how the cache stores values: 0 in 32 bits, 1 in 16, 2 in 8",
+        unit: "",
+        range: Range::Whole(0, 2),
+        default: 1.0,
+        usual: [0.0, 2.0],
+    },
+];
+
+/// The model under its name.
+pub static MODEL: Model = Model {
+    id: "graph",
+    title: "The scene's own node graph and material",
+    about: "The density of the scene's volume material, with its own extinction, albedo and phase function, marched as an engine \
+            does: evaluated at each place, or read from a density cache.",
+    parameters: PARAMETERS,
+    qualities: &[
+        ("low", &[("march_steps", 24.0), ("light_steps", 2.0), ("cache_cells", 48.0), ("cache_format", 2.0)]),
+        ("medium", &[("march_steps", 48.0), ("light_steps", 4.0), ("cache_cells", 96.0), ("cache_format", 2.0)]),
+        ("high", &[("march_steps", 96.0), ("light_steps", 8.0), ("cache_cells", 0.0)]),
+    ],
+    build: Build::OfScene(engine),
+};
+
+/// The engine of a scene's own material. Both variants are the same: there is nothing published to keep.
+fn engine(scene: &Scene, values: &Values, variant: Variant) -> Result<Engine> {
+    let mut medium = Medium::new(scene)?;
+    let side = container_side(scene)?;
+    if medium.emission != [0.0; 3] || medium.emission_of_density != [0.0; 3] {
+        return Err(Error::new(
+            format!("the material of object {}", scene.volume.object),
+            "a medium that emits light",
+            "one that scatters and absorbs: light models of engines know no emission",
+            "Set the emission to 0, or give another integrator.",
+        ));
+    }
+    let cells = values.get("cache_cells") as u32;
+    if cells > 0 && !medium.occupied.is_empty() {
+        let format = FORMATS[values.get("cache_format") as usize];
+        medium.read_from_cache(CacheSettings { cells, format, filter: CacheFilter::Trilinear })?;
+    }
+    let extinction = medium.extinction.map(|channel| channel * side);
+    // A channel without extinction scatters nothing.
+    let albedo = std::array::from_fn(|channel| match medium.extinction[channel] {
+        0.0 => 0.0,
+        whole => medium.scattering[channel] / whole,
+    });
+    let light = LightModel {
+        sun_direction: [1.0; 3],
+        sun: [1.0; 3],
+        ambient: [0.0; 3],
+        phase: TwoLobes { anisotropy: [medium.anisotropy; 2], second: 0.0 },
+        shadow: ShadowMarch {
+            steps: values.get("light_steps") as u32,
+            length: ShadowLength::ToExit,
+            extinction: ShadowExtinction::View,
+        },
+        source: SourceFactor::Albedo(albedo),
+        terms: Terms::NONE,
+    };
+    Ok(Engine {
+        model: MODEL.id,
+        variant,
+        values: values.clone(),
+        density: Box::new(GraphDensity::of_medium(medium, scene, 1.0, extinction)?),
+        light,
+        march: RealTimeSettings {
+            steps: values.get("march_steps") as u32,
+            integration: Integration::EnergyConserving,
+            exit_fade: false,
+            least_density: 0.0,
+            least_transmittance: 0.01,
+        },
+        god_rays: GodRays { density: 0.96, decay: 0.95, weight: 0.5, exposure: 0.6, samples: 100 },
+        warnings: Vec::new(),
+    })
 }

@@ -13,6 +13,7 @@ use crate::gpu::Gpu;
 use crate::integrate::real_time::RealTimeSettings;
 use crate::lighting::{LightModel, Variant};
 use crate::post::god_rays::GodRays;
+use crate::scene::Scene;
 use glam::DVec3;
 use std::sync::Arc;
 
@@ -71,7 +72,7 @@ pub fn smooth<T: num_traits::Float>(low: T, high: T, value: T) -> T {
     t * t * (three - (t + t))
 }
 
-/// A density model of a published engine, by name.
+/// A density model by name: of a published engine, or a scene's own.
 pub struct Model {
     /// Name on the command line.
     pub id: &'static str,
@@ -83,8 +84,16 @@ pub struct Model {
     pub parameters: &'static [schema::Parameter],
     /// Levels of quality: a name, and the parameters that it sets.
     pub qualities: &'static [(&'static str, &'static [(&'static str, f64)])],
-    /// Builds it.
-    pub build: fn(&schema::Values, Variant, f64) -> Result<Engine>,
+    /// How it is built.
+    pub build: Build,
+}
+
+/// How an engine is built.
+pub enum Build {
+    /// From its parameters, after seconds of animation.
+    Alone(fn(&schema::Values, Variant, f64) -> Result<Engine>),
+    /// From a scene's material and parameters.
+    OfScene(fn(&Scene, &schema::Values, Variant) -> Result<Engine>),
 }
 
 /// A model with all that its engine brings along.
@@ -107,9 +116,24 @@ pub struct Engine {
     pub warnings: Vec<String>,
 }
 
+impl Engine {
+    /// The same engine with another density.
+    pub fn with_density(&self, density: Box<dyn DensityModel>) -> Self {
+        Self {
+            density,
+            values: self.values.clone(),
+            light: self.light.clone(),
+            march: self.march.clone(),
+            god_rays: self.god_rays,
+            warnings: self.warnings.clone(),
+            ..*self
+        }
+    }
+}
+
 /// All models.
 pub fn models() -> &'static [&'static Model] {
-    static MODELS: [&Model; 1] = [&perlin_fbm::MODEL];
+    static MODELS: [&Model; 2] = [&graph::MODEL, &perlin_fbm::MODEL];
     &MODELS
 }
 
@@ -122,6 +146,14 @@ pub fn find(id: &str) -> Result<&'static Model> {
 }
 
 impl Model {
+    /// Its engine for a scene, after `seconds` of animation.
+    pub fn engine(&self, scene: &Scene, values: &schema::Values, variant: Variant, seconds: f64) -> Result<Engine> {
+        match self.build {
+            Build::Alone(build) => build(values, variant, seconds),
+            Build::OfScene(build) => build(scene, values, variant),
+        }
+    }
+
     /// The default values, changed by a level of quality and by texts `NAME=VALUE`, in this order.
     pub fn values(&self, quality: Option<&str>, texts: &[String]) -> Result<schema::Values> {
         let mut values = schema::Values::defaults(self.parameters);

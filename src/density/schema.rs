@@ -21,6 +21,30 @@ pub struct Parameter {
     pub usual: [f64; 2],
 }
 
+impl Parameter {
+    /// Whether a parameter of this name is there and may have the value; `place` says where the value stands.
+    pub fn check(parameters: &[Self], name: &str, value: f64, place: &str) -> Result<&'static str> {
+        let Some(parameter) = parameters.iter().find(|parameter| parameter.name == name) else {
+            let known: Vec<&str> = parameters.iter().map(|parameter| parameter.name).collect();
+            return Err(Error::new(
+                place,
+                format!("the parameter \"{name}\""),
+                format!("one of {}", known.join(", ")),
+                "Correct the name.",
+            ));
+        };
+        if !parameter.range.holds(value) {
+            return Err(Error::new(
+                format!("{place}: parameter {name}"),
+                value.to_string(),
+                parameter.range.to_string(),
+                "Correct the value.",
+            ));
+        }
+        Ok(parameter.name)
+    }
+}
+
 /// What values a parameter may have; all of them finite.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 #[serde(rename_all = "kebab-case")]
@@ -63,6 +87,12 @@ impl Range {
     }
 }
 
+/// Name and value of a text `NAME=VALUE`.
+pub fn assignment(text: &str) -> Result<(&str, f64)> {
+    let parts = text.split_once('=').and_then(|(name, value)| Some((name.trim(), value.trim().parse().ok()?)));
+    parts.ok_or_else(|| Error::new("--parameter", text, "NAME=VALUE with a number", "Correct the option."))
+}
+
 /// A value for every parameter of a model.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[serde(transparent)]
@@ -76,34 +106,15 @@ impl Values {
 
     /// Sets a parameter, after its name and range are checked. `place` says where the value stands.
     pub fn set(&mut self, parameters: &[Parameter], name: &str, value: f64, place: &str) -> Result<()> {
-        let Some(parameter) = parameters.iter().find(|parameter| parameter.name == name) else {
-            let known: Vec<&str> = parameters.iter().map(|parameter| parameter.name).collect();
-            return Err(Error::new(
-                place,
-                format!("the parameter \"{name}\""),
-                format!("one of {}", known.join(", ")),
-                "Correct the name.",
-            ));
-        };
-        if !parameter.range.holds(value) {
-            return Err(Error::new(
-                format!("{place}: parameter {name}"),
-                value.to_string(),
-                parameter.range.to_string(),
-                "Correct the value.",
-            ));
-        }
-        self.0.insert(parameter.name, value);
+        let name = Parameter::check(parameters, name, value, place)?;
+        self.0.insert(name, value);
         Ok(())
     }
 
     /// Sets parameters given as `NAME=VALUE`.
     pub fn set_texts(&mut self, parameters: &[Parameter], texts: &[String]) -> Result<()> {
         for text in texts {
-            let number = text.split_once('=').and_then(|(name, value)| Some((name.trim(), value.trim().parse().ok()?)));
-            let Some((name, value)) = number else {
-                return Err(Error::new("--parameter", text, "NAME=VALUE with a number", "Correct the option."));
-            };
+            let (name, value) = assignment(text)?;
             self.set(parameters, name, value, "--parameter")?;
         }
         Ok(())

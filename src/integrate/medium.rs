@@ -2,7 +2,8 @@
 //!
 //! [`super::media`] knows media in full.
 
-use super::density_cache::DensityCache;
+use super::CacheSettings;
+use super::density_cache::{DensityCache, Samples};
 use super::media::box_of;
 use super::phase::PhaseFunction;
 use crate::error::{Error, Result};
@@ -165,6 +166,13 @@ impl Medium {
             Operand::Constant(value) if self.cache.is_none() && value.is_finite() => Some(f64::from(value.max(0.0))),
             _ => None,
         }
+    }
+
+    /// Bakes a cache of the density, which answers from then on.
+    pub fn read_from_cache(&mut self, settings: CacheSettings) -> Result<()> {
+        let samples = Samples::bake(self, settings.cells, settings.format, &|_| ())?;
+        self.cache = Some(DensityCache::new(&samples, settings.format, settings.filter)?);
+        Ok(())
     }
 
     /// Density at object-space positions, from the cache where there is one.

@@ -79,7 +79,8 @@ struct Way {
     ray: RealTimeRay,
     start: f64,
     length: f64,
-    cosine: f64,
+    /// Of the octaves of the light, phase functions included.
+    weights: Vec<f64>,
     is_done: bool,
     pixel: RealTimePixel,
 }
@@ -103,7 +104,7 @@ fn march_together(
 ) -> Vec<RealTimePixel> {
     let to_sun = DVec3::from(light.sun_direction).normalize();
     let extinction = density.extinction();
-    let mut ways: Vec<Way> = rays.iter().map(|&ray| Way::new(ray, to_sun)).collect();
+    let mut ways: Vec<Way> = rays.iter().map(|&ray| Way::new(ray, light.weights(ray.direction.dot(to_sun)))).collect();
     for number in 0..settings.steps {
         let mut samples = Vec::new();
         for (index, way) in ways.iter_mut().enumerate().filter(|(_, way)| !way.is_done) {
@@ -127,25 +128,26 @@ fn march_together(
         let is_dense = |&at: &usize| densities[at] > settings.least_density || densities[at].is_nan();
         let dense: Vec<usize> = (0..samples.len()).filter(is_dense).collect();
         let lit: Vec<DVec3> = dense.iter().map(|&at| places[at]).collect();
-        let arriving = shadows(density, light, to_sun, &lit);
-        for (&at, arriving) in dense.iter().zip(arriving) {
+        let depths = shadow_depths(density, light, to_sun, &lit);
+        for ((&at, depth), place) in dense.iter().zip(depths).zip(lit) {
             let (index, _, step, left) = samples[at];
             let fade = if settings.exit_fade { crate::density::smooth(0.0, 2.0 * step, left) } else { 1.0 };
             let way = &mut ways[index];
             way.pixel.dense += 1;
-            let phase = light.phase.evaluate(way.cosine);
+            let mean_extinction = densities[at] * (extinction[0] + extinction[1] + extinction[2]) / 3.0;
+            let factor_on_all = fade * light.terms.powder.factor(mean_extinction);
+            let ambient_factor = light.ambient_factor(place.y);
             for channel in 0..3 {
                 let extinct = densities[at] * extinction[channel];
                 let factor = match light.source {
                     SourceFactor::Density => densities[at],
-                    SourceFactor::Albedo(albedo) => albedo * extinct,
+                    SourceFactor::Albedo(albedo) => albedo[channel] * extinct,
                 };
-                let source = factor * (light.sun[channel] * arriving[channel] * phase + light.ambient[channel]) * fade;
+                let scattered = light.terms.octaves.sum(&way.weights, depth[channel]);
+                let ambient = light.ambient[channel] * ambient_factor;
+                let source = factor * (light.sun[channel] * scattered + ambient) * factor_on_all;
                 let through = (-extinct * step).exp();
-                let weight = match settings.integration {
-                    Integration::Plain => step,
-                    Integration::EnergyConserving => -(-extinct * step).exp_m1() / extinct.max(LEAST_EXTINCTION),
-                };
+                let weight = step_weight(settings.integration, extinct, step);
                 way.pixel.radiance[channel] += way.pixel.transmittance[channel] * source * weight;
                 way.pixel.transmittance[channel] *= through;
             }
@@ -155,8 +157,16 @@ fn march_together(
     ways.into_iter().map(|way| way.pixel).collect()
 }
 
-/// Share of the sun that arrives at each place, per channel.
-fn shadows(density: &dyn DensityModel, light: &LightModel, to_sun: DVec3, places: &[DVec3]) -> Vec<[f64; 3]> {
+/// What the source of a step is multiplied with, transmittance left out: a length.
+pub fn step_weight(integration: Integration, extinction: f64, step: f64) -> f64 {
+    match integration {
+        Integration::Plain => step,
+        Integration::EnergyConserving => -(-extinction * step).exp_m1() / extinction.max(LEAST_EXTINCTION),
+    }
+}
+
+/// Optical depth towards the sun at each place, per channel.
+fn shadow_depths(density: &dyn DensityModel, light: &LightModel, to_sun: DVec3, places: &[DVec3]) -> Vec<[f64; 3]> {
     let steps = light.shadow.steps;
     let scale = match light.shadow.extinction {
         ShadowExtinction::Density => [1.0; 3],
@@ -185,14 +195,11 @@ fn shadows(density: &dyn DensityModel, light: &LightModel, to_sun: DVec3, places
     for (owner, found) in owners.into_iter().zip(density.densities(&asked)) {
         sums[owner] += found;
     }
-    sums.iter()
-        .zip(&lengths)
-        .map(|(sum, length)| scale.map(|scale| (-scale * sum * length / f64::from(steps)).exp()))
-        .collect()
+    sums.iter().zip(&lengths).map(|(sum, length)| scale.map(|scale| scale * sum * length / f64::from(steps))).collect()
 }
 
 impl Way {
-    fn new(ray: RealTimeRay, to_sun: DVec3) -> Self {
+    fn new(ray: RealTimeRay, weights: Vec<f64>) -> Self {
         let (enter, leave) = BOX.segment(ray.origin, ray.direction).unwrap_or((0.0, 0.0));
         let start = enter.max(0.0);
         let length = leave - start;
@@ -200,7 +207,7 @@ impl Way {
             ray,
             start,
             length,
-            cosine: ray.direction.dot(to_sun),
+            weights,
             is_done: length.is_nan() || length < SHORTEST,
             pixel: RealTimePixel { radiance: [0.0; 3], transmittance: [1.0; 3], samples: 0, dense: 0 },
         }

@@ -27,14 +27,26 @@ struct MarchUniform {
     ambient: [f32; 3],
     shadow_length: f32,
     to_sun: [f32; 3],
-    albedo: f32,
+    padding: u32,
     anisotropy: [f32; 2],
     second: f32,
     least_density: f32,
     least_transmittance: f32,
     first: u32,
     count: u32,
-    padding: u32,
+    octaves: u32,
+    contribution: f32,
+    attenuation: f32,
+    eccentricity: f32,
+    powder_strength: f32,
+    powder_length: f32,
+    silver_strength: f32,
+    silver_exponent: f32,
+    ambient_bottom: f32,
+    ambient_top: f32,
+    more_padding: [u32; 3],
+    albedo: [f32; 3],
+    last_padding: u32,
 }
 
 #[repr(C)]
@@ -81,6 +93,11 @@ impl<'a> RealTimeKernel<'a> {
         define(light.shadow.length == ShadowLength::ToExit, "SHADOW_TO_EXIT");
         define(light.shadow.extinction == ShadowExtinction::View, "SHADOW_VIEW");
         define(light.source == SourceFactor::Density, "SOURCE_DENSITY");
+        let terms = &light.terms;
+        define(terms.octaves.count > 1, "OCTAVES");
+        define(terms.powder.strength > 0.0, "POWDER");
+        define(terms.silver.strength > 0.0, "SILVER");
+        define(terms.ambient != [1.0; 2], "AMBIENT_GRADIENT");
         let source = include_str!("../../shaders/integrate/real_time.wgsl");
         let module = linker.link_with("integrate/real_time.wgsl", source, &definitions)?;
         let single = |values: [f64; 3]| values.map(|value| value as f32);
@@ -96,8 +113,8 @@ impl<'a> RealTimeKernel<'a> {
             },
             to_sun: DVec3::from(light.sun_direction).normalize().as_vec3().to_array(),
             albedo: match light.source {
-                SourceFactor::Density => 0.0,
-                SourceFactor::Albedo(albedo) => albedo as f32,
+                SourceFactor::Density => [0.0; 3],
+                SourceFactor::Albedo(albedo) => single(albedo),
             },
             anisotropy: light.phase.anisotropy.map(|anisotropy| anisotropy as f32),
             second: light.phase.second as f32,
@@ -105,6 +122,18 @@ impl<'a> RealTimeKernel<'a> {
             least_transmittance: settings.least_transmittance as f32,
             first: 0,
             count: 0,
+            octaves: terms.octaves.count,
+            contribution: terms.octaves.contribution as f32,
+            attenuation: terms.octaves.attenuation as f32,
+            eccentricity: terms.octaves.eccentricity as f32,
+            powder_strength: terms.powder.strength as f32,
+            powder_length: terms.powder.length as f32,
+            silver_strength: terms.silver.strength as f32,
+            silver_exponent: terms.silver.exponent as f32,
+            ambient_bottom: terms.ambient[0] as f32,
+            ambient_top: terms.ambient[1] as f32,
+            more_padding: [0; 3],
+            last_padding: 0,
             padding: 0,
         };
         Ok(Self { gpu, pipeline: gpu.pipeline("real_time", &module)?, uniform, model: shader.buffers(gpu) })

@@ -2,10 +2,14 @@
 //!
 //! A light model says how much radiance a unit of medium sends towards the camera: light of a sun, dimmed on its way by a short
 //! march ([`ShadowMarch`]) and turned by a phase function ([`TwoLobes`]), and an ambient radiance. It knows nothing of
-//! what makes the density; [`crate::integrate::real_time`] brings the two together.
+//! what makes the density; [`crate::integrate::real_time`] brings the two together. What imitates multiple scattering is in [`terms`].
+
+pub mod models;
+pub mod terms;
 
 use crate::integrate::phase::henyey_greenstein;
 use serde::{Deserialize, Serialize};
+use terms::Terms;
 
 /// Which form of a published system is meant.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
@@ -76,8 +80,8 @@ pub struct ShadowMarch {
 pub enum SourceFactor {
     /// The density: the albedo is then one over the extinction per unit density, and may be above 1.
     Density,
-    /// Extinction times this single-scattering albedo.
-    Albedo(f64),
+    /// Extinction times this single-scattering albedo of each channel.
+    Albedo([f64; 3]),
 }
 
 /// A light model.
@@ -95,4 +99,31 @@ pub struct LightModel {
     pub shadow: ShadowMarch,
     /// What the light is multiplied with.
     pub source: SourceFactor,
+    /// What imitates multiple scattering.
+    pub terms: Terms,
+}
+
+impl LightModel {
+    /// Weights of the octaves for a ray whose cosine to the sun is given: phase functions and the silver lining, per steradian.
+    pub fn weights(&self, cosine: f64) -> Vec<f64> {
+        let octaves = &self.terms.octaves;
+        let mut phase = self.phase;
+        let mut share = 1.0;
+        let mut weights = Vec::with_capacity(octaves.count as usize);
+        for _ in 0..octaves.count {
+            weights.push(share * phase.evaluate(cosine));
+            share *= octaves.contribution;
+            phase.anisotropy = phase.anisotropy.map(|anisotropy| anisotropy * octaves.eccentricity);
+        }
+        if self.terms.silver.strength > 0.0 {
+            weights[0] += self.terms.silver.value(cosine);
+        }
+        weights
+    }
+
+    /// Factor on the ambient light at a height of the box, -0.5 to 0.5.
+    pub fn ambient_factor(&self, height: f64) -> f64 {
+        let [bottom, top] = self.terms.ambient;
+        bottom + (top - bottom) * (height + 0.5)
+    }
 }

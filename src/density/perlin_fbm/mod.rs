@@ -16,7 +16,7 @@ pub mod random;
 mod rows;
 pub mod settings;
 
-use super::{DensityModel, Engine, Model, ModelShader, smooth};
+use super::{Build, DensityModel, Engine, Model, ModelShader, smooth};
 use crate::error::{Error, Result};
 use bake::Bake;
 use glam::DVec3;
@@ -89,7 +89,7 @@ pub static MODEL: Model = Model {
             byte texture, tiled across a box, and masked by a flattened sphere that two more textures deform.",
     parameters: settings::PARAMETERS,
     qualities: settings::QUALITIES,
-    build: |values, variant, seconds| {
+    build: Build::Alone(|values, variant, seconds| {
         let (parameters, warnings) = settings::parameters(values, variant, seconds)?;
         Ok(Engine {
             model: MODEL.id,
@@ -101,7 +101,7 @@ pub static MODEL: Model = Model {
             god_rays: settings::god_rays(values),
             warnings,
         })
-    },
+    }),
 };
 
 /// What makes the density of the cloud.

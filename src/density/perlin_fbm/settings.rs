@@ -11,6 +11,7 @@ use crate::density::schema::{Parameter, Range, Values};
 use crate::error::Result;
 use crate::integrate::Integration;
 use crate::integrate::real_time::RealTimeSettings;
+use crate::lighting::terms::Terms;
 use crate::lighting::{LightModel, ShadowExtinction, ShadowLength, ShadowMarch, SourceFactor, TwoLobes, Variant};
 use crate::post::god_rays::GodRays;
 
@@ -195,7 +196,9 @@ pub fn light(values: &Values, variant: Variant) -> LightModel {
     let (shadow_length, extinction, source) = match variant {
         // Defects PF-4 and PF-5.
         Variant::AsPublished => (ShadowLength::Fixed(1.0), ShadowExtinction::Density, SourceFactor::Density),
-        Variant::Fixed => (ShadowLength::ToExit, ShadowExtinction::View, SourceFactor::Albedo(values.get("albedo"))),
+        Variant::Fixed => {
+            (ShadowLength::ToExit, ShadowExtinction::View, SourceFactor::Albedo([values.get("albedo"); 3]))
+        }
     };
     LightModel {
         sun_direction: [1.0; 3],
@@ -204,6 +207,7 @@ pub fn light(values: &Values, variant: Variant) -> LightModel {
         phase: TwoLobes { anisotropy: [-0.3, 0.3], second: 0.8 },
         shadow: ShadowMarch { steps: values.get("light_steps") as u32, length: shadow_length, extinction },
         source,
+        terms: Terms::NONE,
     }
 }
 

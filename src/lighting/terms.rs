@@ -1,0 +1,100 @@
+//! Source terms that imitate multiple scattering, on top of single scattering; each is off by default.
+//!
+//! With the optical depth t towards the sun, the cosine c between the view ray and the direction to the sun, the phase function p with
+//! mean cosines that can be scaled, the sun's irradiance E and the ambient radiance A, a light model gives per unit of scattering
+//!
+//! ```text
+//! L = ( E ( sum_n b^n p(c; g^n) exp(-a^n t) + s max(c, 0)^k exp(-t) ) + A (d + (u - d) h) ) ( 1 - w exp(-l e) )
+//! ```
+//!
+//! - octaves n = 0..N with contribution b, attenuation a and eccentricity g: Wrenninge, Kulla and Lundqvist 2013, "Oz: The Great and
+//!   Volumetric"; one octave is single scattering;
+//! - a silver lining of strength s and exponent k, added to the phase function of single scattering;
+//! - an ambient light that falls from u at the top of the box (height h = 1) to d at its bottom;
+//! - powder of strength w and length l, with the extinction e (mean of the channels): thin parts scatter less because less light has
+//!   gathered in them (Schneider and Vos 2015, "The Real-time Volumetric Cloudscapes of Horizon: Zero Dawn").
+
+use serde::{Deserialize, Serialize};
+
+/// Most octaves; the kernel holds a weight of each.
+pub const MOST_OCTAVES: u32 = 16;
+
+/// Octaves of dimmed and widened single scattering.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Octaves {
+    /// How many, 1 to [`MOST_OCTAVES`]; 1 is single scattering.
+    pub count: u32,
+    /// Weight of an octave over that of the one before.
+    pub contribution: f64,
+    /// Optical depth of an octave over that of the one before.
+    pub attenuation: f64,
+    /// Mean cosines of an octave's phase function over those of the one before.
+    pub eccentricity: f64,
+}
+
+/// Less light from thin parts.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Powder {
+    /// What a part without extinction loses, 0 to 1; 0 is no powder.
+    pub strength: f64,
+    /// Length over which extinction counts, in sides of the box.
+    pub length: f64,
+}
+
+/// More light around the sun.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct SilverLining {
+    /// Per steradian, added to the phase function towards the sun; 0 is none.
+    pub strength: f64,
+    /// Exponent of the cosine.
+    pub exponent: f64,
+}
+
+/// All of them.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Terms {
+    /// Octaves of multiple scattering.
+    pub octaves: Octaves,
+    /// Powder.
+    pub powder: Powder,
+    /// Silver lining.
+    pub silver: SilverLining,
+    /// Factor on the ambient light at the bottom of the box and at its top, linear between.
+    pub ambient: [f64; 2],
+}
+
+impl Terms {
+    /// Single scattering and a constant ambient light.
+    pub const NONE: Self = Self {
+        octaves: Octaves { count: 1, contribution: 0.5, attenuation: 0.5, eccentricity: 0.5 },
+        powder: Powder { strength: 0.0, length: 0.1 },
+        silver: SilverLining { strength: 0.0, exponent: 8.0 },
+        ambient: [1.0; 2],
+    };
+}
+
+impl Octaves {
+    /// The sum over octaves of their weights, which hold the phase functions, each dimmed by its part of an optical depth.
+    pub fn sum(&self, weights: &[f64], depth: f64) -> f64 {
+        let (mut sum, mut dimmed) = (0.0, depth);
+        for weight in weights {
+            sum += weight * (-dimmed).exp();
+            dimmed *= self.attenuation;
+        }
+        sum
+    }
+}
+
+impl Powder {
+    /// Factor on all light, for an extinction per side of the box.
+    pub fn factor(&self, extinction: f64) -> f64 {
+        1.0 - self.strength * (-self.length * extinction).exp()
+    }
+}
+
+impl SilverLining {
+    /// What is added to the phase function, per steradian.
+    pub fn value(&self, cosine: f64) -> f64 {
+        self.strength * cosine.max(0.0).powf(self.exponent)
+    }
+}

@@ -1,0 +1,144 @@
+//! Terms of light models against closed forms of published systems, where their values are there, and against limits that hold always.
+
+mod support;
+
+use cloudparity::density::perlin_fbm::settings;
+use cloudparity::density::schema::Values;
+use cloudparity::integrate::Integration;
+use cloudparity::integrate::real_time::step_weight;
+use cloudparity::lighting::terms::{Octaves, Powder, SilverLining};
+use cloudparity::lighting::{LightModel, TwoLobes, Variant};
+use serde_json::Value;
+
+/// A few roundings of f64 each.
+const ROUNDING: f64 = 1e-12;
+
+/// Published values; `None` where they are missing.
+fn published(name: &str) -> Option<Value> {
+    let path = support::project(&format!("../shared/golden/encyclopedia/{name}.json"));
+    let Ok(text) = std::fs::read_to_string(&path) else {
+        eprintln!("skipped: {} is missing", path.display());
+        return None;
+    };
+    Some(serde_json::from_str(&text).expect("JSON"))
+}
+
+fn numbers(value: &Value) -> Vec<f64> {
+    value.as_array().expect("a list").iter().map(|item| item.as_f64().expect("a number")).collect()
+}
+
+fn light(octaves: Octaves, phase: TwoLobes) -> LightModel {
+    let mut light = settings::light(&Values::defaults(settings::PARAMETERS), Variant::Fixed);
+    light.terms.octaves = octaves;
+    light.phase = phase;
+    light
+}
+
+fn close(found: f64, expected: f64, tolerance: f64, place: &str) {
+    assert!((found - expected).abs() <= tolerance * expected.abs().max(1e-3), "{place}: {found}, not {expected}");
+}
+
+#[test]
+fn eight_octaves_are_those_of_takram() {
+    let Some(golden) = published("takram_octaves") else { return };
+    let phase = TwoLobes { anisotropy: [0.7, -0.2], second: 0.5 };
+    let (depths, cosines) = (numbers(&golden["tau"]), numbers(&golden["mu"]));
+    let octaves = |count| Octaves { count, contribution: 0.5, attenuation: 0.5, eccentricity: 0.5 };
+    for (depth, row) in depths.iter().zip(golden["value"].as_array().expect("rows")) {
+        for (&cosine, expected) in cosines.iter().zip(numbers(row)) {
+            let light = light(octaves(8), phase);
+            let found = light.terms.octaves.sum(&light.weights(cosine), *depth);
+            // Phase functions below a mean cosine of 0.001 do not occur: 0.2 / 2^7 is above it.
+            close(found, expected, ROUNDING, &format!("depth {depth}, cosine {cosine}"));
+        }
+    }
+    for (count, row) in numbers(&golden["octave_counts"]).iter().zip(golden["value_mu0"].as_array().expect("rows")) {
+        for (&depth, expected) in depths.iter().zip(numbers(row)) {
+            let light = light(octaves(*count as u32), phase);
+            let found = light.terms.octaves.sum(&light.weights(0.0), depth);
+            close(found, expected, ROUNDING, &format!("{count} octaves, depth {depth}"));
+        }
+    }
+}
+
+#[test]
+fn four_octaves_are_those_of_bestclouds() {
+    let Some(golden) = published("multiple_octaves") else { return };
+    let octaves = Octaves { count: 4, contribution: 0.5, attenuation: 0.25, eccentricity: 0.5 };
+    let light = light(octaves, TwoLobes { anisotropy: [-0.1, 0.3], second: 0.7 });
+    let (extinctions, cosines, steps) =
+        (numbers(&golden["extinction"]), numbers(&golden["mu"]), numbers(&golden["step"]));
+    for (extinction, of_cosine) in extinctions.iter().zip(golden["octave_sum"].as_array().expect("rows")) {
+        for (&cosine, of_step) in cosines.iter().zip(of_cosine.as_array().expect("rows")) {
+            for (step, expected) in steps.iter().zip(numbers(of_step)) {
+                let found = light.terms.octaves.sum(&light.weights(cosine), extinction * step);
+                // The original's 4 pi is 4 times 3.1415, 3e-5 less.
+                close(found, expected, 4e-5, &format!("extinction {extinction}, cosine {cosine}, step {step}"));
+            }
+        }
+    }
+}
+
+#[test]
+fn powder_and_silver_lining_are_the_published_ones() {
+    let Some(golden) = published("light_terms") else { return };
+    let powder = Powder { strength: 1.0, length: 2.0 };
+    for (density, expected) in numbers(&golden["density"]).iter().zip(numbers(&golden["powder_2"])) {
+        close(powder.factor(*density), expected, ROUNDING, &format!("powder at {density}"));
+    }
+    let powder = Powder { strength: 0.8, length: 150.0 };
+    let takram = &golden["takram_powder"];
+    for (extinction, expected) in numbers(&takram["extinction"]).iter().zip(numbers(&takram["factor"])) {
+        close(powder.factor(*extinction), expected, ROUNDING, &format!("powder at {extinction}"));
+    }
+    let silver = SilverLining { strength: 1.0, exponent: 8.0 };
+    for (cosine, expected) in numbers(&golden["cosine"]).iter().zip(numbers(&golden["silver_pow8"])) {
+        close(silver.value(*cosine), expected, ROUNDING, &format!("silver lining at {cosine}"));
+    }
+}
+
+#[test]
+fn steps_are_the_published_ones() {
+    let Some(golden) = published("energy_step") else { return };
+    for row in golden["rows"].as_array().expect("rows") {
+        let row = numbers(row);
+        let [scattering, absorption, density, step, red, _, _, before, added, _, _, after, plain, _, _] = row[..]
+        else {
+            panic!("15 columns");
+        };
+        let (source, extinction) = (red * scattering * density, (scattering + absorption) * density);
+        let found = before * source * step_weight(Integration::EnergyConserving, extinction, step);
+        // Theirs takes the difference of 1 and an exponential, which loses the bits of a small depth: 2^-52 over it.
+        let lost = f64::EPSILON / (extinction * step).max(f64::EPSILON);
+        let most = found.abs().max(added.abs());
+        assert!((found - added).abs() <= (ROUNDING + 4.0 * lost) * most, "{row:?}: {found}");
+        close(before * source * step_weight(Integration::Plain, extinction, step), plain, ROUNDING, "plain");
+        close(before * (-extinction * step).exp(), after, ROUNDING, "transmittance");
+    }
+}
+
+#[test]
+fn octaves_have_their_limits() {
+    let phase = TwoLobes { anisotropy: [0.6, -0.2], second: 0.3 };
+    let single = light(Octaves { count: 1, contribution: 0.5, attenuation: 0.5, eccentricity: 0.5 }, phase);
+    for (depth, cosine) in [(0.0, 0.3), (1.5, -0.8), (50.0, 1.0)] {
+        let found = single.terms.octaves.sum(&single.weights(cosine), depth);
+        close(found, phase.evaluate(cosine) * f64::exp(-depth), ROUNDING, "one octave is single scattering");
+    }
+    // Octaves of equal weight, depth and shape are as many times single scattering; without depth the weights alone count.
+    let same = light(Octaves { count: 5, contribution: 1.0, attenuation: 1.0, eccentricity: 1.0 }, phase);
+    close(
+        same.terms.octaves.sum(&same.weights(0.2), 2.0),
+        5.0 * phase.evaluate(0.2) * (-2.0_f64).exp(),
+        ROUNDING,
+        "five",
+    );
+    let halves = light(Octaves { count: 16, contribution: 0.5, attenuation: 0.5, eccentricity: 1.0 }, phase);
+    let geometric = 2.0 * (1.0 - 0.5_f64.powi(16));
+    close(
+        halves.terms.octaves.sum(&halves.weights(0.2), 0.0),
+        geometric * phase.evaluate(0.2),
+        ROUNDING,
+        "a geometric series",
+    );
+}
