@@ -13,6 +13,7 @@ Requests (`op` chooses; files are paths, `part` is null or the name of a part of
   {"op": "combine", "images": [EXR...], "mean": EXR, "variance": EXR}
   {"op": "difference_map", "ours": [EXR...], "reference": [EXR...], "prefix": PATH, "part": null,
    "range": null}
+  {"op": "flip", "pairs": [{"ours": [EXR...], "reference": [EXR...]}]}
   {"op": "field_slices", "slices": [{"title", "ours": NPY, "reference": NPY or null, "png_prefix": PATH}]}
 
 Several files on a side are replicas: the same picture with other seeds. They are averaged, and their spread
@@ -66,6 +67,7 @@ def handle(request, messages):
         "combine": combine,
         "difference_map": difference_map,
         "field_slices": field_slices,
+        "flip": flip,
     }
     name = request["op"]
     if name not in operations:
@@ -489,6 +491,36 @@ def display(request, messages):
             ) from None
         results.append(_write_display(side, item, item["png"]))
     return {"images": results}
+
+
+def flip(request, messages):
+    """Mean HDR-FLIP of pairs, the exposures by each pair's reference; null where it is not computed."""
+    means, references = [], {}
+    for index, pair in enumerate(request["pairs"]):
+        messages.progress(index / len(request["pairs"]), f"pair {index + 1}")
+        sides = []
+        for name in ("ours", "reference"):
+            paths = tuple(pair[name])
+            try:
+                # Many pairs share their reference.
+                side = references.get(paths) or image_metrics.load_side(list(paths), DEFAULT_BLOCK, None)
+            except image_metrics.Unreadable as error:
+                raise protocol.InputError(
+                    f"{pair.place}.{name}", str(error), "a readable scene-linear EXR", "give another file"
+                ) from None
+            if name == "reference":
+                references[paths] = side
+            sides.append(side.mean[..., side.indices("colour")])
+        if sides[0].shape != sides[1].shape:
+            raise protocol.InputError(
+                f"{pair.place}",
+                f"{sides[0].shape} and {sides[1].shape}",
+                "pictures of one size",
+                "give others",
+            )
+        figures, _ = image_metrics.hdr_flip(*sides)
+        means.append(figures["mean"])
+    return {"means": means}
 
 
 def _write_display(side, settings, png):

@@ -57,7 +57,7 @@ def _save(figure, path, kind, resolution):
         handle, temporary = tempfile.mkstemp(prefix=".cloudparity-", suffix=f".{kind}", dir=folder)
         os.close(handle)
         # Without the date equal figures are equal files.
-        metadata = {"Date": None} if kind == "svg" else None
+        metadata = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}.get(kind)
         figure.savefig(temporary, format=kind, dpi=resolution or "figure", metadata=metadata)
         os.chmod(temporary, 0o644)
         os.replace(temporary, path)

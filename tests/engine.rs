@@ -135,7 +135,7 @@ fn the_commands_name_parameters_and_refuse_others() {
         (&["-p", "cover=0.5"], "one of texture_size"),
         (&["-p", "coverage=much"], "NAME=VALUE"),
         (&["--quality", "best"], "one of low, medium, high"),
-        (&["--model", "fog"], "one of perlin-fbm"),
+        (&["--model", "fog"], "one of graph, perlin-fbm"),
         (&["--seconds", "inf"], "a finite number"),
     ] {
         let refused = run(arguments);
@@ -149,7 +149,9 @@ fn light_models_are_the_same_on_both_backends() {
     if !support::require("vulkan") {
         return;
     }
-    let mut scene = scene();
+    // The sun behind the cloud, where a silver lining shows.
+    let behind = -camera_place(&scene());
+    let mut scene = with_sun_from(scene(), behind);
     scene.world.color = [0.2, 0.3, 0.5];
     let mut pictures: Vec<Image> = Vec::new();
     for named in LIGHTS {

@@ -47,6 +47,7 @@ pub const SCRIPTS: &[(&str, &str)] = scripts!(
     "scene_builder.py",
     "scene_io.py",
     "scene_reader.py",
+    "study_plot.py",
     "volume_grid.py",
 );
 

@@ -30,6 +30,7 @@ mod render;
 mod report;
 mod schema;
 mod shader;
+mod study;
 mod time_to_error;
 
 use crate::error::Result;
@@ -67,11 +68,13 @@ enum Command {
     Modes(modes::Arguments),
     Parity(parity::Arguments),
     Probe(probe::Arguments),
+    Recommend(study::RecommendArguments),
     Reference(reference::Arguments),
     Render(render::Arguments),
     Report(report::Arguments),
     Schema(schema::Arguments),
     Shader(shader::Arguments),
+    Study(study::Arguments),
     TimeToError(time_to_error::Arguments),
 }
 
@@ -102,11 +105,13 @@ pub fn run() -> ExitCode {
         Command::Modes(arguments) => modes::run(&arguments),
         Command::Parity(arguments) => parity::run(&arguments),
         Command::Probe(arguments) => probe::run(&arguments),
+        Command::Recommend(arguments) => study::recommend(&arguments),
         Command::Reference(arguments) => reference::run(&arguments),
         Command::Render(arguments) => render::run(&arguments),
         Command::Report(arguments) => report::run(&arguments),
         Command::Schema(arguments) => schema::run(&arguments),
         Command::Shader(arguments) => shader::run(&arguments),
+        Command::Study(arguments) => study::run(&arguments),
         Command::TimeToError(arguments) => time_to_error::run(&arguments),
     };
     result.unwrap_or_else(|error| {

@@ -8,7 +8,7 @@
 use super::graph::GraphDensity;
 use super::schema::Values;
 use super::statistics::FieldStatistics;
-use super::{Build, DensityModel, Model};
+use super::{Build, DensityModel, Engine, Model};
 use crate::blender::{self, Kernel};
 use crate::compare::{self, DisplaySettings};
 use crate::error::{Error, Result};
@@ -367,6 +367,21 @@ fn nanoseconds(count: usize, mut evaluate: impl FnMut() -> Result<()>) -> Result
     }
     seconds.sort_by(f64::total_cmp);
     Ok(1e9 * seconds[REPEATS / 2] / count as f64)
+}
+
+/// The scene as path tracing sees it with an engine's medium in place of its volume: the density on a grid of `voxels`^3, with the
+/// extinction, albedo and phase function of the engine.
+pub fn path_scene(scene: &Scene, engine: &Engine, voxels: usize) -> Result<Scene> {
+    let SourceFactor::Albedo([albedo, ..]) = engine.light.source else {
+        return Err(Error::new(
+            format!("density model {}", engine.model),
+            "a source that is no albedo times extinction",
+            "the mended form",
+            "Give --variant fixed.",
+        ));
+    };
+    let densities = sample(scene, engine.density.as_ref(), voxels)?;
+    grid_scene(scene, &densities, engine.density.extinction(), albedo, &engine.light.phase)
 }
 
 /// The scene with a grid in place of its volume, under a medium of given extinction (per unit of density and side of the box), albedo

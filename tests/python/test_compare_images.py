@@ -273,3 +273,16 @@ def test_colour_maps_are_even_in_lightness():
     assert np.ptp(luminance["sequential"]) > 0.7
     half = luminance["diverging"]
     assert np.abs(half - half[::-1]).max() < 0.06 and half.argmax() in range(126, 130)
+
+
+def test_flip_of_pairs_is_that_of_each_diff(tmp_path, reference):
+    brighter = save(tmp_path / "brighter.exr", picture() * np.float32(1.5))
+    pairs = [{"ours": [ours], "reference": [reference, reference]} for ours in (reference, brighter)]
+    status, event = run({"op": "flip", "pairs": pairs})
+    assert status == 0, event
+    equal, found = event["result"]["means"]
+    expected = diff([brighter], [reference])["flip"]["mean"]
+    assert equal == 0 and found == expected and found > 0.01
+    small = save(tmp_path / "small.exr", picture()[:4])
+    status, event = run({"op": "flip", "pairs": [{"ours": [small], "reference": [reference]}]})
+    assert status != 0 and "pairs[0]" in json.dumps(event)

@@ -1,0 +1,600 @@
+//! Studies: error against time over scenes, density models, light models and quality settings.
+//!
+//! A study file names values on axes ([`file`]). Every combination is rendered as an engine renders it, timed, and compared with path
+//! tracing of the same medium ([`errors`]). Each result is a file of its own, named by what it depends on, so an interrupted study
+//! goes on where it stopped and a changed one measures what is new. Nothing is measured beside anything else.
+//!
+//! Errors and times lead to the settings that nothing beats ([`front`]).
+
+pub mod errors;
+pub mod file;
+pub mod front;
+
+use crate::blender::{self, Kernel};
+use crate::compare;
+use crate::density::{self, Engine, comparison};
+use crate::error::{Error, Result};
+use crate::files;
+use crate::image::Image;
+use crate::integrate::engine::{self, EngineSettings};
+use crate::integrate::path::{self, PathSettings};
+use crate::integrate::{Backend, CacheFormat, Progress};
+use crate::lighting::{Variant, models};
+use crate::scene::Scene;
+use cpu_time::ProcessTime;
+use errors::Errors;
+use file::{Combination, Skipped, StudyFile};
+use front::Metric;
+use serde::{Deserialize, Serialize};
+use serde_json::json;
+use std::collections::HashMap;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+/// Format of a study's folder.
+pub const FORMAT: &str = "cloudparity-study-results/1";
+
+/// Seeds of the truth count on from it.
+const SEED: u32 = 7000;
+
+/// Seeds of a second truth, against which a front is verified.
+const VERIFYING_SEED: u32 = 8000;
+
+/// Difference of two measurements of an error, in standard errors, up to which they agree. With the eight replicas of a truth by default
+/// chance alone exceeds it once in 5,000 (14 degrees of freedom) to once in 600 tests (7).
+const LARGEST_T: f64 = 5.0;
+
+/// A study that is about to be run.
+pub struct Study {
+    file: StudyFile,
+    scenes: Vec<Scene>,
+    /// What is run, cheapest first.
+    pub wanted: Vec<Combination>,
+    /// What is left out.
+    pub skipped: Vec<Skipped>,
+}
+
+/// Time of repeated renders: seconds of processor time of all threads.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Seconds {
+    /// What counts.
+    pub median: f64,
+    /// The fastest.
+    pub smallest: f64,
+    /// The slowest.
+    pub largest: f64,
+}
+
+/// What a combination came to.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Measured {
+    /// Hash of all that it depends on.
+    pub id: String,
+    /// The settings.
+    pub combination: Combination,
+    /// Errors against the truth.
+    pub errors: Errors,
+    /// HDR-FLIP against the mean of the truth, where it could be computed.
+    pub flip: Option<f64>,
+    /// Time of a render.
+    pub seconds: Seconds,
+    /// Wall time of the median render.
+    pub wall_seconds: f64,
+    /// Processor time of what is done once: textures, caches.
+    pub prepare_seconds: f64,
+    /// relMSE times seconds: cost per unit of error; less is better.
+    pub cost: f64,
+    /// The picture, relative to the folder.
+    pub picture: String,
+    /// The truth, by its hash.
+    pub truth: String,
+}
+
+/// The truth of a density in a scene.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct TruthRecord {
+    /// Hash of all that it depends on.
+    pub id: String,
+    /// Name of the scene.
+    pub scene: String,
+    /// Hash of the scene, at the resolution of the study.
+    pub scene_sha256: String,
+    /// Density model.
+    pub density: String,
+    /// Processor time of all replicas.
+    pub seconds: f64,
+    /// Files of the replicas, relative to the folder.
+    pub replicas: Vec<String>,
+}
+
+/// Everything that a study found: `results.json`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Results {
+    /// [`FORMAT`].
+    pub format: String,
+    /// The program's version.
+    pub version: String,
+    /// The study.
+    pub study: StudyFile,
+    /// What did the work.
+    pub machine: String,
+    /// Truths.
+    pub truths: Vec<TruthRecord>,
+    /// Runs, cheapest first.
+    pub runs: Vec<Measured>,
+    /// Combinations that were left out, with the reason.
+    pub skipped: Vec<Skipped>,
+}
+
+impl Study {
+    /// Reads a study file and its scenes, and expands its axes.
+    pub fn load(path: &Path) -> Result<Self> {
+        let file = StudyFile::load(path)?;
+        let scenes = file.scenes(path.parent().unwrap_or(Path::new(".")))?;
+        Ok(Self::new(file, scenes))
+    }
+
+    /// A study over scenes that are there.
+    pub fn new(file: StudyFile, scenes: Vec<Scene>) -> Self {
+        let (wanted, skipped) = file.expand(&scenes);
+        Self { file, scenes, wanted, skipped }
+    }
+
+    fn scene(&self, name: &str) -> &Scene {
+        self.scenes.iter().find(|scene| scene.name == name).expect("combinations are of the study's scenes")
+    }
+
+    /// Measures what is missing in a folder, and sums up.
+    pub fn run(&self, folder: &Path, progress: Progress<'_>) -> Result<Results> {
+        check_folder(folder)?;
+        let mut truths: HashMap<String, (TruthRecord, Option<Vec<Image>>)> = HashMap::new();
+        let mut runs = Vec::with_capacity(self.wanted.len());
+        let mut skipped = self.skipped.clone();
+        for (index, combination) in self.wanted.iter().enumerate() {
+            let done = index as f64 / self.wanted.len() as f64;
+            let scene = self.scene(&combination.scene);
+            let truth_id = self.truth_id(scene, &combination.density, SEED);
+            let id = self.run_id(combination, &truth_id);
+            let record = folder.join("runs").join(format!("{id}.json"));
+            if let Some(found) = read_record::<Measured>(&record)? {
+                let is_known = truths.contains_key(&truth_id);
+                if !is_known {
+                    let entry = match truth_record(scene, &combination.density, &truth_id, folder)? {
+                        Some(record) => (record, None),
+                        None => {
+                            let (record, images) = self.truth(scene, &combination.density, &truth_id, SEED, folder)?;
+                            (record, Some(images))
+                        }
+                    };
+                    truths.insert(truth_id, entry);
+                }
+                runs.push(found);
+                continue;
+            }
+            let (engine, prepare_seconds) = match self.engine(scene, combination) {
+                Ok(engine) => engine,
+                Err(error) => {
+                    skipped.push(Skipped { combination: combination.clone(), reason: error.to_string() });
+                    continue;
+                }
+            };
+            let entry = match truths.remove(&truth_id) {
+                Some((record, Some(images))) => (record, images),
+                _ => {
+                    progress(done, &format!("truth of {} in {}", combination.density, scene.name));
+                    self.truth(scene, &combination.density, &truth_id, SEED, folder)?
+                }
+            };
+            progress(done, &format!("run {} of {}", index + 1, self.wanted.len()));
+            let (image, seconds, wall_seconds) = self.time(scene, &engine, combination)?;
+            let picture = format!("pictures/{id}.exr");
+            image.write_exr(&folder.join(&picture), false)?;
+            let errors = errors::measure(&image, &entry.1)?;
+            let found = Measured {
+                id,
+                combination: combination.clone(),
+                errors,
+                flip: None,
+                seconds,
+                wall_seconds,
+                prepare_seconds,
+                cost: errors.relmse.value * seconds.median,
+                picture,
+                truth: truth_id.clone(),
+            };
+            truths.insert(truth_id, (entry.0, Some(entry.1)));
+            files::write_atomically(&record, to_json(&found).as_bytes())?;
+            runs.push(found);
+        }
+        let mut truths: Vec<TruthRecord> = truths.into_values().map(|(record, _)| record).collect();
+        truths.sort_by(|a, b| (&a.scene, &a.density).cmp(&(&b.scene, &b.density)));
+        let mut results = Results {
+            format: FORMAT.into(),
+            version: env!("CARGO_PKG_VERSION").into(),
+            study: self.file.clone(),
+            machine: machine(),
+            truths,
+            runs,
+            skipped,
+        };
+        results.write(folder)?;
+        if let Err(error) = results.add_flip(folder) {
+            eprintln!("warning: HDR-FLIP is left out: {error}");
+        }
+        results.write(folder)?;
+        Ok(results)
+    }
+
+    /// The engine of a combination, and the processor time that it took to make it.
+    fn engine(&self, scene: &Scene, combination: &Combination) -> Result<(Engine, f64)> {
+        let model = density::find(&combination.density)?;
+        let mut settings =
+            vec![format!("march_steps={}", combination.steps), format!("light_steps={}", combination.light_steps)];
+        if model.id == density::graph::MODEL.id {
+            let format = match combination.cache.format {
+                CacheFormat::F32 => 0,
+                CacheFormat::F16 => 1,
+                CacheFormat::Unorm8 => 2,
+            };
+            settings.push(format!("cache_cells={}", combination.cache.cells));
+            settings.push(format!("cache_format={format}"));
+        }
+        let begin = ProcessTime::now();
+        let mut engine = model.engine(scene, &model.values(None, &settings)?, Variant::Fixed, 0.0)?;
+        models::find(&combination.light)?.apply(&mut engine.light)?;
+        Ok((engine, begin.elapsed().as_secs_f64()))
+    }
+
+    /// The picture of a combination, the time of repeated renders, and the wall time of the median one.
+    fn time(&self, scene: &Scene, engine: &Engine, combination: &Combination) -> Result<(Image, Seconds, f64)> {
+        let settings = engine_settings(combination);
+        let render = || engine::render(scene, engine, &settings, Backend::Cpu, &|_, _| ());
+        // The first does not count: memory and caches are cold.
+        let image = render()?;
+        let mut times = Vec::with_capacity(self.file.timing.repeats as usize);
+        for _ in 0..self.file.timing.repeats {
+            let (begin, wall) = (ProcessTime::now(), Instant::now());
+            render()?;
+            times.push((begin.elapsed().as_secs_f64(), wall.elapsed().as_secs_f64()));
+        }
+        times.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let (median, wall_seconds) = times[times.len() / 2];
+        Ok((image, Seconds { median, smallest: times[0].0, largest: times[times.len() - 1].0 }, wall_seconds))
+    }
+
+    fn truth_id(&self, scene: &Scene, density: &str, seed: u32) -> String {
+        hash(&json!({
+            "version": env!("CARGO_PKG_VERSION"),
+            "scene": scene.content_hash(),
+            "density": density,
+            "truth": self.file.truth,
+            "seed": seed,
+        }))
+    }
+
+    fn run_id(&self, combination: &Combination, truth_id: &str) -> String {
+        hash(&json!({"combination": combination, "truth": truth_id, "timing": self.file.timing}))
+    }
+
+    /// The truth from its files, or rendered.
+    fn truth(
+        &self,
+        scene: &Scene,
+        density: &str,
+        id: &str,
+        seed: u32,
+        folder: &Path,
+    ) -> Result<(TruthRecord, Vec<Image>)> {
+        if let Some(record) = truth_record(scene, density, id, folder)? {
+            let images = record.replicas.iter().map(|name| Image::read_exr(&folder.join(name)));
+            return Ok((record.clone(), images.collect::<Result<Vec<_>>>()?));
+        }
+        let truth = &self.file.truth;
+        let medium = self.medium(scene, density)?;
+        let settings = PathSettings { samples: truth.samples, ..PathSettings::default() };
+        let seeds: Vec<u32> = (seed..seed + truth.replicas).collect();
+        let begin = ProcessTime::now();
+        let images = path::render_replicas(&medium, &settings, Backend::Cpu, &seeds, &|_, _| ())?;
+        let seconds = begin.elapsed().as_secs_f64();
+        let replicas: Vec<String> = seeds.iter().map(|seed| format!("truth/{id}.seed-{seed}.exr")).collect();
+        for (image, name) in images.iter().zip(&replicas) {
+            image.write_exr(&folder.join(name), false)?;
+        }
+        let record = TruthRecord {
+            id: id.to_owned(),
+            scene: scene.name.clone(),
+            scene_sha256: scene.content_hash(),
+            density: density.to_owned(),
+            seconds,
+            replicas,
+        };
+        files::write_atomically(&truth_path(folder, id), to_json(&record).as_bytes())?;
+        Ok((record, images))
+    }
+
+    /// The scene that path tracing sees: the scene itself, or a grid of a published density.
+    fn medium(&self, scene: &Scene, density: &str) -> Result<Scene> {
+        let model = density::find(density)?;
+        if model.id == density::graph::MODEL.id {
+            return Ok(scene.clone());
+        }
+        let engine = model.engine(scene, &model.values(None, &[])?, Variant::Fixed, 0.0)?;
+        comparison::path_scene(scene, &engine, self.file.truth.voxels)
+    }
+
+    /// Measures the front of an earlier run again from scratch: new truths, new renders. Each pair of errors has to agree within the
+    /// uncertainty that both state.
+    pub fn verify(&self, results: &Results, folder: &Path, progress: Progress<'_>) -> Result<Vec<Verified>> {
+        let mut found = Vec::new();
+        let fronts: Vec<&Measured> =
+            results.groups().into_iter().flat_map(|(_, _, runs)| front::front(runs, Metric::Relmse)).collect();
+        let mut truths: HashMap<String, Vec<Image>> = HashMap::new();
+        for (index, run) in fronts.iter().enumerate() {
+            progress(index as f64 / fronts.len() as f64, "front");
+            let scene = self.scene(&run.combination.scene);
+            let truth_id = self.truth_id(scene, &run.combination.density, VERIFYING_SEED);
+            if !truths.contains_key(&truth_id) {
+                let (_, images) = self.truth(scene, &run.combination.density, &truth_id, VERIFYING_SEED, folder)?;
+                truths.insert(truth_id.clone(), images);
+            }
+            let (engine, _) = self.engine(scene, &run.combination)?;
+            let settings = engine_settings(&run.combination);
+            let image = engine::render(scene, &engine, &settings, Backend::Cpu, &|_, _| ())?;
+            let again = errors::measure(&image, &truths[&truth_id])?;
+            found.push(Verified::new(run, again));
+        }
+        Ok(found)
+    }
+}
+
+/// An error that was measured twice.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Verified {
+    /// The run.
+    pub id: String,
+    /// Its settings.
+    pub combination: Combination,
+    /// relMSE as the study says.
+    pub first: errors::Uncertain,
+    /// relMSE against a new truth.
+    pub second: errors::Uncertain,
+    /// Difference over its standard error.
+    pub t: f64,
+    /// Whether they agree.
+    pub agrees: bool,
+}
+
+impl Verified {
+    fn new(run: &Measured, again: Errors) -> Self {
+        let (first, second) = (run.errors.relmse, again.relmse);
+        let error = first.standard_error.hypot(second.standard_error);
+        let difference = second.value - first.value;
+        let t = if difference == 0.0 { 0.0 } else { difference / error };
+        let agrees = t.abs() <= LARGEST_T;
+        Self { id: run.id.clone(), combination: run.combination.clone(), first, second, t, agrees }
+    }
+}
+
+/// Runs of one scene and density.
+type Group<'a> = (&'a str, &'a str, Vec<&'a Measured>);
+
+impl Results {
+    /// Reads what a study left in a folder.
+    pub fn load(folder: &Path) -> Result<Self> {
+        let path = folder.join("results.json");
+        read_record(&path)?.ok_or_else(|| {
+            Error::new(
+                path.display().to_string(),
+                "no results",
+                "the folder of a study that has run",
+                "Run cloudparity study FILE -o FOLDER first.",
+            )
+        })
+    }
+
+    /// Runs by scene and density, in the order in which these come.
+    pub fn groups(&self) -> Vec<Group<'_>> {
+        let mut groups: Vec<Group<'_>> = Vec::new();
+        for run in &self.runs {
+            let key = (run.combination.scene.as_str(), run.combination.density.as_str());
+            match groups.iter_mut().find(|group| (group.0, group.1) == key) {
+                Some(group) => group.2.push(run),
+                None => groups.push((key.0, key.1, vec![run])),
+            }
+        }
+        groups
+    }
+
+    /// `results.json` and `results.csv`.
+    fn write(&self, folder: &Path) -> Result<()> {
+        files::write_atomically(&folder.join("results.json"), to_json(self).as_bytes())?;
+        files::write_atomically(&folder.join("results.csv"), self.csv().as_bytes())
+    }
+
+    /// One line per run, with every setting and figure; names hold neither commas nor quotes but for scenes', which are quoted.
+    pub fn csv(&self) -> String {
+        let mut text = String::from(
+            "scene,density,light,steps,light_steps,cache_cells,cache_format,sub_pixels,jitter,seconds,seconds_smallest,\
+             seconds_largest,wall_seconds,prepare_seconds,relmse,relmse_standard_error,rms,rms_standard_error,bias,\
+             bias_standard_error,flip,cost,on_front\n",
+        );
+        let fronts: Vec<&str> = self
+            .groups()
+            .into_iter()
+            .flat_map(|(_, _, runs)| front::front(runs, Metric::Relmse))
+            .map(|run| run.id.as_str())
+            .collect();
+        for run in &self.runs {
+            let Combination { scene, density, light, steps, light_steps, cache, sub_pixels, jitter } = &run.combination;
+            let fields = [
+                format!("\"{}\"", scene.replace('"', "\"\"")),
+                density.clone(),
+                light.clone(),
+                steps.to_string(),
+                light_steps.to_string(),
+                cache.cells.to_string(),
+                word(&cache.format),
+                sub_pixels.to_string(),
+                word(jitter),
+                run.seconds.median.to_string(),
+                run.seconds.smallest.to_string(),
+                run.seconds.largest.to_string(),
+                run.wall_seconds.to_string(),
+                run.prepare_seconds.to_string(),
+                run.errors.relmse.value.to_string(),
+                run.errors.relmse.standard_error.to_string(),
+                run.errors.rms.value.to_string(),
+                run.errors.rms.standard_error.to_string(),
+                run.errors.bias.value.to_string(),
+                run.errors.bias.standard_error.to_string(),
+                run.flip.map(|flip| flip.to_string()).unwrap_or_default(),
+                run.cost.to_string(),
+                fronts.contains(&run.id.as_str()).to_string(),
+            ];
+            text += &(fields.join(",") + "\n");
+        }
+        text
+    }
+
+    /// Computes HDR-FLIP where it is missing, in one run of the script, and keeps it in the runs' files.
+    fn add_flip(&mut self, folder: &Path) -> Result<()> {
+        let truths: HashMap<&str, &TruthRecord> =
+            self.truths.iter().map(|record| (record.id.as_str(), record)).collect();
+        let missing: Vec<usize> = (0..self.runs.len()).filter(|&index| self.runs[index].flip.is_none()).collect();
+        if missing.is_empty() {
+            return Ok(());
+        }
+        let pairs: Vec<serde_json::Value> = missing
+            .iter()
+            .map(|&index| {
+                let run = &self.runs[index];
+                let reference: Vec<PathBuf> =
+                    truths[run.truth.as_str()].replicas.iter().map(|name| folder.join(name)).collect();
+                json!({"ours": [folder.join(&run.picture)], "reference": reference})
+            })
+            .collect();
+        let request = json!({"op": "flip", "pairs": pairs});
+        let found = blender::run_script(compare::SCRIPT, &request, Kernel::Default, |_| ())?;
+        for (position, &index) in missing.iter().enumerate() {
+            self.runs[index].flip = found["means"][position].as_f64();
+            let path = folder.join("runs").join(format!("{}.json", self.runs[index].id));
+            files::write_atomically(&path, to_json(&self.runs[index]).as_bytes())?;
+        }
+        Ok(())
+    }
+}
+
+/// Makes the folders, or refuses one that another version or another program made.
+fn check_folder(folder: &Path) -> Result<()> {
+    let path = folder.join("study.json");
+    let ours = json!({"format": FORMAT, "version": env!("CARGO_PKG_VERSION")});
+    match read_record::<serde_json::Value>(&path)? {
+        Some(found) if found != ours => Err(Error::new(
+            path.display().to_string(),
+            format!("{found}"),
+            format!("{ours}, which this program writes"),
+            "Take another folder; results of two versions are not mixed.",
+        )),
+        Some(_) => Ok(()),
+        None => {
+            for name in ["runs", "truth", "pictures"] {
+                let path = folder.join(name);
+                std::fs::create_dir_all(&path).map_err(|cause| Error::io(&path, "a folder for results", &cause))?;
+            }
+            files::write_atomically(&path, to_json(&ours).as_bytes())
+        }
+    }
+}
+
+/// A file that this program wrote; `None` where it is not there.
+fn read_record<T: serde::de::DeserializeOwned>(path: &Path) -> Result<Option<T>> {
+    if !path.exists() {
+        return Ok(None);
+    }
+    let text = files::read_text(path, "JSON")?;
+    serde_json::from_str(&text).map(Some).map_err(|cause| {
+        Error::new(
+            format!("{}, line {}", path.display(), cause.line()),
+            cause.to_string(),
+            "what this version writes",
+            "Remove the file: it is made again.",
+        )
+    })
+}
+
+fn to_json(value: &impl Serialize) -> String {
+    serde_json::to_string_pretty(value).expect("records serialise") + "\n"
+}
+
+/// An enumeration's value as a word.
+fn word(value: &impl Serialize) -> String {
+    serde_json::to_value(value).ok().and_then(|value| value.as_str().map(str::to_owned)).unwrap_or_default()
+}
+
+fn engine_settings(combination: &Combination) -> EngineSettings {
+    EngineSettings { jitter: combination.jitter, frame: 0, sub_pixels: combination.sub_pixels, god_rays: false }
+}
+
+fn truth_path(folder: &Path, id: &str) -> PathBuf {
+    folder.join("truth").join(format!("{id}.json"))
+}
+
+/// The record of a truth, if it is there. One of another scene or density is refused.
+fn truth_record(scene: &Scene, density: &str, id: &str, folder: &Path) -> Result<Option<TruthRecord>> {
+    let path = truth_path(folder, id);
+    let Some(record) = read_record::<TruthRecord>(&path)? else { return Ok(None) };
+    if record.scene_sha256 != scene.content_hash() || record.density != density {
+        return Err(Error::new(
+            path.display().to_string(),
+            format!("the truth of {} in a scene with the hash {}", record.density, record.scene_sha256),
+            format!("that of {density} in {}, {}", scene.name, scene.content_hash()),
+            "Remove the file: the truth is rendered again.",
+        ));
+    }
+    Ok(Some(record))
+}
+
+/// A short name for a value.
+fn hash(value: &serde_json::Value) -> String {
+    files::sha256(value.to_string().as_bytes())[..16].to_owned()
+}
+
+/// What does the work.
+fn machine() -> String {
+    let threads = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
+    format!("{} {}, {threads} threads", std::env::consts::OS, std::env::consts::ARCH)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::file::CacheAxis;
+    use super::*;
+    use crate::integrate::engine::EngineJitter;
+    use errors::Uncertain;
+
+    /// A run of so many seconds and such a relMSE.
+    pub fn run_of(seconds: f64, relmse: f64) -> Measured {
+        let exact = |value| Uncertain { value, standard_error: 0.0 };
+        Measured {
+            id: format!("{seconds}-{relmse}"),
+            combination: Combination {
+                scene: "scene".into(),
+                density: "graph".into(),
+                light: "single".into(),
+                steps: 1,
+                light_steps: 1,
+                cache: CacheAxis { cells: 0, format: CacheFormat::F16 },
+                sub_pixels: 1,
+                jitter: EngineJitter::None,
+            },
+            errors: Errors { relmse: exact(relmse), rms: exact(0.0), bias: exact(0.0) },
+            flip: None,
+            seconds: Seconds { median: seconds, smallest: seconds, largest: seconds },
+            wall_seconds: seconds,
+            prepare_seconds: 0.0,
+            cost: seconds * relmse,
+            picture: String::new(),
+            truth: String::new(),
+        }
+    }
+}

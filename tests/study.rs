@@ -1,0 +1,221 @@
+//! Studies: what is measured, resumed, refused and verified.
+
+mod support;
+
+use assert_cmd::cargo::cargo_bin_cmd;
+use cloudparity::study::file::StudyFile;
+use cloudparity::study::{Results, Study};
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant, SystemTime};
+
+/// A ramp in the sun, single scattering, whose truth single scattering with many steps is.
+fn study_file(folder: &Path, steps: &str) -> PathBuf {
+    let mut scene = support::scene("linear-ramp");
+    scene.set_volume_bounces(0);
+    scene.world.color = [0.0; 3];
+    std::fs::write(folder.join("ramp.scene.json"), serde_json::to_string(&scene).expect("JSON")).expect("written");
+    let path = folder.join("ramp.study.toml");
+    let text = format!(
+        r#"
+        format = "cloudparity-study/1"
+        title = "a ramp"
+        resolution = [16, 9]
+        [truth]
+        samples = 64
+        replicas = 8
+        voxels = 16
+        [timing]
+        repeats = 1
+        [axes]
+        scenes = [{{ file = "ramp.scene.json" }}]
+        densities = ["graph"]
+        lights = ["single", "octaves"]
+        steps = {steps}
+        light_steps = [1, 32]
+        sub_pixels = [4]
+        "#
+    );
+    std::fs::write(&path, text).expect("written");
+    path
+}
+
+fn run(path: &Path, folder: &Path) -> Results {
+    Study::load(path).expect("a study").run(folder, &|_, _| ()).expect("results")
+}
+
+/// Names and times of change of the records of runs and truths.
+fn records(folder: &Path) -> Vec<(PathBuf, SystemTime)> {
+    let mut found: Vec<(PathBuf, SystemTime)> = ["runs", "truth"]
+        .iter()
+        .flat_map(|name| std::fs::read_dir(folder.join(name)).expect("a folder"))
+        .map(|entry| {
+            let entry = entry.expect("an entry");
+            (entry.path(), entry.metadata().expect("metadata").modified().expect("a time"))
+        })
+        .collect();
+    found.sort();
+    found
+}
+
+#[test]
+fn errors_are_those_of_the_settings_and_nothing_is_measured_twice() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = study_file(folder.path(), "[2, 64]");
+    let output = folder.path().join("out");
+    let first = run(&path, &output);
+    assert_eq!((first.runs.len(), first.skipped.len(), first.truths.len()), (8, 0, 1));
+    let find = |light: &str, steps: u32, light_steps: u32| {
+        let wanted = |run: &&cloudparity::study::Measured| {
+            let combination = &run.combination;
+            (combination.light.as_str(), combination.steps, combination.light_steps) == (light, steps, light_steps)
+        };
+        first.runs.iter().find(wanted).expect("a run")
+    };
+    let fine = find("single", 64, 32);
+    // The early end of rays leaves up to 1 % of their light, steps far less.
+    assert!(fine.errors.bias.value.abs() < 0.01 + 4.0 * fine.errors.bias.standard_error, "{:?}", fine.errors);
+    for (light, steps, light_steps) in [("single", 2, 1), ("octaves", 64, 32)] {
+        let coarse = find(light, steps, light_steps);
+        let apart = coarse.errors.relmse.value - fine.errors.relmse.value;
+        assert!(apart > 10.0 * coarse.errors.relmse.standard_error, "{light} {steps}: {:?}", coarse.errors);
+    }
+    assert!(first.runs.iter().all(|run| run.seconds.median > 0.0 && output.join(&run.picture).is_file()));
+    let before = records(&output);
+    // HDR-FLIP, where the packages are there, is kept with the runs; a second time nothing is written.
+    let second = run(&path, &output);
+    assert_eq!(second, first);
+    assert_eq!(records(&output), before);
+    // What is new is measured, what was there is kept.
+    let third = run(&study_file(folder.path(), "[2, 8, 64]"), &output);
+    assert_eq!(third.runs.len(), 12);
+    let after = records(&output);
+    assert!(before.iter().all(|record| after.contains(record)));
+    let csv = std::fs::read_to_string(output.join("results.csv")).expect("a table");
+    assert_eq!(csv.lines().count(), 13);
+    assert!(csv.lines().all(|line| line.matches(',').count() == 22), "{csv}");
+}
+
+#[test]
+fn a_killed_study_goes_on_where_it_stopped() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = study_file(folder.path(), "[2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16, 64, 128, 256]");
+    let output = folder.path().join("out");
+    let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_cloudparity"));
+    let mut child = command.arg("study").arg(&path).arg("-o").arg(&output).spawn().expect("it starts");
+    let begin = Instant::now();
+    let done = || std::fs::read_dir(output.join("runs")).map_or(0, Iterator::count);
+    while done() < 5 {
+        assert!(begin.elapsed() < Duration::from_secs(300), "no runs in five minutes");
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    child.kill().expect("it is killed");
+    child.wait().expect("it ends");
+    let is_record =
+        |path: &PathBuf| path.extension().is_some_and(|extension| extension == "json" || extension == "exr");
+    let kept: Vec<_> = records(&output).into_iter().filter(|(path, _)| is_record(path)).collect();
+    let half: Vec<Vec<u8>> = kept.iter().map(|(path, _)| std::fs::read(path).expect("readable")).collect();
+    let results = run(&path, &output);
+    assert_eq!(results.runs.len(), 72);
+    assert!(kept.len() < records(&output).len(), "it was killed in the middle");
+    for ((path, _), before) in kept.iter().zip(half) {
+        let after = std::fs::read(path).expect("still there");
+        if path.extension().is_some_and(|extension| extension == "exr") {
+            assert_eq!(after, before, "{}", path.display());
+        } else {
+            // HDR-FLIP is added to a record at the end; what was measured stays.
+            let [before, after] = [before, after].map(|bytes| {
+                let mut value: serde_json::Value = serde_json::from_slice(&bytes).expect("JSON");
+                value["flip"] = serde_json::Value::Null;
+                value
+            });
+            assert_eq!(after, before, "{}", path.display());
+        }
+    }
+}
+
+#[test]
+fn a_front_is_verified_and_a_wrong_one_is_found_out() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = study_file(folder.path(), "[2, 16]");
+    let output = folder.path().join("out");
+    let mut results = run(&path, &output);
+    let study = Study::load(&path).expect("a study");
+    let found = study.verify(&results, &output, &|_, _| ()).expect("a verification");
+    assert!(!found.is_empty() && found.iter().all(|one| one.agrees), "{found:?}");
+    for run in &mut results.runs {
+        run.errors.relmse.value *= 1.5;
+    }
+    let found = study.verify(&results, &output, &|_, _| ()).expect("a verification");
+    assert!(found.iter().any(|one| !one.agrees), "{found:?}");
+}
+
+#[test]
+fn folders_and_truths_that_do_not_fit_are_refused() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = study_file(folder.path(), "[2]");
+    let output = folder.path().join("out");
+    let results = run(&path, &output);
+    let refused = || Study::load(&path).expect("a study").run(&output, &|_, _| ()).expect_err("refused").to_string();
+    let truth = output.join("truth").join(format!("{}.json", results.truths[0].id));
+    let text = std::fs::read_to_string(&truth).expect("a record");
+    std::fs::write(&truth, text.replace(&results.truths[0].scene_sha256, "another")).expect("written");
+    let error = refused();
+    assert!(error.contains("another") && error.contains("truth"), "{error}");
+    std::fs::write(&truth, text).expect("written");
+    std::fs::write(output.join("study.json"), r#"{"format": "cloudparity-study-results/0", "version": "0"}"#)
+        .expect("written");
+    let error = refused();
+    assert!(error.contains("another folder"), "{error}");
+    let error = Results::load(folder.path()).expect_err("no results").to_string();
+    assert!(error.contains("cloudparity study"), "{error}");
+}
+
+#[test]
+fn a_density_without_an_engine_is_left_out_with_the_reason() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = study_file(folder.path(), "[2]");
+    let text = std::fs::read_to_string(&path).expect("a study").replace("ramp.scene.json", "coloured.scene.json");
+    std::fs::write(&path, text).expect("written");
+    let scene = serde_json::to_string(&support::scene("noise-coloured")).expect("JSON");
+    std::fs::write(folder.path().join("coloured.scene.json"), scene).expect("written");
+    let results = run(&path, &folder.path().join("out"));
+    assert_eq!((results.runs.len(), results.skipped.len()), (0, 4));
+    assert!(results.skipped.iter().all(|skipped| skipped.reason.contains("emi")), "{:?}", results.skipped);
+}
+
+#[test]
+fn the_commands_list_recommend_and_refuse() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = study_file(folder.path(), "[2, 32]");
+    let output = folder.path().join("out");
+    let said = |arguments: &[&str], code: i32| {
+        let mut command = cargo_bin_cmd!("cloudparity");
+        let found = command.args(arguments).assert().code(code).get_output().clone();
+        String::from_utf8([found.stdout, found.stderr].concat()).expect("text")
+    };
+    let (file, out) = (path.to_str().expect("a name"), output.to_str().expect("a name"));
+    assert!(said(&["study", file, "-o", out, "--list"], 0).contains("8 runs, 0 left out"));
+    assert!(!output.exists(), "a list runs nothing");
+    run(&path, &output);
+    let found = said(&["recommend", out, "--max-ms", "1e9"], 0);
+    assert!(found.contains("graph in linear-ramp") && found.contains("relMSE"), "{found}");
+    assert!(said(&["recommend", out, "--max-ms", "1e-9"], 2).contains("the fastest run"));
+    assert!(said(&["recommend", out, "--max-relmse=1e-30"], 2).contains("the closest run"));
+    assert!(said(&["recommend", out], 2).contains("--max-ms"));
+    assert!(said(&["recommend", out, "--max-ms", "1", "--scene", "moon"], 2).contains("graph in linear-ramp"));
+    assert!(said(&["study", "none.study.toml", "-o", out], 2).contains("none.study.toml"));
+}
+
+#[test]
+fn committed_studies_are_read() {
+    let folder = support::project("parity/studies");
+    let mut count = 0;
+    for entry in std::fs::read_dir(folder).expect("a folder") {
+        let path = entry.expect("an entry").path();
+        StudyFile::load(&path).expect("a study");
+        let study = Study::load(&path).expect("its scenes");
+        assert!(!study.wanted.is_empty());
+        count += 1;
+    }
+    assert!(count > 0);
+}
