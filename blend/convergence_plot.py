@@ -166,9 +166,7 @@ def _whole_numbers(axis, values):
     low, high = axis.get_ylim()
     # Powers of ten alone would leave less than two labels.
     if axis.get_yscale() == "log" and high < 100 * low:
-        axis.yaxis.set_major_locator(ticker.LogLocator(subs=(1, 2, 5)))
-        axis.yaxis.set_major_formatter(ticker.FormatStrFormatter("%g"))
-        axis.yaxis.set_minor_locator(ticker.NullLocator())
+        plots.plain_ticks(axis.yaxis)
 
 
 if __name__ == "__main__":

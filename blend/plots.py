@@ -42,6 +42,17 @@ def pyplot():
     return found
 
 
+def plain_ticks(axis):
+    """Plain numbers along a logarithmic axis, at 1, 2 and 5 times powers of ten where these alone are few."""
+    from matplotlib import ticker
+
+    low, high = axis.get_view_interval()
+    if high < 1000 * low:
+        axis.set_major_locator(ticker.LogLocator(subs=(1, 2, 5)))
+    axis.set_major_formatter(ticker.FormatStrFormatter("%g"))
+    axis.set_minor_formatter(ticker.NullFormatter())
+
+
 def save(figure, request, kinds=("svg", "png")):
     """Write the figure to the file that the request names for each kind; return the names."""
     for kind in kinds:

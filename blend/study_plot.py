@@ -91,6 +91,11 @@ def _panel(axis, group, lights):
             fontsize=5,
             ha="right",
         )
+    # Room for labels on the left.
+    left, right = axis.get_xlim()
+    axis.set_xlim(left / (right / left) ** 0.25, right)
+    plots.plain_ticks(axis.xaxis)
+    plots.plain_ticks(axis.yaxis)
     axis.set_title(f"{group['density']} in {group['scene']}", fontsize=8)
     axis.set_xlabel("processor time of a picture, ms")
     axis.set_ylabel("relMSE against path tracing")

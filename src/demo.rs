@@ -22,6 +22,8 @@ use crate::integrate::{self, Backend, MarchSettings};
 use crate::report;
 use crate::report::inputs::{LeftOut, Run, Timing};
 use crate::scene::{PixelFilter, Scene};
+use crate::study::Study;
+use crate::study::file::StudyFile;
 use serde_json::{Value as Json, json};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -31,6 +33,9 @@ const SCENE: &str = include_str!("../parity/scenes/procedural-clouds.scene.json"
 
 /// Camera and light under which the cloud stands beside the other density model.
 const DAYLIGHT: &str = include_str!("../parity/scenes/clouds-in-daylight.scene.json");
+
+/// The study of the demonstration.
+const STUDY: &str = include_str!("../parity/studies/small.study.toml");
 
 /// Cycles' picture of it: 320x180, the mean of four replicas of 256 samples.
 const REFERENCE: &[u8] = include_bytes!("../parity/reference/procedural-clouds-320x180.exr");
@@ -117,6 +122,7 @@ pub fn run(settings: &Settings, receive: &(dyn Fn(f64, &str) + Sync)) -> Result<
         field = field.map(|before| before && agree);
     }
     demo.timed("density models side by side", Demo::models)?;
+    demo.timed("error against time", Demo::study)?;
     let report = demo.finish()?;
     Ok(Outcome { report, picture, field })
 }
@@ -318,12 +324,19 @@ impl Demo<'_> {
         Ok(outcome.rows.iter().all(|row| row.pass))
     }
 
-    /// The cloud beside the Perlin-FBM cloud, small; `cloudparity compare-models` makes it large.
-    fn models(&mut self) -> Result<()> {
+    /// The cloud in daylight.
+    fn daylight(&self) -> Result<Scene> {
         let mut value: Json = serde_json::from_str(DAYLIGHT).expect("the committed scene is JSON");
         // The graph of the scene of the demonstration, which the file names.
         value["graph"] = serde_json::to_value(self.scene.graph()).expect("a graph serialises");
         let mut scene = Scene::from_value(value, "the committed scene in daylight")?;
+        scene.film.resolution_percentage = 100;
+        Ok(scene)
+    }
+
+    /// The cloud beside the Perlin-FBM cloud, small; `cloudparity compare-models` makes it large.
+    fn models(&mut self) -> Result<()> {
+        let mut scene = self.daylight()?;
         scene.film.resolution = [256, 144];
         let model = density::find("perlin-fbm")?;
         let settings = comparison::Settings {
@@ -339,6 +352,23 @@ impl Demo<'_> {
         comparison::write(&found, &folder)?;
         if let Err(error) = comparison::show(&mut found, &scene.display, &folder) {
             self.leave_out("pictures of the density models", &error.found, &error.remedy);
+        }
+        Ok(())
+    }
+
+    /// A small study of error against time; `cloudparity study` makes large ones.
+    fn study(&mut self) -> Result<()> {
+        let file = StudyFile::parse(STUDY, "the committed study")?;
+        let mut scene = self.daylight()?;
+        for axis in &file.axes.scenes {
+            axis.set.iter().try_for_each(|assignment| scene.set(assignment))?;
+            scene.name = axis.name.clone().unwrap_or(scene.name);
+        }
+        scene.film.resolution = file.resolution;
+        let folder = self.path("study");
+        let results = Study::new(file, vec![scene]).run(&folder, self.receive)?;
+        if let Err(error) = results.draw(&folder) {
+            self.leave_out("figure of error against time", &error.found, &error.remedy);
         }
         Ok(())
     }

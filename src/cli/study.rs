@@ -1,10 +1,9 @@
 //! `cloudparity study` and `cloudparity recommend`: error against time.
 
-use crate::blender::{self, Kernel};
 use crate::error::Result;
 use crate::files;
 use crate::study::front::{self, Budget, Metric};
-use crate::study::{Measured, Results, Study};
+use crate::study::{Results, Study};
 use serde_json::json;
 use std::fmt::Write as _;
 use std::path::PathBuf;
@@ -79,54 +78,19 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
     let results = study.run(&arguments.output, &progress)?;
     bar.finish_and_clear();
     super::print(&summary(&results))?;
-    let file = |extension: &str| arguments.output.join(format!("study.{extension}"));
-    let groups: Vec<serde_json::Value> = results
-        .groups()
-        .into_iter()
-        .map(|(scene, density, runs)| {
-            let front: Vec<&str> =
-                front::front(runs.iter().copied(), Metric::Relmse).iter().map(|run| run.id.as_str()).collect();
-            json!({"scene": scene, "density": density, "runs": runs, "front": front})
-        })
-        .collect();
-    let request = json!({
-        "title": results.study.title, "groups": groups, "svg": file("svg"), "png": file("png"), "pdf": file("pdf"),
-    });
-    blender::run_script("study_plot.py", &request, Kernel::Default, |_| ())?;
+    results.draw(&arguments.output)?;
     Ok(ExitCode::SUCCESS)
 }
 
 fn summary(results: &Results) -> String {
     let mut text = String::new();
-    for (scene, density, runs) in results.groups() {
-        line(&mut text, format_args!("{density} in {scene}: {} runs; nothing beats", runs.len()));
-        for run in front::front(runs, Metric::Relmse) {
-            line(&mut text, format_args!("  {}", describe(run)));
+    for (scene, density, front) in results.fronts() {
+        line(&mut text, format_args!("{density} in {scene}: nothing beats"));
+        for run in front {
+            line(&mut text, format_args!("  {}", run.describe()));
         }
     }
     line(&mut text, format_args!("{} runs, {} left out", results.runs.len(), results.skipped.len()));
-    text
-}
-
-fn describe(run: &Measured) -> String {
-    let combination = &run.combination;
-    let mut text = format!(
-        "{:8.2} ms, relMSE {:.4} ({:.4}), bias {:+.2} %{}: {}, {} steps, {} light steps",
-        1e3 * run.seconds.median,
-        run.errors.relmse.value,
-        run.errors.relmse.standard_error,
-        100.0 * run.errors.bias.value,
-        run.flip.map_or(String::new(), |flip| format!(", FLIP {flip:.4}")),
-        combination.light,
-        combination.steps,
-        combination.light_steps,
-    );
-    if combination.cache.cells > 0 {
-        write!(text, ", cache of {} cells", combination.cache.cells).expect("writing to a string cannot fail");
-    }
-    if combination.sub_pixels > 1 {
-        write!(text, ", {0} x {0} rays", combination.sub_pixels).expect("writing to a string cannot fail");
-    }
     text
 }
 
@@ -192,7 +156,7 @@ pub(super) fn recommend(arguments: &RecommendArguments) -> Result<ExitCode> {
         let run = front::recommend(&front::front(runs, metric), metric, budget).map_err(|error| {
             crate::error::Error { place: format!("{density} in {scene}: {}", error.place), ..error }
         })?;
-        line(&mut text, format_args!("{density} in {scene}: {}", describe(run).trim_start()));
+        line(&mut text, format_args!("{density} in {scene}: {}", run.describe().trim_start()));
         documents.push(run);
     }
     if arguments.json {

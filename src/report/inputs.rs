@@ -8,6 +8,7 @@ use crate::compare::{DiffResult, Verdict};
 use crate::density::comparison::{Comparison, FIGURE};
 use crate::error::{Error, Result};
 use crate::files;
+use crate::study;
 use base64::Engine;
 use indexmap::IndexMap;
 use serde::de::DeserializeOwned;
@@ -19,7 +20,7 @@ use std::path::{Component, Path};
 const DIFF: &str = "cloudparity diff --ours OURS.exr --reference REFERENCE.exr --view AgX --out RUN";
 
 /// Files of a run directory: name, what it shows, how to make it.
-const MAKERS: [(&str, &str, &str); 13] = [
+const MAKERS: [(&str, &str, &str); 14] = [
     ("run.json", "title, command, versions and timings", "cloudparity demo -o RUN"),
     ("diff.json", "the figures of the picture", DIFF),
     ("ours.png", "our picture", DIFF),
@@ -30,10 +31,14 @@ const MAKERS: [(&str, &str, &str); 13] = [
     ("modes.json", "every node in every mode", "cloudparity modes --json > RUN/modes.json"),
     ("bounds.json", "bounds of the density", "cloudparity bounds SCENE --json > RUN/bounds.json"),
     ("bench.json", "speed against Cycles", "cloudparity bench SCENE --json > RUN/bench.json"),
+    ("study/results.json", "error against time", "cloudparity study FILE.study.toml -o RUN/study"),
     ("models.json", "two density models side by side", "cloudparity compare-models SCENE -o RUN"),
     ("explain.txt", "the specialised graph in words", "cloudparity explain SCENE > RUN/explain.txt"),
     ("scene.json", "the scene", "cp SCENE RUN/scene.json"),
 ];
+
+/// The figure of a study.
+pub const STUDY_FIGURE: &str = "study/study.svg";
 
 /// Something that a report does not show, why, and what to do about it.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
@@ -303,6 +308,8 @@ pub struct Inputs {
     pub bounds: Option<Value>,
     /// `bench.json`.
     pub bench: Option<Bench>,
+    /// `study/results.json`.
+    pub study: Option<study::Results>,
     /// `models.json`.
     pub models: Option<Comparison>,
     /// `explain.txt`.
@@ -335,6 +342,7 @@ impl Inputs {
             bench: read_json(directory, "bench.json")?,
             scene: read_json(directory, "scene.json")?,
             models: read_json(directory, "models.json")?,
+            study: read_json(directory, "study/results.json")?,
             ..Self::default()
         };
         inputs.probes = match read_json::<Value>(directory, "probe.json")? {
@@ -365,6 +373,9 @@ impl Inputs {
         for name in ["ours", "reference", "difference", "difference_absolute", "t", "relmse", "flip"] {
             wanted.push((format!("{name}.png"), false));
             wanted.push((format!("{name}_legend.svg"), false));
+        }
+        if self.study.is_some() {
+            wanted.push((STUDY_FIGURE.to_owned(), false));
         }
         if let Some(models) = &self.models {
             wanted.push((FIGURE.to_owned(), false));

@@ -1,9 +1,10 @@
 //! The figures as CSV and Markdown, and tables from JSON of no fixed layout.
 
-use super::inputs::{Inputs, Picture};
+use super::inputs::{Inputs, Picture, STUDY_FIGURE};
 use super::numbers::{ABSENT, capitalised, count, figure, percent, plain, rate, ratio, seconds, signed_percent};
 use super::summary::{Summary, evaluator_name};
 use crate::density::comparison::{Comparison, FIGURE};
+use crate::study::{Measured, Results};
 use indexmap::IndexMap;
 use serde::Serialize;
 use serde_json::Value;
@@ -50,6 +51,52 @@ impl Table {
         }
         self.columns = keys.iter().map(|key| words(key)).collect();
         self.rows = items.iter().map(|item| keys.iter().map(|key| plain(&item[key.as_str()])).collect()).collect();
+    }
+}
+
+/// A study, as the page shows it.
+#[derive(Debug, Serialize)]
+pub struct StudyTable<'a> {
+    /// Its headline.
+    pub title: &'a str,
+    /// Runs, and combinations that were left out.
+    pub counts: [usize; 2],
+    /// What did the work.
+    pub machine: &'a str,
+    /// Error against time.
+    pub figure: Option<&'a Picture>,
+    /// What nothing beats, by scene and density: settings, milliseconds, relMSE, its standard error, bias, HDR-FLIP.
+    pub fronts: Vec<(String, Vec<FrontRow>)>,
+    /// Processor time of each truth.
+    pub truths: Vec<(String, f64)>,
+}
+
+/// A run of a front: settings in words, milliseconds, relMSE, its standard error, bias, HDR-FLIP.
+pub type FrontRow = (String, f64, f64, f64, f64, Option<f64>);
+
+impl<'a> StudyTable<'a> {
+    /// Arranges the results of a study.
+    pub fn of(found: &'a Results, pictures: &'a IndexMap<String, Picture>) -> Self {
+        let row = |run: &&Measured| {
+            let relmse = run.errors.relmse;
+            let words = run.combination.describe();
+            (words, 1e3 * run.seconds.median, relmse.value, relmse.standard_error, run.errors.bias.value, run.flip)
+        };
+        let front = |(scene, density, runs): (&str, &str, Vec<&Measured>)| {
+            (format!("{density} in {scene}"), runs.iter().map(row).collect())
+        };
+        Self {
+            title: &found.study.title,
+            counts: [found.runs.len(), found.skipped.len()],
+            machine: &found.machine,
+            figure: pictures.get(STUDY_FIGURE),
+            fronts: found.fronts().into_iter().map(front).collect(),
+            truths: found
+                .truths
+                .iter()
+                .map(|truth| (format!("{} in {}", truth.density, truth.scene), truth.seconds))
+                .collect(),
+        }
     }
 }
 
@@ -245,6 +292,17 @@ pub fn csv(inputs: &Inputs) -> String {
         add("bench", &row.what, "cpu", "ratio", row.cpu_ratio, "");
         add("bench", &row.what, "gpu", "ratio", row.gpu_ratio, "");
     }
+    for run in inputs.study.iter().flat_map(|study| &study.runs) {
+        let subject = format!("{} in {}", run.combination.density, run.combination.scene);
+        let words = run.combination.describe();
+        let mut study = |quantity, value, unit| add("study", &subject, &words, quantity, value, unit);
+        study("seconds", Some(run.seconds.median), "s");
+        study("relmse", Some(run.errors.relmse.value), "");
+        study("relmse_standard_error", Some(run.errors.relmse.standard_error), "");
+        study("rms", Some(run.errors.rms.value), "radiance");
+        study("bias", Some(run.errors.bias.value), "share");
+        study("flip", run.flip, "");
+    }
     for side in inputs.models.iter().flat_map(|models| &models.sides) {
         let found = &side.statistics;
         let mut model = |quantity, value, unit| add("models", &side.title, "", quantity, value, unit);
@@ -399,6 +457,16 @@ pub fn markdown(inputs: &Inputs, summary: &Summary) -> String {
             vec![row.what.clone(), count(row.points), rate(row.cycles_rate), ratio(row.cpu_ratio), ratio(row.gpu_ratio)]
         });
         text += &table(&["Work", "Points", "Cycles", "CPU", "GPU"], rows);
+    }
+    for (scene, density, runs) in inputs.study.iter().flat_map(Results::fronts) {
+        text += &format!("\n## Error against time: {} in {}\n", line(density), line(scene));
+        let rows = runs.into_iter().map(|run| {
+            let errors = [Some(run.errors.relmse.value), Some(run.errors.relmse.standard_error)].map(figure);
+            let shown =
+                [seconds(Some(run.seconds.median)), signed_percent(Some(run.errors.bias.value)), figure(run.flip)];
+            [&[run.combination.describe()], &errors[..], &shown].concat()
+        });
+        text += &table(&["Nothing beats", "relMSE", "Standard error", "Time", "Bias", "FLIP"], rows);
     }
     if let Some(models) = &inputs.models {
         text += "\n## Density models side by side\n";

@@ -323,6 +323,21 @@ impl StudyFile {
 }
 
 impl Combination {
+    /// The settings in words, scene and density left out.
+    pub fn describe(&self) -> String {
+        let mut text = format!("{}, {} steps, {} light steps", self.light, self.steps, self.light_steps);
+        if self.cache.cells > 0 {
+            text += &format!(", cache of {} cells", self.cache.cells);
+        }
+        if self.sub_pixels > 1 {
+            text += &format!(", {0} x {0} rays", self.sub_pixels);
+        }
+        if self.jitter == EngineJitter::BlueNoise {
+            text += ", blue noise";
+        }
+        text
+    }
+
     /// Densities per pixel, a graph's evaluation counting as several reads: what runs are ordered by.
     fn cost(&self) -> u64 {
         let each: u64 = if self.density == density::graph::MODEL.id && self.cache.cells == 0 { 4 } else { 1 };

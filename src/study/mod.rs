@@ -90,6 +90,21 @@ pub struct Measured {
     pub truth: String,
 }
 
+impl Measured {
+    /// Time, errors and settings in a line.
+    pub fn describe(&self) -> String {
+        format!(
+            "{:8.2} ms, relMSE {:.4} ({:.4}), bias {:+.2} %{}: {}",
+            1e3 * self.seconds.median,
+            self.errors.relmse.value,
+            self.errors.relmse.standard_error,
+            100.0 * self.errors.bias.value,
+            self.flip.map_or(String::new(), |flip| format!(", FLIP {flip:.4}")),
+            self.combination.describe(),
+        )
+    }
+}
+
 /// The truth of a density in a scene.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct TruthRecord {
@@ -326,8 +341,7 @@ impl Study {
     /// uncertainty that both state.
     pub fn verify(&self, results: &Results, folder: &Path, progress: Progress<'_>) -> Result<Vec<Verified>> {
         let mut found = Vec::new();
-        let fronts: Vec<&Measured> =
-            results.groups().into_iter().flat_map(|(_, _, runs)| front::front(runs, Metric::Relmse)).collect();
+        let fronts: Vec<&Measured> = results.fronts().into_iter().flat_map(|(_, _, runs)| runs).collect();
         let mut truths: HashMap<String, Vec<Image>> = HashMap::new();
         for (index, run) in fronts.iter().enumerate() {
             progress(index as f64 / fronts.len() as f64, "front");
@@ -418,12 +432,8 @@ impl Results {
              seconds_largest,wall_seconds,prepare_seconds,relmse,relmse_standard_error,rms,rms_standard_error,bias,\
              bias_standard_error,flip,cost,on_front\n",
         );
-        let fronts: Vec<&str> = self
-            .groups()
-            .into_iter()
-            .flat_map(|(_, _, runs)| front::front(runs, Metric::Relmse))
-            .map(|run| run.id.as_str())
-            .collect();
+        let fronts: Vec<&str> =
+            self.fronts().into_iter().flat_map(|(_, _, runs)| runs).map(|run| run.id.as_str()).collect();
         for run in &self.runs {
             let Combination { scene, density, light, steps, light_steps, cache, sub_pixels, jitter } = &run.combination;
             let fields = [
@@ -454,6 +464,30 @@ impl Results {
             text += &(fields.join(",") + "\n");
         }
         text
+    }
+
+    /// The runs that nothing beats in time and relMSE, by scene and density.
+    pub fn fronts(&self) -> Vec<Group<'_>> {
+        let groups = self.groups().into_iter();
+        groups.map(|(scene, density, runs)| (scene, density, front::front(runs, Metric::Relmse))).collect()
+    }
+
+    /// Draws error against time: `study.svg`, `.png` and `.pdf`. Needs matplotlib.
+    pub fn draw(&self, folder: &Path) -> Result<()> {
+        let file = |extension: &str| folder.join(format!("study.{extension}"));
+        let groups: Vec<serde_json::Value> = self
+            .groups()
+            .into_iter()
+            .map(|(scene, density, runs)| {
+                let front: Vec<&str> =
+                    front::front(runs.iter().copied(), Metric::Relmse).iter().map(|run| run.id.as_str()).collect();
+                json!({"scene": scene, "density": density, "runs": runs, "front": front})
+            })
+            .collect();
+        let request = json!({
+            "title": self.study.title, "groups": groups, "svg": file("svg"), "png": file("png"), "pdf": file("pdf"),
+        });
+        blender::run_script("study_plot.py", &request, Kernel::Default, |_| ()).map(drop)
     }
 
     /// Computes HDR-FLIP where it is missing, in one run of the script, and keeps it in the runs' files.
