@@ -21,7 +21,7 @@ fn study_file(folder: &Path, steps: &str) -> PathBuf {
         title = "a ramp"
         resolution = [16, 9]
         [truth]
-        samples = 64
+        samples = 512
         replicas = 8
         voxels = 16
         [timing]

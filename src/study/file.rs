@@ -39,7 +39,7 @@ pub struct StudyFile {
 pub struct Truth {
     /// Paths per pixel and replica.
     pub samples: u32,
-    /// Replicas, at least 3: they say how uncertain the truth is.
+    /// Replicas, at least 6: they say how uncertain the truth is.
     pub replicas: u32,
     /// Voxels per axis of the grid by which path tracing sees a published density model.
     pub voxels: usize,
@@ -197,9 +197,9 @@ impl StudyFile {
             return wrong("resolution", format!("{:?}", self.resolution), "1 to 16384 pixels per side".into());
         }
         let Truth { samples, replicas, voxels } = self.truth;
-        if samples == 0 || !(3..=64).contains(&replicas) || !(8..=512).contains(&voxels) {
+        if samples == 0 || !(6..=64).contains(&replicas) || !(8..=512).contains(&voxels) {
             let found = format!("{samples} samples, {replicas} replicas, {voxels} voxels");
-            return wrong("truth", found, "at least 1 sample, 3 to 64 replicas, 8 to 512 voxels".into());
+            return wrong("truth", found, "at least 1 sample, 6 to 64 replicas, 8 to 512 voxels".into());
         }
         if !(1..=100).contains(&self.timing.repeats) {
             return wrong("timing.repeats", self.timing.repeats.to_string(), "1 to 100".into());
