@@ -12,7 +12,7 @@ use glam::DVec3;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-/// Sets of parameters on the CPU, as the issue of the model asks for.
+/// Sets of parameters on the CPU, in which one wrong value would be found.
 const SETS: usize = 10_000;
 
 /// One in so many is also marched on the adapter, where each costs the compilation of a kernel; odd, for both variants.
