@@ -1,6 +1,6 @@
 //! Studies: error against time over scenes, density models, light models and quality settings.
 //!
-//! A study file names values on axes ([`file`]). Every combination is rendered as an engine renders it, timed, and compared with path
+//! A study file names values on axes ([`mod@file`]). Every combination is rendered as an engine renders it, timed, and compared with path
 //! tracing of the same medium ([`errors`]). Each result is a file of its own, named by what it depends on, so an interrupted study
 //! goes on where it stopped and a changed one measures what is new. Nothing is measured beside anything else.
 //!
