@@ -139,8 +139,8 @@ pub static MODEL: Model = Model {
     build: Build::OfScene(engine),
 };
 
-/// The engine of a scene's own material. Both variants are the same: there is nothing published to keep.
-fn engine(scene: &Scene, values: &Values, variant: Variant) -> Result<Engine> {
+/// The engine of a scene's own material. It has one form: there is nothing published whose defects could be kept.
+fn engine(scene: &Scene, values: &Values, _variant: Variant) -> Result<Engine> {
     let mut medium = Medium::new(scene)?;
     let side = container_side(scene)?;
     if medium.emission != [0.0; 3] || medium.emission_of_density != [0.0; 3] {
@@ -177,7 +177,7 @@ fn engine(scene: &Scene, values: &Values, variant: Variant) -> Result<Engine> {
     };
     Ok(Engine {
         model: MODEL.id,
-        variant,
+        variant: Variant::Fixed,
         values: values.clone(),
         density: Box::new(GraphDensity::of_medium(medium, scene, 1.0, extinction)?),
         light,
