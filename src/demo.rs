@@ -361,10 +361,8 @@ impl Demo<'_> {
         let file = StudyFile::parse(STUDY, "the committed study")?;
         let mut scene = self.daylight()?;
         for axis in &file.axes.scenes {
-            axis.set.iter().try_for_each(|assignment| scene.set(assignment))?;
-            scene.name = axis.name.clone().unwrap_or(scene.name);
+            file.prepare(axis, &mut scene)?;
         }
-        scene.film.resolution = file.resolution;
         let folder = self.path("study");
         let results = Study::new(file, vec![scene]).run(&folder, self.receive)?;
         if let Err(error) = results.draw(&folder) {

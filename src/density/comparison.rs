@@ -182,7 +182,7 @@ pub fn run(
     let mean_extinction = extinction.iter().sum::<f64>() / 3.0;
 
     progress(0.0, "statistics of the fields");
-    let graph = GraphDensity::new(scene, 1.0, extinction)?;
+    let graph = GraphDensity::new(scene, extinction)?;
     let fields = [sample(scene, &graph, settings.places)?, sample(scene, mended.density.as_ref(), settings.places)?];
     let depths = fields.each_ref().map(|field| field.mean().expect("a field has places") * mean_extinction);
     let names = [("graph", format!("node graph of {}", scene.name)), (model.id, model.id.to_owned())];
@@ -215,7 +215,7 @@ pub fn run(
     let sides = [figures(0, graph_cost), figures(1, model_cost)];
 
     let densities: [Arc<dyn DensityModel>; 2] = [
-        Arc::new(GraphDensity::new(scene, factors[0], extinction)?),
+        Arc::new(Scaled { density: Box::new(graph), factor: factors[0] }),
         Arc::new(Scaled { density: mended.density, factor: factors[1] }),
     ];
     let mut pictures = Vec::new();

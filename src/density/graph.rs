@@ -20,18 +20,17 @@ use glam::{DAffine3, DVec3};
 pub struct GraphDensity {
     medium: Medium,
     from_box: DAffine3,
-    factor: f64,
     extinction: [f64; 3],
 }
 
 impl GraphDensity {
-    /// The density of a scene whose closures share one, times a factor, under an extinction (per unit of that product and side of the
-    /// box) in the place of the material's own.
-    pub fn new(scene: &Scene, factor: f64, extinction: [f64; 3]) -> Result<Self> {
-        Self::of_medium(Medium::new(scene)?, scene, factor, extinction)
+    /// The density of a scene whose closures share one, under an extinction (per unit of it and side of the box) in the place of the
+    /// material's own.
+    pub fn new(scene: &Scene, extinction: [f64; 3]) -> Result<Self> {
+        Self::of_medium(Medium::new(scene)?, scene, extinction)
     }
 
-    fn of_medium(medium: Medium, scene: &Scene, factor: f64, extinction: [f64; 3]) -> Result<Self> {
+    fn of_medium(medium: Medium, scene: &Scene, extinction: [f64; 3]) -> Result<Self> {
         if let Some(name) = medium.density.attributes.first() {
             return Err(Error::new(
                 format!("the density of scene {}", scene.name),
@@ -40,7 +39,7 @@ impl GraphDensity {
                 "Take the attribute out of the graph.",
             ));
         }
-        Ok(Self { medium, from_box: box_of(&scene.volume.bounds).inverse(), factor, extinction })
+        Ok(Self { medium, from_box: box_of(&scene.volume.bounds).inverse(), extinction })
     }
 
     /// The medium that it reads, in the object's frame.
@@ -66,7 +65,7 @@ impl DensityModel for GraphDensity {
         let found = self.medium.densities(&held).expect("a density without attributes");
         let mut densities = vec![0.0; places.len()];
         for (index, value) in asked.into_iter().zip(found) {
-            densities[index] = f64::from(value) * self.factor;
+            densities[index] = f64::from(value);
         }
         densities
     }
@@ -179,7 +178,7 @@ fn engine(scene: &Scene, values: &Values, _variant: Variant) -> Result<Engine> {
         model: MODEL.id,
         variant: Variant::Fixed,
         values: values.clone(),
-        density: Box::new(GraphDensity::of_medium(medium, scene, 1.0, extinction)?),
+        density: Box::new(GraphDensity::of_medium(medium, scene, extinction)?),
         light,
         march: RealTimeSettings {
             steps: values.get("march_steps") as u32,

@@ -1,5 +1,6 @@
 //! Study files (`*.study.toml`): what is varied, and the runs that follow from it.
 
+use super::errors::FEWEST_REPLICAS;
 use crate::density;
 use crate::error::{Error, Result};
 use crate::files;
@@ -197,9 +198,13 @@ impl StudyFile {
             return wrong("resolution", format!("{:?}", self.resolution), "1 to 16384 pixels per side".into());
         }
         let Truth { samples, replicas, voxels } = self.truth;
-        if samples == 0 || !(6..=64).contains(&replicas) || !(8..=512).contains(&voxels) {
+        if samples == 0 || !(FEWEST_REPLICAS as u32..=64).contains(&replicas) || !(8..=512).contains(&voxels) {
             let found = format!("{samples} samples, {replicas} replicas, {voxels} voxels");
-            return wrong("truth", found, "at least 1 sample, 6 to 64 replicas, 8 to 512 voxels".into());
+            return wrong(
+                "truth",
+                found,
+                format!("at least 1 sample, {FEWEST_REPLICAS} to 64 replicas, 8 to 512 voxels"),
+            );
         }
         if !(1..=100).contains(&self.timing.repeats) {
             return wrong("timing.repeats", self.timing.repeats.to_string(), "1 to 100".into());
@@ -243,13 +248,8 @@ impl StudyFile {
     pub fn scenes(&self, folder: &Path) -> Result<Vec<Scene>> {
         let mut scenes: Vec<Scene> = Vec::new();
         for axis in &self.axes.scenes {
-            let mut scene = Scene::load_with(&folder.join(&axis.file), &axis.set)?;
-            if let Some(name) = &axis.name {
-                scene.name.clone_from(name);
-            }
-            if let Some(bounces) = axis.volume_bounces {
-                scene.set_volume_bounces(bounces);
-            }
+            let mut scene = Scene::load(&folder.join(&axis.file))?;
+            self.prepare(axis, &mut scene)?;
             if scenes.iter().any(|other| other.name == scene.name) {
                 return Err(Error::new(
                     format!("axes.scenes, {}", axis.file),
@@ -258,11 +258,23 @@ impl StudyFile {
                     "Give one of them another name, or take it out.",
                 ));
             }
-            scene.film.resolution = self.resolution;
-            scene.film.resolution_percentage = 100;
             scenes.push(scene);
         }
         Ok(scenes)
+    }
+
+    /// Makes a scene the one that an axis asks for, at the resolution of the study.
+    pub fn prepare(&self, axis: &SceneAxis, scene: &mut Scene) -> Result<()> {
+        axis.set.iter().try_for_each(|assignment| scene.set(assignment))?;
+        if let Some(name) = &axis.name {
+            scene.name.clone_from(name);
+        }
+        if let Some(bounces) = axis.volume_bounces {
+            scene.set_volume_bounces(bounces);
+        }
+        scene.film.resolution = self.resolution;
+        scene.film.resolution_percentage = 100;
+        Ok(())
     }
 
     /// Every combination of the axes, those that mean nothing apart.
