@@ -1,9 +1,11 @@
 """How the scripts of this folder talk to their caller.
 
 A script reads one JSON request from stdin and answers with one JSON object per line: `hello` first, then
-`progress` and `warning`, and last `done` (exit status 0) or `error` (exit status 1; it can be the first). The
-answers go to the file descriptor given as first argument, or to stdout. Blender prints to stdout as it likes,
-so file descriptor 1 is pointed at stderr before anything else and the answers use a duplicate of the old one.
+`progress` and `warning`, and last `done` (exit status 0) or `error` (exit status 1; it can be the first). A
+script that converses reads a request per line, answers each with `done`, and ends with its input or at the
+first `error`. The answers go to the file descriptor given as first argument, or to stdout. Blender prints to
+stdout as it likes, so file descriptor 1 is pointed at stderr before anything else and the answers use a
+duplicate of the old one.
 
 This module must not import bpy: a missing bpy is one of the errors that it reports.
 """
@@ -84,14 +86,36 @@ def serve(script, handle, before_bpy=None, needs_bpy=True):
     it starts. A script with `needs_bpy=False` runs where bpy is missing, and its `hello` names no Blender.
     Does not return: exits with status 0 or 1.
     """
-    messages = Messages(_message_stream())
-    try:
-        request = _read_request()
+
+    def answer(messages):
+        request = _parse(sys.stdin.read())
         if before_bpy is not None:
             before_bpy(request)
         blender = _blender_version() if needs_bpy else None
         messages.send("hello", blender=blender, python=platform.python_version())
         messages.send("done", result=handle(request, messages))
+
+    _guard(script, answer)
+
+
+def converse(script, handle):
+    """Run one script that answers a request per line of stdin with `handle(request, messages)`, without bpy.
+
+    Does not return: exits with status 0 at the end of the input, with 1 at the first error.
+    """
+
+    def answer(messages):
+        messages.send("hello", blender=None, python=platform.python_version())
+        for line in sys.stdin:
+            messages.send("done", result=handle(_parse(line), messages))
+
+    _guard(script, answer)
+
+
+def _guard(script, answer):
+    messages = Messages(_message_stream())
+    try:
+        answer(messages)
     except InputError as error:
         messages.error(error)
         sys.exit(1)
@@ -113,8 +137,7 @@ def _message_stream():
     return os.fdopen(descriptor, "w", encoding="utf-8")
 
 
-def _read_request():
-    text = sys.stdin.read()
+def _parse(text):
     try:
         request = json.loads(text)
     except json.JSONDecodeError as error:

@@ -1,9 +1,10 @@
 """Error against time of a study: one log-log panel per scene and density, with the front and its labels.
 
-Request: `title`, `groups` (scene, density, runs as in results.json, front as ids), `svg`, `png` and `pdf`
-(files to write). A point is a run; colour and marker tell light models apart. The line is the front: what no
-other run beats in both time and error. Bars are standard errors from the truth's noise. Errors that noise
-drove below 0 stand on the lower edge as triangles.
+Request: `title`, `groups` (scene, density, runs as in results.json, front as ids, curves of unbiased
+renderers), `svg`, `png` and `pdf` (files to write). A point is a run; colour and marker tell light models
+apart. The line is the front: what no other run beats in time and error. Bars are standard errors from the
+truth's noise. Errors that noise drove below 0 stand on the lower edge as triangles. A curve counts its
+preparation, which every render pays; the dotted one beside it leaves it out.
 """
 
 import math
@@ -15,6 +16,10 @@ COLOURS = (plots.BLUE, plots.ORANGE, plots.GREEN, plots.PURPLE, plots.BLACK, "#5
 MARKERS = "os^Dv<>"
 COLUMNS = 2
 LABELS = 6  # of a front: more would cover each other
+CURVES = {
+    "path": ("path tracing", "#882255", "P"),
+    "cycles": ("Cycles", "#332288", "X"),
+}  # label, colour, marker
 
 
 def draw(request, messages):
@@ -47,6 +52,11 @@ def _figure(title, groups):
         for name in lights
     ]
     handles.append(pyplot.Line2D([], [], color="0.3", label="nothing is faster and closer"))
+    drawn = {point["renderer"] for group in groups for point in group.get("curves", ())}
+    for label, colour, marker in (CURVES[name] for name in CURVES if name in drawn):
+        handles.append(pyplot.Line2D([], [], color=colour, marker=marker, markersize=4, label=label))
+    if drawn:
+        handles.append(pyplot.Line2D([], [], color="0.4", linestyle=":", label="without its preparation"))
     figure.legend(handles=handles, loc="outside lower center", ncols=4, frameon=False, fontsize=7)
     figure.suptitle(title, fontsize=9)
     return figure
@@ -77,6 +87,7 @@ def _panel(axis, group, lights):
             linestyle="none",
             alpha=0.8,
         )
+    _curves(axis, group.get("curves", ()), floor)
     front = [run for run in runs if run["id"] in group["front"]]
     front.sort(key=lambda run: run["seconds"]["median"])
     places = [(run["seconds"]["median"] * 1e3, max(run["errors"]["relmse"]["value"], floor)) for run in front]
@@ -100,6 +111,21 @@ def _panel(axis, group, lights):
     axis.set_xlabel("processor time of a picture, ms")
     axis.set_ylabel("relMSE against path tracing")
     axis.grid(True, which="major", linewidth=0.3, color="0.85")
+
+
+def _curves(axis, points, floor):
+    for name, (_, colour, marker) in CURVES.items():
+        here = sorted(
+            (point for point in points if point["renderer"] == name), key=lambda one: one["samples"]
+        )
+        errors = [max(point["errors"]["relmse"]["value"], floor) for point in here]
+        times = [1e3 * point["seconds"] for point in here]
+        whole = [1e3 * (point["seconds"] + point["prepare_seconds"]) for point in here]
+        axis.plot(whole, errors, "-", color=colour, marker=marker, markersize=4, linewidth=0.9)
+        axis.plot(times, errors, ":", color=colour, linewidth=0.9)
+        for point, x, y in zip(here, whole, errors, strict=True):
+            text = str(point["samples"])
+            axis.annotate(text, (x, y), xytext=(4, 3), textcoords="offset points", fontsize=5)
 
 
 def _label(combination):

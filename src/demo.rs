@@ -361,7 +361,7 @@ impl Demo<'_> {
         let file = StudyFile::parse(STUDY, "the committed study")?;
         let mut scene = self.daylight()?;
         for axis in &file.axes.scenes {
-            file.prepare(axis, &mut scene)?;
+            axis.prepare(&mut scene, file.resolution)?;
         }
         let folder = self.path("study");
         let results = Study::new(file, vec![scene]).run(&folder, self.receive)?;

@@ -118,3 +118,30 @@ pub fn read_values(path: &Path) -> Result<(Vec<f32>, Vec<usize>)> {
     let shape = array.shape().to_vec();
     Ok((array.iter().copied().collect(), shape))
 }
+
+/// An enumeration's value as a word.
+pub fn word(value: &impl serde::Serialize) -> String {
+    serde_json::to_value(value).ok().and_then(|value| value.as_str().map(str::to_owned)).unwrap_or_default()
+}
+
+/// A folder that one process at a time works in. The system releases it
+/// when the process ends, however that comes about.
+pub struct Lock(#[expect(dead_code, reason = "held open")] std::fs::File);
+
+impl Lock {
+    /// Takes it, or says that another process has it.
+    pub fn take(folder: &Path) -> Result<Self> {
+        let path = folder.join("lock");
+        let file = std::fs::File::create(&path).map_err(|cause| Error::io(&path, "a file to lock", &cause))?;
+        match file.try_lock() {
+            Ok(()) => Ok(Self(file)),
+            Err(std::fs::TryLockError::WouldBlock) => Err(Error::new(
+                folder.display().to_string(),
+                "another process that works in this folder",
+                "one at a time: what is measured beside something else is measured wrongly",
+                "Wait for it, or take another folder.",
+            )),
+            Err(std::fs::TryLockError::Error(cause)) => Err(Error::io(&path, "a file to lock", &cause)),
+        }
+    }
+}

@@ -24,6 +24,7 @@ pub mod report;
 pub mod scene;
 pub mod study;
 pub mod time_to_error;
+pub mod tuning;
 pub mod volume_grid;
 
 pub use error::{Error, Result};

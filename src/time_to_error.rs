@@ -255,9 +255,22 @@ fn measure(
 
 /// A mode of Cycles from the picture it made and what was found about it.
 fn cycles(mode: &str, file: &Path, errors: &Value, samples: f64, cells: u32) -> Result<Cycles> {
-    let provenance = Image::read_exr(file)?.provenance;
+    let [preparation, sampling] = cycles_seconds(&Image::read_exr(file)?, file)?;
+    Ok(Cycles {
+        mode: mode.to_owned(),
+        preparation,
+        // The picture has cells^2 times the pixels.
+        per_sample: sampling / samples / f64::from(cells * cells),
+        noise_per_sample: number(errors, "noise")? * samples,
+        squared_bias: number(errors, "squared_bias")?.max(0.0),
+    })
+}
+
+/// Processor seconds that a picture by Cycles took before its first sample and from there on, as the render noted them; `file` is the
+/// place of an error.
+pub(crate) fn cycles_seconds(picture: &Image, file: &Path) -> Result<[f64; 2]> {
     let seconds = |name: &str| -> Result<f64> {
-        provenance.get(name).and_then(|text| text.parse().ok()).ok_or_else(|| {
+        picture.provenance.get(name).and_then(|text| text.parse().ok()).ok_or_else(|| {
             Error::new(
                 format!("{}, attribute cloudparity:{name}", file.display()),
                 "no number",
@@ -267,22 +280,14 @@ fn cycles(mode: &str, file: &Path, errors: &Value, samples: f64, cells: u32) -> 
         })
     };
     let preparation = seconds("preparation_processor_seconds")?;
-    // The picture has cells^2 times the pixels.
-    let per_sample = (seconds("processor_seconds")? - preparation) / samples / f64::from(cells * cells);
-    Ok(Cycles {
-        mode: mode.to_owned(),
-        preparation,
-        per_sample,
-        noise_per_sample: number(errors, "noise")? * samples,
-        squared_bias: number(errors, "squared_bias")?.max(0.0),
-    })
+    Ok([preparation, seconds("processor_seconds")? - preparation])
 }
 
-fn timed(scene: &Scene, samples: u32, tracking: Tracking, output: &Path) -> Result<Timed> {
-    let settings = PathSettings { samples, seed: SEED, tracking, ..PathSettings::default() };
+/// A picture by path tracing on all cores, and its processor seconds: preparation, paths.
+pub(crate) fn timed_picture(scene: &Scene, settings: &PathSettings) -> Result<(Image, [f64; 2])> {
     let begin = ProcessTime::now();
     let prepared = OnceLock::new();
-    let image = path::render(scene, &settings, Backend::Cpu, None, &|_, what| {
+    let image = path::render(scene, settings, Backend::Cpu, None, &|_, what| {
         // Majorants are announced before they are made; whatever comes next is after them.
         if what != path::PREPARATION {
             prepared.get_or_init(|| begin.elapsed().as_secs_f64());
@@ -290,9 +295,15 @@ fn timed(scene: &Scene, samples: u32, tracking: Tracking, output: &Path) -> Resu
     })?;
     let all = begin.elapsed().as_secs_f64();
     let preparation = prepared.get().copied().unwrap_or(0.0);
+    Ok((image, [preparation, all - preparation]))
+}
+
+fn timed(scene: &Scene, samples: u32, tracking: Tracking, output: &Path) -> Result<Timed> {
+    let settings = PathSettings { samples, seed: SEED, tracking, ..PathSettings::default() };
+    let (image, [preparation, rendering]) = timed_picture(scene, &settings)?;
     let file = output.join(format!("timed-{tracking:?}-{samples}.exr").to_lowercase());
     image.write_exr(&file, false)?;
-    Ok(Timed { file, preparation, rendering: all - preparation })
+    Ok(Timed { file, preparation, rendering })
 }
 
 fn number(value: &Value, name: &str) -> Result<f64> {

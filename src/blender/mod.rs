@@ -10,9 +10,10 @@ pub mod reference;
 use crate::error::{Error, Result};
 use crate::files;
 use serde_json::Value as Json;
-use std::io::{BufRead, BufReader, Write};
+use std::io::{BufRead, BufReader, Lines, Write};
 use std::path::{Path, PathBuf};
-use std::process::{Command, Stdio};
+use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
+use std::thread::JoinHandle;
 
 macro_rules! scripts {
     ($($name:literal),* $(,)?) => {
@@ -34,6 +35,7 @@ pub const SCRIPTS: &[(&str, &str)] = scripts!(
     "graph_reader.py",
     "image_metrics.py",
     "model_comparison_plot.py",
+    "optimiser.py",
     "plots.py",
     "point_probe.py",
     "probe.py",
@@ -48,6 +50,7 @@ pub const SCRIPTS: &[(&str, &str)] = scripts!(
     "scene_io.py",
     "scene_reader.py",
     "study_plot.py",
+    "tuning_plot.py",
     "volume_grid.py",
 );
 
@@ -109,60 +112,101 @@ pub fn script_folder() -> Result<PathBuf> {
 }
 
 /// Runs a script of `blend/` and returns the result of its `done` message.
-pub fn run_script(name: &str, request: &Json, kernel: Kernel, mut receive: impl FnMut(Message)) -> Result<Json> {
-    let python = interpreter();
-    let script = script_folder()?.join(name);
-    let mut command = Command::new(&python);
-    command.arg(&script).stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
-    command.env("PYTHONDONTWRITEBYTECODE", "1");
-    match kernel {
-        Kernel::Sse42 => command.env("CYCLES_CPU_NO_AVX2", "1"),
-        Kernel::Default => command.env_remove("CYCLES_CPU_NO_AVX2"),
-    };
-    let mut child = command.spawn().map_err(|cause| {
-        Error::new(
-            format!("interpreter {}", python.display()),
-            cause.to_string(),
-            "CPython 3.11 with the packages of requirements.txt",
-            format!("Run make setup, or set {INTERPRETER_VARIABLE} to the interpreter."),
-        )
-    })?;
-    let mut stdin = child.stdin.take().expect("stdin is piped");
-    let stderr = child.stderr.take().expect("stderr is piped");
-    let text = request.to_string();
-    let writer = std::thread::spawn(move || stdin.write_all(text.as_bytes()));
-    let log = std::thread::spawn(move || {
-        let lines: Vec<String> = BufReader::new(stderr).lines().map_while(std::result::Result::ok).collect();
-        lines[lines.len().saturating_sub(8)..].join(" | ")
-    });
-    let mut outcome = None;
-    for line in BufReader::new(child.stdout.take().expect("stdout is piped")).lines().map_while(std::result::Result::ok)
-    {
-        let Ok(message) = serde_json::from_str::<Json>(&line) else { continue };
-        let text = |key: &str| message[key].as_str().unwrap_or_default().to_owned();
-        match message["event"].as_str() {
-            Some("progress") => receive(Message::Progress(message["done"].as_f64().unwrap_or(0.0), text("what"))),
-            Some("warning") => receive(Message::Warning(text("place"), text("message"))),
-            Some("done") => outcome = Some(Ok(message["result"].clone())),
-            Some("error") => {
-                outcome = Some(Err(Error::new(text("place"), text("found"), text("expected"), text("remedy"))));
-            }
-            _ => {}
-        }
-    }
-    let status = child.wait();
+pub fn run_script(name: &str, request: &Json, kernel: Kernel, receive: impl FnMut(Message)) -> Result<Json> {
+    let mut conversation = Conversation::start(name, kernel)?;
     // A script that stops before it has read its request breaks the pipe; its answer says why.
-    let _ = writer.join();
-    let log = log.join().unwrap_or_default();
-    outcome.unwrap_or_else(|| {
-        let status = status.map_or_else(|cause| cause.to_string(), |status| status.to_string());
+    let _ = conversation.say(&request.to_string());
+    conversation.requests = None;
+    conversation.answer(receive)
+}
+
+/// A script of `blend/` that answers one request after another, in one process that ends with the value.
+pub struct Conversation {
+    name: String,
+    child: Child,
+    requests: Option<ChildStdin>,
+    answers: Lines<BufReader<ChildStdout>>,
+    /// The last lines that it wrote to stderr, when it has ended.
+    log: Option<JoinHandle<String>>,
+}
+
+impl Conversation {
+    /// Starts a script.
+    pub fn start(name: &str, kernel: Kernel) -> Result<Self> {
+        let python = interpreter();
+        let script = script_folder()?.join(name);
+        let mut command = Command::new(&python);
+        command.arg(&script).stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
+        command.env("PYTHONDONTWRITEBYTECODE", "1");
+        match kernel {
+            Kernel::Sse42 => command.env("CYCLES_CPU_NO_AVX2", "1"),
+            Kernel::Default => command.env_remove("CYCLES_CPU_NO_AVX2"),
+        };
+        let mut child = command.spawn().map_err(|cause| {
+            Error::new(
+                format!("interpreter {}", python.display()),
+                cause.to_string(),
+                "CPython 3.11 with the packages of requirements.txt",
+                format!("Run make setup, or set {INTERPRETER_VARIABLE} to the interpreter."),
+            )
+        })?;
+        let stderr = child.stderr.take().expect("stderr is piped");
+        let log = std::thread::spawn(move || {
+            let lines: Vec<String> = BufReader::new(stderr).lines().map_while(std::result::Result::ok).collect();
+            lines[lines.len().saturating_sub(8)..].join(" | ")
+        });
+        Ok(Self {
+            name: name.to_owned(),
+            requests: child.stdin.take(),
+            answers: BufReader::new(child.stdout.take().expect("stdout is piped")).lines(),
+            child,
+            log: Some(log),
+        })
+    }
+
+    /// Sends a request, which has one line, and returns the result of its `done` message.
+    pub fn ask(&mut self, request: &Json, receive: impl FnMut(Message)) -> Result<Json> {
+        let _ = self.say(&format!("{request}\n"));
+        self.answer(receive)
+    }
+
+    fn say(&mut self, text: &str) -> std::io::Result<()> {
+        let Some(stdin) = &mut self.requests else { return Ok(()) };
+        stdin.write_all(text.as_bytes())?;
+        stdin.flush()
+    }
+
+    fn answer(&mut self, mut receive: impl FnMut(Message)) -> Result<Json> {
+        while let Some(Ok(line)) = self.answers.next() {
+            let Ok(message) = serde_json::from_str::<Json>(&line) else { continue };
+            let text = |key: &str| message[key].as_str().unwrap_or_default().to_owned();
+            match message["event"].as_str() {
+                Some("progress") => receive(Message::Progress(message["done"].as_f64().unwrap_or(0.0), text("what"))),
+                Some("warning") => receive(Message::Warning(text("place"), text("message"))),
+                Some("done") => return Ok(message["result"].clone()),
+                Some("error") => {
+                    return Err(Error::new(text("place"), text("found"), text("expected"), text("remedy")));
+                }
+                _ => {}
+            }
+        }
+        let status = self.child.wait().map_or_else(|cause| cause.to_string(), |status| status.to_string());
+        let log = self.log.take().and_then(|log| log.join().ok()).unwrap_or_default();
         Err(Error::new(
-            format!("script {name}"),
+            format!("script {}", self.name),
             format!("it ended without an answer ({status}): {log}"),
             "a result",
             "Run cloudparity doctor; it checks the interpreter and its packages.",
         ))
-    })
+    }
+}
+
+impl Drop for Conversation {
+    fn drop(&mut self) {
+        // The end of its input is the end of the script.
+        self.requests = None;
+        let _ = self.child.wait();
+    }
 }
 
 /// Prints warnings to stderr and shows progress there when it is a terminal.

@@ -7,6 +7,8 @@ use crate::integrate::Backend;
 use crate::integrate::engine::{self, EngineJitter, EngineSettings};
 use crate::lighting::{Variant, models};
 use crate::scene::Scene;
+use crate::tuning::preset::Preset;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 /// Render a published cloud engine in the box of a scene, with the scene's camera, sun and world.
@@ -32,6 +34,13 @@ pub(super) struct Arguments {
     /// A parameter of the light model. May be given several times.
     #[arg(long = "light-parameter", value_name = "NAME=VALUE")]
     light_parameters: Vec<String>,
+    /// Engine, light model, quality and parameters of a tuned preset (*.preset.json).
+    #[arg(
+        long,
+        value_name = "FILE",
+        conflicts_with_all = ["model", "variant", "quality", "parameters", "light", "light_parameters", "seconds", "sub_pixels"]
+    )]
+    preset: Option<PathBuf>,
     /// Seconds of animation.
     #[arg(long, default_value_t = 0.0)]
     seconds: f64,
@@ -57,6 +66,17 @@ pub(super) struct Arguments {
 
 pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
     let scene = arguments.picture.load()?;
+    if let Some(path) = &arguments.preset {
+        let preset = Preset::load(path)?;
+        let (scene, engine, combination) = preset.build(&scene)?;
+        let settings = EngineSettings {
+            jitter: arguments.jitter,
+            frame: arguments.frame,
+            god_rays: arguments.god_rays,
+            ..combination.picture_settings()
+        };
+        return write(&scene, &engine, &settings, arguments.gpu, &arguments.picture.output, arguments.allow_nonfinite);
+    }
     let values = (arguments.quality.as_deref(), arguments.parameters.as_slice());
     let mut engine = build(&scene, &arguments.model, arguments.variant, values, arguments.seconds)?;
     if let Some(light) = &arguments.light {
@@ -72,15 +92,27 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
         sub_pixels: arguments.sub_pixels,
         god_rays: arguments.god_rays,
     };
-    let backend = if arguments.gpu { Backend::Gpu } else { Backend::Cpu };
+    write(&scene, &engine, &settings, arguments.gpu, &arguments.picture.output, arguments.allow_nonfinite)
+}
+
+/// Renders and writes a picture.
+pub(super) fn write(
+    scene: &Scene,
+    engine: &Engine,
+    settings: &EngineSettings,
+    gpu: bool,
+    output: &Path,
+    allow_nonfinite: bool,
+) -> Result<ExitCode> {
+    let backend = if gpu { Backend::Gpu } else { Backend::Cpu };
     let bar = super::progress_bar(1000);
     let report = |done: f64, what: &str| {
         bar.set_position((done * 1000.0) as u64);
         bar.set_message(what.to_owned());
     };
-    let image = engine::render(&scene, &engine, &settings, backend, &report)?;
+    let image = engine::render(scene, engine, settings, backend, &report)?;
     bar.finish_and_clear();
-    image.write_exr(&arguments.picture.output, arguments.allow_nonfinite)?;
+    image.write_exr(output, allow_nonfinite)?;
     Ok(ExitCode::SUCCESS)
 }
 

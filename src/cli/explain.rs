@@ -1,7 +1,10 @@
 //! `cloudparity explain`: what is left of a graph, what was left out, and why.
 
 use crate::error::Result;
+use crate::gpu::Gpu;
 use crate::graph::{Operand, Program};
+use crate::integrate::MarchSettings;
+use crate::integrate::leaving_out::{self, Kernel, LeavingOut};
 use crate::scene::Scene;
 use std::fmt::Write;
 use std::path::PathBuf;
@@ -15,6 +18,9 @@ pub(super) struct Arguments {
     /// Change a stored value first.
     #[arg(long = "set", value_name = "NAME=VALUE")]
     set: Vec<String>,
+    /// Also measure the marching kernel: its size, time and picture against the generic one.
+    #[arg(long)]
+    kernels: bool,
     /// JSON instead of text.
     #[arg(long)]
     json: bool,
@@ -23,13 +29,52 @@ pub(super) struct Arguments {
 pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
     let scene = Scene::load_with(&arguments.scene, &arguments.set)?;
     let program = Program::density(&scene)?;
-    let text = if arguments.json {
-        serde_json::to_string_pretty(&document(&program)).expect("JSON serialises") + "\n"
+    let kernels = if arguments.kernels {
+        let gpu = Gpu::open();
+        if let Err(error) = &gpu {
+            eprintln!("left out: the adapter: {error}");
+        }
+        Some(leaving_out::measure(&scene, &MarchSettings::default(), gpu.is_ok())?)
     } else {
-        describe(&program)
+        None
+    };
+    let text = if arguments.json {
+        let mut document = document(&program);
+        document["kernels"] = serde_json::to_value(&kernels).expect("JSON serialises");
+        serde_json::to_string_pretty(&document).expect("JSON serialises") + "\n"
+    } else {
+        describe(&program) + &kernels.as_ref().map_or_else(String::new, describe_kernels)
     };
     super::print(&text)?;
     Ok(ExitCode::SUCCESS)
+}
+
+/// What leaving out is worth, as text.
+fn describe_kernels(found: &LeavingOut) -> String {
+    let left_out: Vec<String> = found.left_out.iter().map(|one| crate::files::word(one)).collect();
+    let left_out = if left_out.is_empty() { "nothing".to_owned() } else { left_out.join(", ") };
+    let size = |kernel: &Kernel| {
+        format!("{} bytes of WGSL, {} SPIR-V instructions", kernel.wgsl_bytes, kernel.spirv_instructions)
+    };
+    let special = found.specialised.as_ref().map_or_else(|| "none: one exponential per ray".to_owned(), size);
+    let mut text = format!(
+        "The march leaves out: {left_out}\n  generic kernel: {}\n  specialised kernel: {special}\n",
+        size(&found.generic)
+    );
+    for race in &found.races {
+        text += &format!(
+            "  {}: {:.2} ms instead of {:.2} ms, {:.2} times as fast; pictures {}\n",
+            race.worker,
+            1e3 * race.specialised_seconds,
+            1e3 * race.generic_seconds,
+            race.ratio,
+            match race.largest_ulp {
+                0 => "equal to the bit".to_owned(),
+                ulp => format!("at most {ulp} ulp apart"),
+            },
+        );
+    }
+    text
 }
 
 /// The explanation as text.

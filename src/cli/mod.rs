@@ -32,6 +32,7 @@ mod schema;
 mod shader;
 mod study;
 mod time_to_error;
+mod tune;
 
 use crate::error::Result;
 use clap::{Parser, Subcommand};
@@ -76,6 +77,7 @@ enum Command {
     Shader(shader::Arguments),
     Study(study::Arguments),
     TimeToError(time_to_error::Arguments),
+    Tune(tune::Arguments),
 }
 
 /// Exit status of a command that could not do its work.
@@ -113,6 +115,7 @@ pub fn run() -> ExitCode {
         Command::Shader(arguments) => shader::run(&arguments),
         Command::Study(arguments) => study::run(&arguments),
         Command::TimeToError(arguments) => time_to_error::run(&arguments),
+        Command::Tune(arguments) => tune::run(&arguments),
     };
     result.unwrap_or_else(|error| {
         eprintln!("error: {error}");

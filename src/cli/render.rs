@@ -8,6 +8,8 @@ use crate::integrate::density_cache::CacheReport;
 use crate::integrate::path::{self, PathSettings, Tracking};
 use crate::integrate::{self, Backend, MarchSettings};
 use crate::scene::Scene;
+use crate::tuning::preset::Preset;
+use std::path::PathBuf;
 use std::process::ExitCode;
 
 /// Render a scene into a scene-linear EXR.
@@ -18,6 +20,9 @@ pub(super) struct Arguments {
     /// The method.
     #[arg(long, value_enum, default_value_t = Integrator::March)]
     integrator: Integrator,
+    /// Instead of a method, an engine as a tuned preset (*.preset.json) has it.
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["integrator", "seed"])]
+    preset: Option<PathBuf>,
     /// Where it runs.
     #[arg(long, value_enum, default_value_t = BackendName::Cpu)]
     backend: BackendName,
@@ -78,6 +83,15 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
     let mut scene = arguments.picture.load()?;
     if let Some(filter) = arguments.pixel_filter {
         scene.film.pixel_filter = filter.into();
+    }
+    if let Some(path) = &arguments.preset {
+        refuse("path", &arguments.path.given())?;
+        refuse("march", &arguments.march.given())?;
+        let is_gpu = matches!(arguments.backend, BackendName::Gpu);
+        let (scene, engine, combination) = Preset::load(path)?.build(&scene)?;
+        let settings = combination.picture_settings();
+        let output = &arguments.picture.output;
+        return super::engine::write(&scene, &engine, &settings, is_gpu, output, arguments.allow_nonfinite);
     }
     let bar = super::progress_bar(1000);
     let report = |done: f64, what: &str| {

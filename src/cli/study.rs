@@ -27,6 +27,9 @@ pub(super) struct Arguments {
     /// Measure the settings on the fronts again, against new truths.
     #[arg(long, conflicts_with = "list")]
     verify: bool,
+    /// Only render what takes longest and is not timed: the truths, and Cycles' pictures for its curves.
+    #[arg(long, conflicts_with_all = ["list", "verify"])]
+    prepare: bool,
 }
 
 pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
@@ -48,6 +51,22 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
         bar.set_position((done * 1000.0) as u64);
         bar.set_message(what.to_owned());
     };
+    if arguments.prepare {
+        let records = study.prepare(&arguments.output, &progress)?;
+        bar.finish_and_clear();
+        let mut text = String::new();
+        for record in &records {
+            line(
+                &mut text,
+                format_args!(
+                    "truth of {} in {}: {:.1} s of processor time",
+                    record.density, record.scene, record.seconds
+                ),
+            );
+        }
+        super::print(&text)?;
+        return Ok(ExitCode::SUCCESS);
+    }
     if arguments.verify {
         let results = Results::load(&arguments.output)?;
         let found = study.verify(&results, &arguments.output, &progress)?;
@@ -89,6 +108,18 @@ fn summary(results: &Results) -> String {
         for run in front {
             line(&mut text, format_args!("  {}", run.describe()));
         }
+    }
+    for point in &results.curves {
+        line(&mut text, format_args!("{}", point.describe()));
+    }
+    for missing in &results.missing_curves {
+        line(
+            &mut text,
+            format_args!(
+                "no curve of {:?}, {} in {}: {}",
+                missing.renderer, missing.density, missing.scene, missing.reason
+            ),
+        );
     }
     line(&mut text, format_args!("{} runs, {} left out", results.runs.len(), results.skipped.len()));
     text

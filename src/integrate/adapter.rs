@@ -171,16 +171,26 @@ impl<'a> Density<'a> {
 
     /// Links an entry text with the density.
     fn link(&self, path: &str, source: &str, definitions: &[&str]) -> Result<naga::Module> {
-        match &self.medium.cache {
-            None => Linker::new(&self.medium.density)?.link_with(path, source, definitions),
-            Some(cache) => Linker::cached()?.link_with(path, source, &[definitions, &cache.definitions()].concat()),
-        }
+        link(self.medium, path, source, definitions)
     }
 
     /// The buffers of group 1.
     fn group(&self) -> Vec<(u32, &wgpu::Buffer)> {
         (0..).zip(self.cache.iter().flatten()).collect()
     }
+}
+
+/// Links an entry text with the density of a medium: its graph, or its cache.
+fn link(medium: &Medium, path: &str, source: &str, definitions: &[&str]) -> Result<naga::Module> {
+    match &medium.cache {
+        None => Linker::new(&medium.density)?.link_with(path, source, definitions),
+        Some(cache) => Linker::cached()?.link_with(path, source, &[definitions, &cache.definitions()].concat()),
+    }
+}
+
+/// The kernel that marches rays, with what the stage leaves out left out.
+pub(super) fn march_module(stage: &Stage<'_>) -> Result<naga::Module> {
+    link(&stage.medium, "integrate/march.wgsl", MARCH, &definitions(stage))
 }
 
 fn cache_uniform(cache: &DensityCache) -> CacheUniform {
@@ -271,7 +281,7 @@ impl<'a> Kernels<'a> {
         lights.resize(lights.len().max(1), Light::zeroed());
         let cells: Vec<u32> = medium.cells.iter().map(|&cell| cell.into()).collect();
         let storage = wgpu::BufferUsages::STORAGE;
-        let module = density.link("integrate/march.wgsl", MARCH, &definitions(stage))?;
+        let module = march_module(stage)?;
         let bound = module.global_variables.iter().filter_map(|(_, variable)| variable.binding);
         Ok(Self {
             gpu,

@@ -201,8 +201,10 @@ impl Frame {
 
     /// Puts the scene's sun and world into a light model.
     fn light(&self, scene: &Scene, light: &mut LightModel) -> Result<()> {
+        let exposure = light.terms.exposure;
         light.sun = [0.0; 3];
-        light.ambient = world_radiance(scene);
+        let exposed = |light: [f64; 3]| light.map(|channel| channel * exposure);
+        light.ambient = exposed(world_radiance(scene));
         let lights = delta_lights(scene)?;
         for (number, found) in lights.iter().enumerate() {
             let Source::Direction(towards) = found.source else {
@@ -221,7 +223,7 @@ impl Frame {
                     "Take a sun away, or give another integrator.",
                 ));
             }
-            light.sun = found.power;
+            light.sun = exposed(found.power);
             light.sun_direction = self.to_box.transform_vector3(towards).to_array();
         }
         if let Some(image) = &scene.world.image {

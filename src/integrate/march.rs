@@ -137,6 +137,23 @@ pub fn render_each(
 }
 
 impl<'a> Stage<'a> {
+    /// The medium and what shines, with what they allow to leave out; without cache, directions or light grid.
+    pub(super) fn new(scene: &'a Scene, settings: &MarchSettings) -> Result<Self> {
+        let mut stage = Self {
+            scene,
+            settings: settings.clone(),
+            medium: Medium::new(scene)?,
+            lights: delta_lights(scene)?,
+            world: world_radiance(scene),
+            directions: Vec::new(),
+            grid: None,
+            left_out: Vec::new(),
+            cache_report: None,
+        };
+        stage.left_out = stage.omissions();
+        Ok(stage)
+    }
+
     /// Everything that does not depend on the ray: the medium, its cache and the light in it.
     fn prepare<'g>(
         scene: &'a Scene,
@@ -162,17 +179,7 @@ impl<'a> Stage<'a> {
                 "Leave the picture out, or give --integrator path.",
             ));
         }
-        let mut stage = Self {
-            scene,
-            settings: settings.clone(),
-            medium: Medium::new(scene)?,
-            lights: delta_lights(scene)?,
-            world: world_radiance(scene),
-            directions: Vec::new(),
-            grid: None,
-            left_out: Vec::new(),
-            cache_report: None,
-        };
+        let mut stage = Self::new(scene, settings)?;
         let empty = stage.medium.occupied.is_empty();
         let cached = if settings.density_cache.is_some() { 0.25 } else { 0.0 };
         stage.medium.cache = match (cache, settings.density_cache) {

@@ -11,6 +11,7 @@ pub mod density_cache;
 pub mod engine;
 pub mod environment;
 pub mod film;
+pub mod leaving_out;
 pub mod light_grid;
 pub mod lights;
 pub mod majorant;

@@ -25,6 +25,14 @@ const COSINE: Range = Range::Between(-0.999, 0.999);
 /// where they are not set: those of perlin-fbm are shown.
 pub const PARAMETERS: &[Parameter] = &[
     Parameter {
+        name: "exposure",
+        about: "factor on the light of the scene's sun and world that the medium scatters",
+        unit: "",
+        range: Range::NotNegative,
+        default: Terms::NONE.exposure,
+        usual: [0.5, 2.0],
+    },
+    Parameter {
         name: "octaves",
         about: "octaves of multiple scattering; 1 is single scattering",
         unit: "",
@@ -200,6 +208,7 @@ impl NamedLight {
 pub fn set(light: &mut LightModel, name: &str, value: f64, place: &str) -> Result<()> {
     Parameter::check(PARAMETERS, name, value, place)?;
     match name {
+        "exposure" => light.terms.exposure = value,
         "octaves" => light.terms.octaves.count = value as u32,
         "contribution" => light.terms.octaves.contribution = value,
         "attenuation" => light.terms.octaves.attenuation = value,

@@ -53,6 +53,8 @@ pub struct SilverLining {
 /// All of them.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Terms {
+    /// Factor on the sun and the world of a scene.
+    pub exposure: f64,
     /// Octaves of multiple scattering.
     pub octaves: Octaves,
     /// Powder.
@@ -66,6 +68,7 @@ pub struct Terms {
 impl Terms {
     /// Single scattering and a constant ambient light.
     pub const NONE: Self = Self {
+        exposure: 1.0,
         octaves: Octaves { count: 1, contribution: 0.5, attenuation: 0.5, eccentricity: 0.5 },
         powder: Powder { strength: 0.0, length: 0.1 },
         silver: SilverLining { strength: 0.0, exponent: 8.0 },

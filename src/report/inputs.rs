@@ -9,6 +9,7 @@ use crate::density::comparison::{Comparison, FIGURE};
 use crate::error::{Error, Result};
 use crate::files;
 use crate::study;
+use crate::tuning;
 use base64::Engine;
 use indexmap::IndexMap;
 use serde::de::DeserializeOwned;
@@ -20,7 +21,7 @@ use std::path::{Component, Path};
 const DIFF: &str = "cloudparity diff --ours OURS.exr --reference REFERENCE.exr --view AgX --out RUN";
 
 /// Files of a run directory: name, what it shows, how to make it.
-const MAKERS: [(&str, &str, &str); 14] = [
+const MAKERS: [(&str, &str, &str); 15] = [
     ("run.json", "title, command, versions and timings", "cloudparity demo -o RUN"),
     ("diff.json", "the figures of the picture", DIFF),
     ("ours.png", "our picture", DIFF),
@@ -32,6 +33,7 @@ const MAKERS: [(&str, &str, &str); 14] = [
     ("bounds.json", "bounds of the density", "cloudparity bounds SCENE --json > RUN/bounds.json"),
     ("bench.json", "speed against Cycles", "cloudparity bench SCENE --json > RUN/bench.json"),
     ("study/results.json", "error against time", "cloudparity study FILE.study.toml -o RUN/study"),
+    ("tuning/tuning.json", "tuned parameters", "cloudparity tune FILE.tune.toml -o RUN/tuning"),
     ("models.json", "two density models side by side", "cloudparity compare-models SCENE -o RUN"),
     ("explain.txt", "the specialised graph in words", "cloudparity explain SCENE > RUN/explain.txt"),
     ("scene.json", "the scene", "cp SCENE RUN/scene.json"),
@@ -39,6 +41,9 @@ const MAKERS: [(&str, &str, &str); 14] = [
 
 /// The figure of a study.
 pub const STUDY_FIGURE: &str = "study/study.svg";
+
+/// The figure of a tuning.
+pub const TUNING_FIGURE: &str = "tuning/tuning.svg";
 
 /// Something that a report does not show, why, and what to do about it.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
@@ -310,6 +315,8 @@ pub struct Inputs {
     pub bench: Option<Bench>,
     /// `study/results.json`.
     pub study: Option<study::Results>,
+    /// `tuning/tuning.json`.
+    pub tuning: Option<tuning::Outcome>,
     /// `models.json`.
     pub models: Option<Comparison>,
     /// `explain.txt`.
@@ -343,6 +350,7 @@ impl Inputs {
             scene: read_json(directory, "scene.json")?,
             models: read_json(directory, "models.json")?,
             study: read_json(directory, "study/results.json")?,
+            tuning: read_json(directory, "tuning/tuning.json")?,
             ..Self::default()
         };
         inputs.probes = match read_json::<Value>(directory, "probe.json")? {
@@ -376,6 +384,9 @@ impl Inputs {
         }
         if self.study.is_some() {
             wanted.push((STUDY_FIGURE.to_owned(), false));
+        }
+        if self.tuning.is_some() {
+            wanted.push((TUNING_FIGURE.to_owned(), false));
         }
         if let Some(models) = &self.models {
             wanted.push((FIGURE.to_owned(), false));

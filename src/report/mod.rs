@@ -1,9 +1,11 @@
-//! The report of a run: one HTML page that needs nothing else, `report.md` and `figures.csv`.
+//! The report of a run: one HTML page that needs nothing else, `report.md`, `figures.csv`, `tables.tex` and `certificate.json`.
 //!
 //! [`write_report`] reads a run directory ([`inputs`]), judges its parts ([`summary`]) and writes the
-//! three files beside the inputs. The page holds its pictures, styles and program; it forbids every
+//! files beside the inputs. The page holds its pictures, styles and program; it forbids every
 //! network access by its content policy, and everything that comes from a file is escaped.
 
+pub mod certificate;
+mod document;
 pub mod inputs;
 pub(crate) mod numbers;
 pub mod summary;
@@ -20,14 +22,19 @@ const TEMPLATE: &str = include_str!("template.html");
 const STYLE: &str = include_str!("report.css");
 const PROGRAM: &str = include_str!("report.js");
 
-/// Writes `index.html`, `report.md` and `figures.csv` into a run directory and returns the path of
+/// Writes `index.html`, `report.md`, `figures.csv`, `tables.tex` and `certificate.json` into a run directory and returns the path of
 /// the page. Missing inputs are listed on it; inputs that cannot be understood are an error.
 pub fn write_report(directory: &Path) -> Result<PathBuf> {
     let inputs = Inputs::read(directory)?;
     let summary = summary::Summary::of(&inputs);
     let page = render(&inputs, &summary)?;
     write_atomically(&directory.join("figures.csv"), tables::csv(&inputs).as_bytes())?;
-    write_atomically(&directory.join("report.md"), tables::markdown(&inputs, &summary).as_bytes())?;
+    let document = tables::document(&inputs, &summary);
+    write_atomically(&directory.join("report.md"), document.markdown().as_bytes())?;
+    write_atomically(&directory.join("tables.tex"), document.latex().as_bytes())?;
+    let certificate = certificate::of(directory, &inputs, &summary)?;
+    let text = serde_json::to_string_pretty(&certificate).expect("JSON serialises") + "\n";
+    write_atomically(&directory.join("certificate.json"), text.as_bytes())?;
     let index = directory.join("index.html");
     write_atomically(&index, page.as_bytes())?;
     Ok(index)
@@ -62,6 +69,7 @@ struct Page<'a> {
     explain: &'a Option<String>,
     models: Option<tables::ModelsTable<'a>>,
     study: Option<tables::StudyTable<'a>>,
+    tuning: Option<tables::TuningTable<'a>>,
     scene: Option<Vec<(&'static str, String)>>,
     left_out: &'a [inputs::LeftOut],
 }
@@ -102,6 +110,7 @@ fn render(inputs: &Inputs, summary: &summary::Summary) -> Result<String> {
         software_adapter: inputs.bench.as_ref().is_some_and(inputs::Bench::software_adapter),
         explain: &inputs.explain,
         study: inputs.study.as_ref().map(|study| tables::StudyTable::of(study, &inputs.pictures)),
+        tuning: inputs.tuning.as_ref().map(|tuning| tables::TuningTable::of(tuning, &inputs.pictures)),
         models: inputs.models.as_ref().map(|models| tables::ModelsTable::of(models, &inputs.pictures)),
         scene: inputs.scene.as_ref().map(tables::scene_facts),
         left_out: &inputs.left_out,
@@ -161,6 +170,7 @@ mod tests {
         assert!(html.contains("modes.json") && html.contains("cloudparity modes"));
         assert!(read(&folder, "report.md").contains("cloudparity bench"));
         assert_eq!(read(&folder, "figures.csv").lines().count(), 1);
+        assert!(read(&folder, "tables.tex").contains("booktabs"));
     }
 
     #[test]
@@ -191,6 +201,13 @@ mod tests {
         assert!(page.contains("Field (GPU, wide)"));
         let csv = read(&folder, "figures.csv");
         assert!(csv.contains("field,,gpu,max_error,0.5,,0.1,differs"), "{csv}");
+        let certificate: serde_json::Value = serde_json::from_str(&read(&folder, "certificate.json")).unwrap();
+        assert_eq!(certificate["format"], certificate::FORMAT);
+        assert_eq!(certificate["verdict"], "differs");
+        let gpu = certificate["field"].as_array().unwrap().iter().find(|one| one["evaluator"] == "gpu").unwrap();
+        assert_eq!((&gpu["verdict"], &gpu["differing"]), (&json!("differs"), &json!(3)));
+        let hash = crate::files::sha256(probe.to_string().as_bytes());
+        assert_eq!(certificate["sha256"], json!({"probe.json": hash}));
     }
 
     #[test]

@@ -1,10 +1,13 @@
 //! The figures as CSV and Markdown, and tables from JSON of no fixed layout.
 
-use super::inputs::{Inputs, Picture, STUDY_FIGURE};
-use super::numbers::{ABSENT, capitalised, count, figure, percent, plain, rate, ratio, seconds, signed_percent};
+use super::document::Document;
+use super::inputs::{Inputs, Picture, STUDY_FIGURE, TUNING_FIGURE};
+use super::numbers::{capitalised, count, figure, percent, plain, rate, ratio, seconds, signed_percent};
 use super::summary::{Summary, evaluator_name};
 use crate::density::comparison::{Comparison, FIGURE};
+use crate::study::curves::CurvePoint;
 use crate::study::{Measured, Results};
+use crate::tuning::{Outcome, Scored};
 use indexmap::IndexMap;
 use serde::Serialize;
 use serde_json::Value;
@@ -69,6 +72,61 @@ pub struct StudyTable<'a> {
     pub fronts: Vec<(String, Vec<FrontRow>)>,
     /// Processor time of each truth.
     pub truths: Vec<(String, f64)>,
+    /// Points of unbiased renderers.
+    pub curves: Vec<CurveRow>,
+    /// Curves that are missing: which, and why.
+    pub missing: Vec<(String, String)>,
+}
+
+/// A point of an unbiased renderer: where, renderer and samples, seconds of preparation and samples, relMSE, its standard error, bias,
+/// HDR-FLIP.
+pub type CurveRow = (String, String, [f64; 2], f64, f64, f64, Option<f64>);
+
+fn curve_row(point: &CurvePoint) -> CurveRow {
+    let relmse = point.errors.relmse;
+    (
+        format!("{} in {}", point.density, point.scene),
+        format!("{}, {} samples", point.renderer.label(), point.samples),
+        [point.prepare_seconds, point.seconds],
+        relmse.value,
+        relmse.standard_error,
+        point.errors.bias.value,
+        point.flip,
+    )
+}
+
+/// A tuning, as the page shows it.
+#[derive(Debug, Serialize)]
+pub struct TuningTable<'a> {
+    /// All figures.
+    pub found: &'a Outcome,
+    /// Before and after.
+    pub figure: Option<&'a Picture>,
+    /// Light models, exposure matched, then the tuned one: name, exposure, HDR-FLIP in training and held out, relMSE held out, milliseconds.
+    pub rows: Vec<TuningRow>,
+    /// By what share held-out HDR-FLIP fell.
+    pub improvement: f64,
+}
+
+/// Name, exposure, HDR-FLIP in training and held out, relMSE held out, seconds.
+pub type TuningRow = (String, f64, f64, f64, f64, f64);
+
+impl<'a> TuningTable<'a> {
+    /// Arranges a tuning.
+    pub fn of(found: &'a Outcome, pictures: &'a IndexMap<String, Picture>) -> Self {
+        let row = |scored: &Scored| {
+            (
+                scored.name.clone(),
+                scored.exposure,
+                Scored::mean_flip(&scored.train),
+                Scored::mean_flip(&scored.held_out),
+                Scored::mean_relmse(&scored.held_out),
+                scored.seconds,
+            )
+        };
+        let rows = found.published.iter().chain(std::iter::once(&found.tuned)).map(row).collect();
+        Self { found, figure: pictures.get(TUNING_FIGURE), rows, improvement: found.improvement() }
+    }
 }
 
 /// A run of a front: settings in words, milliseconds, relMSE, its standard error, bias, HDR-FLIP.
@@ -95,6 +153,15 @@ impl<'a> StudyTable<'a> {
                 .truths
                 .iter()
                 .map(|truth| (format!("{} in {}", truth.density, truth.scene), truth.seconds))
+                .collect(),
+            curves: found.curves.iter().map(curve_row).collect(),
+            missing: found
+                .missing_curves
+                .iter()
+                .map(|curve| {
+                    let which = format!("{}, {} in {}", curve.renderer.label(), curve.density, curve.scene);
+                    (which, curve.reason.clone())
+                })
                 .collect(),
         }
     }
@@ -303,6 +370,29 @@ pub fn csv(inputs: &Inputs) -> String {
         study("bias", Some(run.errors.bias.value), "share");
         study("flip", run.flip, "");
     }
+    for point in inputs.study.iter().flat_map(|study| &study.curves) {
+        let (subject, words, [before, after], relmse, deviation, bias, flip) = curve_row(point);
+        let mut curve = |quantity, value, unit| add("curve", &subject, &words, quantity, value, unit);
+        curve("prepare_seconds", Some(before), "s");
+        curve("seconds", Some(after), "s");
+        curve("relmse", Some(relmse), "");
+        curve("relmse_standard_error", Some(deviation), "");
+        curve("bias", Some(bias), "share");
+        curve("flip", flip, "");
+    }
+    if let Some(tuning) = &inputs.tuning {
+        for (name, exposure, train, held_out, relmse, time) in TuningTable::of(tuning, &inputs.pictures).rows {
+            let mut tuned = |quantity, value, unit| add("tuning", &name, "", quantity, Some(value), unit);
+            tuned("exposure", exposure, "");
+            tuned("train_flip", train, "");
+            tuned("held_out_flip", held_out, "");
+            tuned("held_out_relmse", relmse, "");
+            tuned("seconds", time, "s");
+        }
+        for (name, value) in &tuning.parameters {
+            add("tuning", "tuned", name, "parameter", Some(*value), "");
+        }
+    }
     for side in inputs.models.iter().flat_map(|models| &models.sides) {
         let found = &side.statistics;
         let mut model = |quantity, value, unit| add("models", &side.title, "", quantity, value, unit);
@@ -371,23 +461,15 @@ fn quoted(cell: &str) -> String {
     if cell.contains([',', '"', '\n', '\r']) { format!("\"{}\"", cell.replace('"', "\"\"")) } else { cell.to_owned() }
 }
 
-/// `report.md`: the page without its pictures' viewer, for terminals and repositories.
-pub fn markdown(inputs: &Inputs, summary: &Summary) -> String {
-    let mut text =
-        format!("# {}\n\n**{}.** {}\n", line(&summary.title), capitalised(summary.words), line(&summary.sentence));
+/// The page without its pictures' viewer: for terminals, repositories and papers.
+pub fn document(inputs: &Inputs, summary: &Summary) -> Document {
+    let mut document = Document::new(&summary.title, &format!("{}.", capitalised(summary.words)), &summary.sentence);
     let parts = summary.parts.iter().map(|part| vec![part.name.clone(), part.words.into(), part.sentence.clone()]);
-    text += &table(&["Part", "Verdict", "Found"], parts);
+    document.table(&["Part", "Verdict", "Found"], parts);
     let names = ["ours.png", "reference.png", "difference.png"];
-    let shown: Vec<String> = names
-        .iter()
-        .filter(|name| inputs.pictures.contains_key(**name))
-        .map(|name| format!("![{name}]({name})"))
-        .collect();
-    if !shown.is_empty() {
-        text += &format!("\n{}\n", shown.join(" "));
-    }
+    document.pictures(names.into_iter().filter(|name| inputs.pictures.contains_key(*name)));
     if let Some(diff) = &inputs.diff {
-        text += "\n## Picture\n";
+        document.heading("Picture");
         let channels = diff.channels.iter().flatten().map(|row| {
             vec![
                 row.channel.clone(),
@@ -397,7 +479,7 @@ pub fn markdown(inputs: &Inputs, summary: &Summary) -> String {
                 percent(row.standard_error_relative),
             ]
         });
-        text += &table(&["Channel", "Ours, mean", "Reference, mean", "Difference", "Standard error"], channels);
+        document.table(&["Channel", "Ours, mean", "Reference, mean", "Difference", "Standard error"], channels);
         let sides = [("Colour", &diff.colour), ("Alpha", &diff.alpha)];
         let figures = sides.iter().filter_map(|(name, found)| {
             let found = found.as_ref()?;
@@ -410,19 +492,19 @@ pub fn markdown(inputs: &Inputs, summary: &Summary) -> String {
                 percent(Some(found.failing_share)),
             ])
         });
-        text += &table(&["OpenImageIO", "Mean error", "RMS", "PSNR, dB", "Maximum", "Failing pixels"], figures);
+        document.table(&["OpenImageIO", "Mean error", "RMS", "PSNR, dB", "Maximum", "Failing pixels"], figures);
         if let Some(relmse) = &diff.relmse {
-            text += &format!(
-                "\nrelMSE = {}, epsilon {}: pixels {}, block means {}.\n",
+            document.text(&format!(
+                "relMSE = {}, epsilon {}: pixels {}, block means {}.",
                 relmse.formula,
                 figure(Some(relmse.epsilon)),
                 figure(relmse.pixel),
                 figure(relmse.block)
-            );
+            ));
         }
     }
     if let Some(found) = inputs.diff.as_ref().and_then(|diff| diff.statistics.as_ref()) {
-        text += "\n## Bias and noise\n";
+        document.heading("Bias and noise");
         let rows = found.means.iter().map(|row| {
             vec![
                 row.channel.clone(),
@@ -435,10 +517,10 @@ pub fn markdown(inputs: &Inputs, summary: &Summary) -> String {
             ]
         });
         let columns = ["Channel", "Bias", "99 % interval", "t", "p", "Noise variance, ours", "Reference"];
-        text += &table(&columns, rows);
+        document.table(&columns, rows);
     }
     for probe in &inputs.probes {
-        text += &format!("\n## Field at {} points\n", count(Some(probe.points)));
+        document.heading(&format!("Field at {} points", count(Some(probe.points))));
         let rows = probe.evaluators.iter().map(|(name, found)| {
             vec![
                 evaluator_name(name).to_owned(),
@@ -449,67 +531,61 @@ pub fn markdown(inputs: &Inputs, summary: &Summary) -> String {
                 seconds(found.seconds),
             ]
         });
-        text += &table(&["Evaluator", "Differing", "Maximum", "99.9 %", "RMS", "Time"], rows);
+        document.table(&["Evaluator", "Differing", "Maximum", "99.9 %", "RMS", "Time"], rows);
     }
     if let Some(bench) = &inputs.bench {
-        text += "\n## Speed against Cycles\n";
+        document.heading("Speed against Cycles");
         let rows = bench.rows.iter().map(|row| {
             vec![row.what.clone(), count(row.points), rate(row.cycles_rate), ratio(row.cpu_ratio), ratio(row.gpu_ratio)]
         });
-        text += &table(&["Work", "Points", "Cycles", "CPU", "GPU"], rows);
+        document.table(&["Work", "Points", "Cycles", "CPU", "GPU"], rows);
     }
     for (scene, density, runs) in inputs.study.iter().flat_map(Results::fronts) {
-        text += &format!("\n## Error against time: {} in {}\n", line(density), line(scene));
+        document.heading(&format!("Error against time: {density} in {scene}"));
         let rows = runs.into_iter().map(|run| {
             let errors = [Some(run.errors.relmse.value), Some(run.errors.relmse.standard_error)].map(figure);
             let shown =
                 [seconds(Some(run.seconds.median)), signed_percent(Some(run.errors.bias.value)), figure(run.flip)];
             [&[run.combination.describe()], &errors[..], &shown].concat()
         });
-        text += &table(&["Nothing beats", "relMSE", "Standard error", "Time", "Bias", "FLIP"], rows);
+        document.table(&["Nothing beats", "relMSE", "Standard error", "Time", "Bias", "FLIP"], rows);
+    }
+    if let Some(study) = &inputs.study {
+        document.heading("Unbiased renderers");
+        let rows =
+            study.curves.iter().map(curve_row).map(|(place, words, [before, after], error, deviation, bias, flip)| {
+                let shown = [seconds(Some(before)), seconds(Some(after)), figure(Some(error)), figure(Some(deviation))];
+                [vec![words, place], shown.to_vec(), vec![signed_percent(Some(bias)), figure(flip)]].concat()
+            });
+        let columns = ["Renderer", "Scene", "Preparation", "Samples", "relMSE", "Standard error", "Bias", "FLIP"];
+        document.table(&columns, rows);
+    }
+    if let Some(tuning) = &inputs.tuning {
+        document.heading(&format!("Tuning: {}", tuning.file.title));
+        let shown = TuningTable::of(tuning, &inputs.pictures);
+        let rows = shown.rows.into_iter().map(|(name, exposure, train, held_out, relmse, time)| {
+            let figures = [exposure, train, held_out, relmse].map(|value| figure(Some(value)));
+            [vec![name], figures.to_vec(), vec![seconds(Some(time))]].concat()
+        });
+        let columns = ["Light model", "Exposure", "FLIP, training", "FLIP, held out", "relMSE, held out", "Time"];
+        document.table(&columns, rows);
+        let rows = tuning.parameters.iter().map(|(name, value)| vec![name.clone(), figure(Some(*value))]);
+        document.table(&["Tuned parameter", "Value"], rows);
     }
     if let Some(models) = &inputs.models {
-        text += "\n## Density models side by side\n";
+        document.heading("Density models side by side");
         let rows = model_rows(models).into_iter().map(|(what, [first, second])| vec![what.to_owned(), first, second]);
-        text += &table(&["", &line(&models.sides[0].title), &line(&models.sides[1].title)], rows);
+        document.table(&["", &models.sides[0].title, &models.sides[1].title], rows);
         let rows = models.pictures.iter().map(|picture| {
             let shown = [figure(Some(picture.mean_radiance)), seconds(Some(picture.seconds))];
             [vec![picture.light_title.clone(), picture.density.clone()], shown.to_vec()].concat()
         });
-        text += &table(&["Light", "Density", "Mean radiance", "Time"], rows);
+        document.table(&["Light", "Density", "Mean radiance", "Time"], rows);
     }
     if !inputs.left_out.is_empty() {
-        text += "\n## Left out\n";
+        document.heading("Left out");
         let rows = inputs.left_out.iter().map(|item| vec![item.what.clone(), item.why.clone(), item.remedy.clone()]);
-        text += &table(&["What", "Why", "Remedy"], rows);
+        document.table(&["What", "Why", "Remedy"], rows);
     }
-    text
-}
-
-fn table(columns: &[&str], rows: impl Iterator<Item = Vec<String>>) -> String {
-    let mut body = String::new();
-    for row in rows {
-        let cells: Vec<String> = row.iter().map(|cell| line(cell)).collect();
-        body += &format!("| {} |\n", cells.join(" | "));
-    }
-    if body.is_empty() {
-        return body;
-    }
-    format!("\n| {} |\n|{}\n{body}", columns.join(" | "), " --- |".repeat(columns.len()))
-}
-
-/// Text from a file on one line of Markdown, with its markup taken literally.
-fn line(text: &str) -> String {
-    let mut safe = String::new();
-    for letter in text.chars() {
-        match letter {
-            '\n' | '\r' | '\t' => safe.push(' '),
-            '|' | '<' | '>' | '[' | ']' | '`' | '*' | '_' | '\\' | '&' | '#' => {
-                safe.push('\\');
-                safe.push(letter);
-            }
-            _ => safe.push(letter),
-        }
-    }
-    if safe.is_empty() { ABSENT.into() } else { safe }
+    document
 }

@@ -1,15 +1,21 @@
 //! Study files (`*.study.toml`): what is varied, and the runs that follow from it.
 
+use super::curves::PARTS;
 use super::errors::FEWEST_REPLICAS;
-use crate::density;
+use crate::density::{self, Engine};
 use crate::error::{Error, Result};
 use crate::files;
 use crate::integrate::CacheFormat;
-use crate::integrate::engine::EngineJitter;
-use crate::lighting::models;
-use crate::scene::Scene;
+use crate::integrate::engine::{EngineJitter, EngineSettings};
+use crate::lighting::{Variant, models};
+use crate::scene::{self, Scene};
+use glam::{DMat3, DVec3};
+use indexmap::IndexMap;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
+
+/// Most samples of a curve.
+const MOST_SAMPLES: u32 = 1 << 16;
 
 /// The format that this version reads.
 pub const FORMAT: &str = "cloudparity-study/1";
@@ -30,8 +36,27 @@ pub struct StudyFile {
     /// How time is measured.
     #[serde(default)]
     pub timing: Timing,
+    /// Unbiased renderers whose error against time is shown beside the runs'.
+    #[serde(default, skip_serializing_if = "Curves::is_empty")]
+    pub curves: Curves,
     /// What is varied.
     pub axes: Axes,
+}
+
+/// Curves of unbiased renderers, by their samples per pixel.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Curves {
+    /// Samples of path tracing, each a render of its own.
+    pub path: Vec<u32>,
+    /// Most samples of Cycles by density model, a multiple of [`PARTS`]; smaller numbers, down to a [`PARTS`]th, come from the same render.
+    pub cycles: IndexMap<String, u32>,
+}
+
+impl Curves {
+    fn is_empty(&self) -> bool {
+        *self == Self::default()
+    }
 }
 
 /// Path tracing of the same medium, in independent replicas.
@@ -49,6 +74,21 @@ pub struct Truth {
 impl Default for Truth {
     fn default() -> Self {
         Self { samples: 64, replicas: 8, voxels: 128 }
+    }
+}
+
+impl Truth {
+    pub(crate) fn check(&self, place: &str) -> Result<()> {
+        let Self { samples, replicas, voxels } = *self;
+        if samples > 0 && (FEWEST_REPLICAS as u32..=64).contains(&replicas) && (8..=512).contains(&voxels) {
+            return Ok(());
+        }
+        Err(Error::new(
+            format!("{place}, truth"),
+            format!("{samples} samples, {replicas} replicas, {voxels} voxels"),
+            format!("at least 1 sample, {FEWEST_REPLICAS} to 64 replicas, 8 to 512 voxels"),
+            "Correct the file.",
+        ))
     }
 }
 
@@ -91,7 +131,7 @@ pub struct Axes {
     pub jitter: Vec<EngineJitter>,
 }
 
-fn no_cache() -> Vec<CacheAxis> {
+pub(crate) fn no_cache() -> Vec<CacheAxis> {
     vec![CacheAxis { cells: 0, format: CacheFormat::F16 }]
 }
 
@@ -118,6 +158,12 @@ pub struct SceneAxis {
     /// Scattering events beyond the first, instead of the scene's.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub volume_bounces: Option<u32>,
+    /// Azimuth from +x towards +y and elevation, in degrees, from where the suns shine.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sun: Option<[f64; 2]>,
+    /// The same of the camera, which looks at the centre of the volume's bounds from the distance that it has.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub camera: Option<[f64; 2]>,
 }
 
 /// A density cache.
@@ -175,14 +221,7 @@ impl StudyFile {
 
     /// Reads a study from text; `place` names where it stands.
     pub fn parse(text: &str, place: &str) -> Result<Self> {
-        let deserializer = toml::Deserializer::parse(text).map_err(|cause| syntax(text, place, &cause))?;
-        let study: Self = serde_path_to_error::deserialize(deserializer).map_err(|cause| {
-            let path = cause.path().to_string();
-            let inner = cause.into_inner();
-            let mut error = syntax(text, place, &inner);
-            error.place = format!("{}, {path}", error.place);
-            error
-        })?;
+        let study: Self = read_toml(text, place, "docs/studies.md")?;
         study.check(place)?;
         Ok(study)
     }
@@ -197,19 +236,27 @@ impl StudyFile {
         if self.resolution.iter().any(|&side| !(1..=16384).contains(&side)) {
             return wrong("resolution", format!("{:?}", self.resolution), "1 to 16384 pixels per side".into());
         }
-        let Truth { samples, replicas, voxels } = self.truth;
-        if samples == 0 || !(FEWEST_REPLICAS as u32..=64).contains(&replicas) || !(8..=512).contains(&voxels) {
-            let found = format!("{samples} samples, {replicas} replicas, {voxels} voxels");
-            return wrong(
-                "truth",
-                found,
-                format!("at least 1 sample, {FEWEST_REPLICAS} to 64 replicas, 8 to 512 voxels"),
-            );
-        }
+        self.truth.check(place)?;
         if !(1..=100).contains(&self.timing.repeats) {
             return wrong("timing.repeats", self.timing.repeats.to_string(), "1 to 100".into());
         }
         let axes = &self.axes;
+        if let Some(samples) = self.curves.path.iter().find(|samples| !(1..=MOST_SAMPLES).contains(*samples)) {
+            return wrong("curves.path", samples.to_string(), format!("1 to {MOST_SAMPLES} samples"));
+        }
+        for (density, &samples) in &self.curves.cycles {
+            let name = format!("curves.cycles.{density}");
+            if !axes.densities.contains(density) {
+                return wrong(
+                    &name,
+                    format!("\"{density}\""),
+                    format!("one of axes.densities: {}", axes.densities.join(", ")),
+                );
+            }
+            if samples == 0 || !samples.is_multiple_of(PARTS) || samples > MOST_SAMPLES {
+                return wrong(&name, samples.to_string(), format!("a multiple of {PARTS} up to {MOST_SAMPLES}"));
+            }
+        }
         let lengths = [
             ("scenes", axes.scenes.len()),
             ("densities", axes.densities.len()),
@@ -246,35 +293,7 @@ impl StudyFile {
 
     /// The scenes, at the resolution of the study.
     pub fn scenes(&self, folder: &Path) -> Result<Vec<Scene>> {
-        let mut scenes: Vec<Scene> = Vec::new();
-        for axis in &self.axes.scenes {
-            let mut scene = Scene::load(&folder.join(&axis.file))?;
-            self.prepare(axis, &mut scene)?;
-            if scenes.iter().any(|other| other.name == scene.name) {
-                return Err(Error::new(
-                    format!("axes.scenes, {}", axis.file),
-                    format!("a second scene named \"{}\"", scene.name),
-                    "scenes of different names, by which results are told apart",
-                    "Give one of them another name, or take it out.",
-                ));
-            }
-            scenes.push(scene);
-        }
-        Ok(scenes)
-    }
-
-    /// Makes a scene the one that an axis asks for, at the resolution of the study.
-    pub fn prepare(&self, axis: &SceneAxis, scene: &mut Scene) -> Result<()> {
-        axis.set.iter().try_for_each(|assignment| scene.set(assignment))?;
-        if let Some(name) = &axis.name {
-            scene.name.clone_from(name);
-        }
-        if let Some(bounces) = axis.volume_bounces {
-            scene.set_volume_bounces(bounces);
-        }
-        scene.film.resolution = self.resolution;
-        scene.film.resolution_percentage = 100;
-        Ok(())
+        load_scenes(&self.axes.scenes, folder, self.resolution, "axes.scenes")
     }
 
     /// Every combination of the axes, those that mean nothing apart.
@@ -334,7 +353,100 @@ impl StudyFile {
     }
 }
 
+/// The scenes of a list, which have different names, at a resolution; `place` says where the list stands.
+pub fn load_scenes(axes: &[SceneAxis], folder: &Path, resolution: [u32; 2], place: &str) -> Result<Vec<Scene>> {
+    let mut scenes: Vec<Scene> = Vec::new();
+    for axis in axes {
+        let mut scene = Scene::load(&folder.join(&axis.file))?;
+        axis.prepare(&mut scene, resolution)?;
+        if scenes.iter().any(|other| other.name == scene.name) {
+            return Err(Error::new(
+                format!("{place}, {}", axis.file),
+                format!("a second scene named \"{}\"", scene.name),
+                "scenes of different names, by which results are told apart",
+                "Give one of them another name, or take it out.",
+            ));
+        }
+        scenes.push(scene);
+    }
+    Ok(scenes)
+}
+
+impl SceneAxis {
+    /// Makes a scene the one that is asked for, at a resolution.
+    pub fn prepare(&self, scene: &mut Scene, resolution: [u32; 2]) -> Result<()> {
+        self.set.iter().try_for_each(|assignment| scene.set(assignment))?;
+        if let Some(name) = &self.name {
+            scene.name.clone_from(name);
+        }
+        if let Some(bounces) = self.volume_bounces {
+            scene.set_volume_bounces(bounces);
+        }
+        if let Some(angles) = self.sun {
+            let axes = axes_from(angles);
+            for light in &mut scene.lights {
+                put(&mut light.matrix_world, axes, None);
+            }
+        }
+        if let Some(angles) = self.camera {
+            let axes = axes_from(angles);
+            let bounds = &scene.volume.bounds;
+            let [low, high] = [bounds.min, bounds.max].map(|corner| DVec3::from(corner.map(f64::from)));
+            let centre = scene::matrix_to_glam(&scene.volume.matrix_world).transform_point3((low + high) / 2.0);
+            let eye = scene::matrix_to_glam(&scene.camera.matrix_world).transform_point3(DVec3::ZERO);
+            let place = centre + axes.z_axis * eye.distance(centre);
+            put(&mut scene.camera.matrix_world, axes, Some(place));
+        }
+        scene.film.resolution = resolution;
+        scene.film.resolution_percentage = 100;
+        Ok(())
+    }
+}
+
+/// Axes of a camera or light that looks along -z: z points to where it stands, by azimuth and elevation in degrees; x is level.
+fn axes_from([azimuth, elevation]: [f64; 2]) -> DMat3 {
+    let (sine, cosine) = azimuth.to_radians().sin_cos();
+    let (rise, level) = elevation.to_radians().sin_cos();
+    let x = DVec3::new(-sine, cosine, 0.0);
+    let z = DVec3::new(level * cosine, level * sine, rise);
+    DMat3::from_cols(x, z.cross(x), z)
+}
+
+/// Replaces the axes of a matrix and, if there is one, its place.
+fn put(matrix: &mut [[f32; 4]; 4], axes: DMat3, place: Option<DVec3>) {
+    for row in 0..3 {
+        for column in 0..3 {
+            matrix[row][column] = axes.col(column)[row] as f32;
+        }
+        if let Some(place) = place {
+            matrix[row][3] = place[row] as f32;
+        }
+    }
+}
+
 impl Combination {
+    /// The density model's engine of these settings under its own light, with further parameters `NAME=VALUE` of the model.
+    pub fn engine(&self, scene: &Scene, parameters: &[String]) -> Result<Engine> {
+        let model = density::find(&self.density)?;
+        let mut settings = vec![format!("march_steps={}", self.steps), format!("light_steps={}", self.light_steps)];
+        if model.id == density::graph::MODEL.id {
+            let format = match self.cache.format {
+                CacheFormat::F32 => 0,
+                CacheFormat::F16 => 1,
+                CacheFormat::Unorm8 => 2,
+            };
+            settings.push(format!("cache_cells={}", self.cache.cells));
+            settings.push(format!("cache_format={format}"));
+        }
+        settings.extend_from_slice(parameters);
+        model.engine(scene, &model.values(None, &settings)?, Variant::Fixed, 0.0)
+    }
+
+    /// How the engine's picture is made.
+    pub fn picture_settings(&self) -> EngineSettings {
+        EngineSettings { jitter: self.jitter, frame: 0, sub_pixels: self.sub_pixels, god_rays: false }
+    }
+
     /// The settings in words, scene and density left out.
     pub fn describe(&self) -> String {
         let mut text = format!("{}, {} steps, {} light steps", self.light, self.steps, self.light_steps);
@@ -357,14 +469,31 @@ impl Combination {
     }
 }
 
-fn at(error: Error, place: &str, path: &str) -> Error {
+/// An error at a path within a file.
+pub(crate) fn at(error: Error, place: &str, path: &str) -> Error {
     Error { place: format!("{place}, {path}"), ..error }
 }
 
-fn syntax(text: &str, place: &str, cause: &toml::de::Error) -> Error {
-    let line = cause.span().map(|span| text[..span.start.min(text.len())].lines().count().max(1));
-    let place = line.map_or_else(|| place.to_owned(), |line| format!("{place}, line {line}"));
-    Error::new(place, cause.message(), "a study file", "Correct the study file; docs/studies.md describes it.")
+/// Reads TOML; an error has the line and the path of what is wrong, and names the document that describes the format.
+pub(crate) fn read_toml<T: serde::de::DeserializeOwned>(text: &str, place: &str, document: &str) -> Result<T> {
+    let error = |cause: &toml::de::Error, path: Option<String>| {
+        let line = cause.span().map(|span| text[..span.start.min(text.len())].lines().count().max(1));
+        let mut place = line.map_or_else(|| place.to_owned(), |line| format!("{place}, line {line}"));
+        if let Some(path) = path {
+            place += &format!(", {path}");
+        }
+        Error::new(
+            place,
+            cause.message(),
+            "a file of this kind",
+            format!("Correct it; {document} describes the format."),
+        )
+    };
+    let deserializer = toml::Deserializer::parse(text).map_err(|cause| error(&cause, None))?;
+    serde_path_to_error::deserialize(deserializer).map_err(|cause| {
+        let path = cause.path().to_string();
+        error(&cause.into_inner(), Some(path))
+    })
 }
 
 #[cfg(test)]
@@ -405,6 +534,28 @@ mod tests {
     }
 
     #[test]
+    fn suns_and_cameras_stand_where_the_angles_say() {
+        let text = r#"{ file = "x", sun = [90.0, 30.0], camera = [0.0, 0.0] }"#;
+        let axis: SceneAxis =
+            toml::from_str::<IndexMap<String, SceneAxis>>(&format!("scene = {text}")).unwrap()["scene"].clone();
+        let mut scene = Scene::load(Path::new("parity/scenes/clouds-in-daylight.scene.json")).expect("a scene");
+        let before = scene::matrix_to_glam(&scene.camera.matrix_world).w_axis.truncate().length();
+        axis.prepare(&mut scene, [8, 4]).expect("prepared");
+        let light = scene::matrix_to_glam(&scene.lights[0].matrix_world);
+        let towards = DVec3::new(0.0, 30f64.to_radians().cos(), 0.5);
+        assert!((light.z_axis.truncate() - towards).length() < 1e-6, "{light}");
+        let camera = scene::matrix_to_glam(&scene.camera.matrix_world);
+        // The box is centred at the origin: the camera stands on the x axis, level, and looks along -x.
+        assert!((camera.w_axis.truncate() - DVec3::X * before).length() < 1e-5, "{camera}");
+        assert!(
+            (camera.z_axis.truncate() - DVec3::X).length() < 1e-6
+                && (camera.y_axis.truncate() - DVec3::Z).length() < 1e-6
+        );
+        assert!((camera.determinant() - 1.0).abs() < 1e-6, "no mirror");
+        assert_eq!(scene.film.resolution, [8, 4]);
+    }
+
+    #[test]
     fn what_is_wrong_is_named_with_its_place() {
         let error =
             |from: &str, to: &str| StudyFile::parse(&STUDY.replace(from, to), "a.study.toml").expect_err("refused");
@@ -421,5 +572,9 @@ mod tests {
         assert!(error("study/1", "study/2").expected.contains(FORMAT));
         assert!(error("title = \"test\"", "title = ").place.contains("line 3"));
         assert!(error("cells = 32", "cells = 4096").place.contains("axes.caches"));
+        let curves = |text: &str| error("[axes]", &format!("[curves]\n{text}\n[axes]"));
+        assert!(curves("path = [0]").place.contains("curves.path"));
+        assert!(curves("cycles = { graph = 20 }").expected.contains("multiple of 16"));
+        assert!(curves("cycles = { fog = 16 }").expected.contains("perlin-fbm"));
     }
 }

@@ -6,22 +6,24 @@
 //!
 //! Errors and times lead to the settings that nothing beats ([`front`]).
 
+pub mod curves;
 pub mod errors;
 pub mod file;
 pub mod front;
+pub mod truth;
 
 use crate::blender::{self, Kernel};
 use crate::compare;
-use crate::density::{self, Engine, comparison};
+use crate::density::Engine;
 use crate::error::{Error, Result};
 use crate::files;
 use crate::image::Image;
-use crate::integrate::engine::{self, EngineSettings};
-use crate::integrate::path::{self, PathSettings};
-use crate::integrate::{Backend, CacheFormat, Progress};
-use crate::lighting::{Variant, models};
+use crate::integrate::engine;
+use crate::integrate::{Backend, Progress};
+use crate::lighting::models;
 use crate::scene::Scene;
 use cpu_time::ProcessTime;
+use curves::{CurvePoint, MissingCurve, Renderer};
 use errors::Errors;
 use file::{Combination, Skipped, StudyFile};
 use front::Metric;
@@ -30,6 +32,7 @@ use serde_json::json;
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
+use truth::TruthRecord;
 
 /// Format of a study's folder.
 pub const FORMAT: &str = "cloudparity-study-results/1";
@@ -105,23 +108,6 @@ impl Measured {
     }
 }
 
-/// The truth of a density in a scene.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct TruthRecord {
-    /// Hash of all that it depends on.
-    pub id: String,
-    /// Name of the scene.
-    pub scene: String,
-    /// Hash of the scene, at the resolution of the study.
-    pub scene_sha256: String,
-    /// Density model.
-    pub density: String,
-    /// Processor time of all replicas.
-    pub seconds: f64,
-    /// Files of the replicas, relative to the folder.
-    pub replicas: Vec<String>,
-}
-
 /// Everything that a study found: `results.json`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Results {
@@ -137,6 +123,12 @@ pub struct Results {
     pub truths: Vec<TruthRecord>,
     /// Runs, cheapest first.
     pub runs: Vec<Measured>,
+    /// Unbiased renderers' error against time, by samples.
+    #[serde(default)]
+    pub curves: Vec<CurvePoint>,
+    /// Curves that could not be made, with the reason.
+    #[serde(default)]
+    pub missing_curves: Vec<MissingCurve>,
     /// Combinations that were left out, with the reason.
     pub skipped: Vec<Skipped>,
 }
@@ -159,25 +151,70 @@ impl Study {
         self.scenes.iter().find(|scene| scene.name == name).expect("combinations are of the study's scenes")
     }
 
+    /// Renders what errors are measured against, and what takes longest: truths, and Cycles' pictures. What is there already is left
+    /// alone; an interrupted truth goes on with the replicas that are missing. Says how long each truth took.
+    pub fn prepare(&self, folder: &Path, progress: Progress<'_>) -> Result<Vec<TruthRecord>> {
+        check_folder(folder)?;
+        let _lock = files::Lock::take(folder)?;
+        let places = self.places();
+        let mut records = Vec::new();
+        for (index, combination) in places.iter().enumerate() {
+            let (scene, density) = (self.scene(&combination.scene), combination.density.as_str());
+            // What has no engine has no runs, and needs no truth.
+            if self.engine(scene, combination).is_err() {
+                continue;
+            }
+            let report = |done: f64, what: &str| progress((index as f64 + done) / places.len() as f64, what);
+            let id = self.file.truth.id(scene, density, SEED);
+            records.push(self.file.truth.replicas(scene, density, &id, SEED, folder, &report)?.0);
+            if self.file.curves.cycles.contains_key(density)
+                && let Err(error) = self.cycles_picture(scene, density, &report)
+            {
+                eprintln!("warning: the curve of Cycles is left out: {error}");
+            }
+        }
+        Ok(records)
+    }
+
+    /// A combination of each scene and density, in the order of the axes.
+    fn places(&self) -> Vec<&Combination> {
+        let mut places: Vec<&Combination> = Vec::new();
+        for scene in &self.scenes {
+            for density in &self.file.axes.densities {
+                let is_here = |one: &&Combination| one.scene == scene.name && one.density == *density;
+                places.extend(self.wanted.iter().find(is_here));
+            }
+        }
+        places
+    }
+
     /// Measures what is missing in a folder, and sums up.
     pub fn run(&self, folder: &Path, progress: Progress<'_>) -> Result<Results> {
         check_folder(folder)?;
+        let _lock = files::Lock::take(folder)?;
         let mut truths: HashMap<String, (TruthRecord, Option<Vec<Image>>)> = HashMap::new();
         let mut runs = Vec::with_capacity(self.wanted.len());
         let mut skipped = self.skipped.clone();
         for (index, combination) in self.wanted.iter().enumerate() {
             let done = index as f64 / self.wanted.len() as f64;
             let scene = self.scene(&combination.scene);
-            let truth_id = self.truth_id(scene, &combination.density, SEED);
+            let truth_id = self.file.truth.id(scene, &combination.density, SEED);
             let id = self.run_id(combination, &truth_id);
             let record = folder.join("runs").join(format!("{id}.json"));
             if let Some(found) = read_record::<Measured>(&record)? {
                 let is_known = truths.contains_key(&truth_id);
                 if !is_known {
-                    let entry = match truth_record(scene, &combination.density, &truth_id, folder)? {
+                    let entry = match truth::record(scene, &combination.density, &truth_id, folder)? {
                         Some(record) => (record, None),
                         None => {
-                            let (record, images) = self.truth(scene, &combination.density, &truth_id, SEED, folder)?;
+                            let (record, images) = self.file.truth.replicas(
+                                scene,
+                                &combination.density,
+                                &truth_id,
+                                SEED,
+                                folder,
+                                progress,
+                            )?;
                             (record, Some(images))
                         }
                     };
@@ -196,8 +233,8 @@ impl Study {
             let entry = match truths.remove(&truth_id) {
                 Some((record, Some(images))) => (record, images),
                 _ => {
-                    progress(done, &format!("truth of {} in {}", combination.density, scene.name));
-                    self.truth(scene, &combination.density, &truth_id, SEED, folder)?
+                    let report = |_: f64, what: &str| progress(done, what);
+                    self.file.truth.replicas(scene, &combination.density, &truth_id, SEED, folder, &report)?
                 }
             };
             progress(done, &format!("run {} of {}", index + 1, self.wanted.len()));
@@ -223,6 +260,7 @@ impl Study {
         }
         let mut truths: Vec<TruthRecord> = truths.into_values().map(|(record, _)| record).collect();
         truths.sort_by(|a, b| (&a.scene, &a.density).cmp(&(&b.scene, &b.density)));
+        let (curves, missing_curves) = self.curves(&truths, folder, progress)?;
         let mut results = Results {
             format: FORMAT.into(),
             version: env!("CARGO_PKG_VERSION").into(),
@@ -230,6 +268,8 @@ impl Study {
             machine: machine(),
             truths,
             runs,
+            curves,
+            missing_curves,
             skipped,
         };
         results.write(folder)?;
@@ -240,29 +280,50 @@ impl Study {
         Ok(results)
     }
 
+    /// The curves of unbiased renderers, and those that could not be made: Cycles' need bpy where the cache has no picture.
+    fn curves(
+        &self,
+        truths: &[TruthRecord],
+        folder: &Path,
+        progress: Progress<'_>,
+    ) -> Result<(Vec<CurvePoint>, Vec<MissingCurve>)> {
+        let (mut points, mut missing) = (Vec::new(), Vec::new());
+        for record in truths {
+            let scene = self.scene(&record.scene);
+            let place = curves::Place { scene, density: &record.density, truth: record };
+            let mut images = None;
+            let mut truth = || -> Result<Vec<Image>> {
+                if images.is_none() {
+                    images = Some(record.read(folder)?);
+                }
+                Ok(images.clone().unwrap_or_default())
+            };
+            progress(1.0, &format!("path tracing of {} in {}", record.density, record.scene));
+            points.extend(self.path_curve(&place, folder, &mut truth)?);
+            match self.cycles_curve(&place, folder, &mut truth, progress) {
+                Ok(found) => points.extend(found),
+                Err(error) => missing.push(MissingCurve {
+                    renderer: Renderer::Cycles,
+                    scene: record.scene.clone(),
+                    density: record.density.clone(),
+                    reason: error.to_string(),
+                }),
+            }
+        }
+        Ok((points, missing))
+    }
+
     /// The engine of a combination, and the processor time that it took to make it.
     fn engine(&self, scene: &Scene, combination: &Combination) -> Result<(Engine, f64)> {
-        let model = density::find(&combination.density)?;
-        let mut settings =
-            vec![format!("march_steps={}", combination.steps), format!("light_steps={}", combination.light_steps)];
-        if model.id == density::graph::MODEL.id {
-            let format = match combination.cache.format {
-                CacheFormat::F32 => 0,
-                CacheFormat::F16 => 1,
-                CacheFormat::Unorm8 => 2,
-            };
-            settings.push(format!("cache_cells={}", combination.cache.cells));
-            settings.push(format!("cache_format={format}"));
-        }
         let begin = ProcessTime::now();
-        let mut engine = model.engine(scene, &model.values(None, &settings)?, Variant::Fixed, 0.0)?;
+        let mut engine = combination.engine(scene, &[])?;
         models::find(&combination.light)?.apply(&mut engine.light)?;
         Ok((engine, begin.elapsed().as_secs_f64()))
     }
 
     /// The picture of a combination, the time of repeated renders, and the wall time of the median one.
     fn time(&self, scene: &Scene, engine: &Engine, combination: &Combination) -> Result<(Image, Seconds, f64)> {
-        let settings = engine_settings(combination);
+        let settings = combination.picture_settings();
         let render = || engine::render(scene, engine, &settings, Backend::Cpu, &|_, _| ());
         // The first does not count: memory and caches are cold.
         let image = render()?;
@@ -277,82 +338,35 @@ impl Study {
         Ok((image, Seconds { median, smallest: times[0].0, largest: times[times.len() - 1].0 }, wall_seconds))
     }
 
-    fn truth_id(&self, scene: &Scene, density: &str, seed: u32) -> String {
-        hash(&json!({
-            "version": env!("CARGO_PKG_VERSION"),
-            "scene": scene.content_hash(),
-            "density": density,
-            "truth": self.file.truth,
-            "seed": seed,
-        }))
-    }
-
     fn run_id(&self, combination: &Combination, truth_id: &str) -> String {
         hash(&json!({"combination": combination, "truth": truth_id, "timing": self.file.timing}))
-    }
-
-    /// The truth from its files, or rendered.
-    fn truth(
-        &self,
-        scene: &Scene,
-        density: &str,
-        id: &str,
-        seed: u32,
-        folder: &Path,
-    ) -> Result<(TruthRecord, Vec<Image>)> {
-        if let Some(record) = truth_record(scene, density, id, folder)? {
-            let images = record.replicas.iter().map(|name| Image::read_exr(&folder.join(name)));
-            return Ok((record.clone(), images.collect::<Result<Vec<_>>>()?));
-        }
-        let truth = &self.file.truth;
-        let medium = self.medium(scene, density)?;
-        let settings = PathSettings { samples: truth.samples, ..PathSettings::default() };
-        let seeds: Vec<u32> = (seed..seed + truth.replicas).collect();
-        let begin = ProcessTime::now();
-        let images = path::render_replicas(&medium, &settings, Backend::Cpu, &seeds, &|_, _| ())?;
-        let seconds = begin.elapsed().as_secs_f64();
-        let replicas: Vec<String> = seeds.iter().map(|seed| format!("truth/{id}.seed-{seed}.exr")).collect();
-        for (image, name) in images.iter().zip(&replicas) {
-            image.write_exr(&folder.join(name), false)?;
-        }
-        let record = TruthRecord {
-            id: id.to_owned(),
-            scene: scene.name.clone(),
-            scene_sha256: scene.content_hash(),
-            density: density.to_owned(),
-            seconds,
-            replicas,
-        };
-        files::write_atomically(&truth_path(folder, id), to_json(&record).as_bytes())?;
-        Ok((record, images))
-    }
-
-    /// The scene that path tracing sees: the scene itself, or a grid of a published density.
-    fn medium(&self, scene: &Scene, density: &str) -> Result<Scene> {
-        let model = density::find(density)?;
-        if model.id == density::graph::MODEL.id {
-            return Ok(scene.clone());
-        }
-        let engine = model.engine(scene, &model.values(None, &[])?, Variant::Fixed, 0.0)?;
-        comparison::path_scene(scene, &engine, self.file.truth.voxels)
     }
 
     /// Measures the front of an earlier run again from scratch: new truths, new renders. Each pair of errors has to agree within the
     /// uncertainty that both state.
     pub fn verify(&self, results: &Results, folder: &Path, progress: Progress<'_>) -> Result<Vec<Verified>> {
+        let _lock = files::Lock::take(folder)?;
         let mut found = Vec::new();
         let fronts: Vec<&Measured> = results.fronts().into_iter().flat_map(|(_, _, runs)| runs).collect();
         let mut truths: HashMap<String, Vec<Image>> = HashMap::new();
         for (index, run) in fronts.iter().enumerate() {
             progress(index as f64 / fronts.len() as f64, "front");
             let scene = self.scene(&run.combination.scene);
-            let truth_id = self.truth_id(scene, &run.combination.density, VERIFYING_SEED);
+            let truth_id = self.file.truth.id(scene, &run.combination.density, VERIFYING_SEED);
             if !truths.contains_key(&truth_id) {
-                let (_, images) = self.truth(scene, &run.combination.density, &truth_id, VERIFYING_SEED, folder)?;
+                let report = |_: f64, what: &str| progress(index as f64 / fronts.len() as f64, what);
+                let (_, images) = self.file.truth.replicas(
+                    scene,
+                    &run.combination.density,
+                    &truth_id,
+                    VERIFYING_SEED,
+                    folder,
+                    &report,
+                )?;
                 truths.insert(truth_id.clone(), images);
             }
             let (engine, _) = self.engine(scene, &run.combination)?;
-            let settings = engine_settings(&run.combination);
+            let settings = run.combination.picture_settings();
             let image = engine::render(scene, &engine, &settings, Backend::Cpu, &|_, _| ())?;
             let again = errors::measure(&image, &truths[&truth_id])?;
             found.push(Verified::new(run, again));
@@ -443,9 +457,9 @@ impl Results {
                 steps.to_string(),
                 light_steps.to_string(),
                 cache.cells.to_string(),
-                word(&cache.format),
+                files::word(&cache.format),
                 sub_pixels.to_string(),
-                word(jitter),
+                files::word(jitter),
                 run.seconds.median.to_string(),
                 run.seconds.smallest.to_string(),
                 run.seconds.largest.to_string(),
@@ -481,7 +495,9 @@ impl Results {
             .map(|(scene, density, runs)| {
                 let front: Vec<&str> =
                     front::front(runs.iter().copied(), Metric::Relmse).iter().map(|run| run.id.as_str()).collect();
-                json!({"scene": scene, "density": density, "runs": runs, "front": front})
+                let is_here = |point: &&CurvePoint| point.scene == scene && point.density == density;
+                let curves: Vec<&CurvePoint> = self.curves.iter().filter(is_here).collect();
+                json!({"scene": scene, "density": density, "runs": runs, "front": front, "curves": curves})
             })
             .collect();
         let request = json!({
@@ -490,31 +506,35 @@ impl Results {
         blender::run_script("study_plot.py", &request, Kernel::Default, |_| ()).map(drop)
     }
 
-    /// Computes HDR-FLIP where it is missing, in one run of the script, and keeps it in the runs' files.
+    /// Computes HDR-FLIP where it is missing, in one run of the script, and keeps it in the files of runs and curves.
     fn add_flip(&mut self, folder: &Path) -> Result<()> {
         let truths: HashMap<&str, &TruthRecord> =
             self.truths.iter().map(|record| (record.id.as_str(), record)).collect();
-        let missing: Vec<usize> = (0..self.runs.len()).filter(|&index| self.runs[index].flip.is_none()).collect();
+        let runs = self.runs.iter_mut().map(|run| (&run.picture, &run.truth, &mut run.flip));
+        let points = self.curves.iter_mut().map(|point| (&point.picture, &point.truth, &mut point.flip));
+        let missing: Vec<_> = runs.chain(points).filter(|(.., flip)| flip.is_none()).collect();
         if missing.is_empty() {
             return Ok(());
         }
         let pairs: Vec<serde_json::Value> = missing
             .iter()
-            .map(|&index| {
-                let run = &self.runs[index];
+            .map(|(picture, truth, _)| {
                 let reference: Vec<PathBuf> =
-                    truths[run.truth.as_str()].replicas.iter().map(|name| folder.join(name)).collect();
-                json!({"ours": [folder.join(&run.picture)], "reference": reference})
+                    truths[truth.as_str()].replicas.iter().map(|name| folder.join(name)).collect();
+                json!({"ours": [folder.join(picture)], "reference": reference})
             })
             .collect();
         let request = json!({"op": "flip", "pairs": pairs});
         let found = blender::run_script(compare::SCRIPT, &request, Kernel::Default, |_| ())?;
-        for (position, &index) in missing.iter().enumerate() {
-            self.runs[index].flip = found["means"][position].as_f64();
-            let path = folder.join("runs").join(format!("{}.json", self.runs[index].id));
-            files::write_atomically(&path, to_json(&self.runs[index]).as_bytes())?;
+        let changed: Vec<String> = missing.iter().map(|(picture, ..)| (*picture).clone()).collect();
+        for (position, (.., flip)) in missing.into_iter().enumerate() {
+            *flip = found["means"][position].as_f64();
         }
-        Ok(())
+        for run in self.runs.iter().filter(|run| changed.contains(&run.picture)) {
+            let path = folder.join("runs").join(format!("{}.json", run.id));
+            files::write_atomically(&path, to_json(run).as_bytes())?;
+        }
+        self.curves.iter().filter(|point| changed.contains(&point.picture)).try_for_each(|point| point.write(folder))
     }
 }
 
@@ -531,7 +551,7 @@ fn check_folder(folder: &Path) -> Result<()> {
         )),
         Some(_) => Ok(()),
         None => {
-            for name in ["runs", "truth", "pictures"] {
+            for name in ["runs", "curves", "truth", "pictures"] {
                 let path = folder.join(name);
                 std::fs::create_dir_all(&path).map_err(|cause| Error::io(&path, "a folder for results", &cause))?;
             }
@@ -541,7 +561,7 @@ fn check_folder(folder: &Path) -> Result<()> {
 }
 
 /// A file that this program wrote; `None` where it is not there.
-fn read_record<T: serde::de::DeserializeOwned>(path: &Path) -> Result<Option<T>> {
+pub(crate) fn read_record<T: serde::de::DeserializeOwned>(path: &Path) -> Result<Option<T>> {
     if !path.exists() {
         return Ok(None);
     }
@@ -556,45 +576,17 @@ fn read_record<T: serde::de::DeserializeOwned>(path: &Path) -> Result<Option<T>>
     })
 }
 
-fn to_json(value: &impl Serialize) -> String {
+pub(crate) fn to_json(value: &impl Serialize) -> String {
     serde_json::to_string_pretty(value).expect("records serialise") + "\n"
 }
 
-/// An enumeration's value as a word.
-fn word(value: &impl Serialize) -> String {
-    serde_json::to_value(value).ok().and_then(|value| value.as_str().map(str::to_owned)).unwrap_or_default()
-}
-
-fn engine_settings(combination: &Combination) -> EngineSettings {
-    EngineSettings { jitter: combination.jitter, frame: 0, sub_pixels: combination.sub_pixels, god_rays: false }
-}
-
-fn truth_path(folder: &Path, id: &str) -> PathBuf {
-    folder.join("truth").join(format!("{id}.json"))
-}
-
-/// The record of a truth, if it is there. One of another scene or density is refused.
-fn truth_record(scene: &Scene, density: &str, id: &str, folder: &Path) -> Result<Option<TruthRecord>> {
-    let path = truth_path(folder, id);
-    let Some(record) = read_record::<TruthRecord>(&path)? else { return Ok(None) };
-    if record.scene_sha256 != scene.content_hash() || record.density != density {
-        return Err(Error::new(
-            path.display().to_string(),
-            format!("the truth of {} in a scene with the hash {}", record.density, record.scene_sha256),
-            format!("that of {density} in {}, {}", scene.name, scene.content_hash()),
-            "Remove the file: the truth is rendered again.",
-        ));
-    }
-    Ok(Some(record))
-}
-
 /// A short name for a value.
-fn hash(value: &serde_json::Value) -> String {
+pub(crate) fn hash(value: &serde_json::Value) -> String {
     files::sha256(value.to_string().as_bytes())[..16].to_owned()
 }
 
 /// What does the work.
-fn machine() -> String {
+pub(crate) fn machine() -> String {
     let threads = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
     format!("{} {}, {threads} threads", std::env::consts::OS, std::env::consts::ARCH)
 }
@@ -603,6 +595,7 @@ fn machine() -> String {
 mod tests {
     use super::file::CacheAxis;
     use super::*;
+    use crate::integrate::CacheFormat;
     use crate::integrate::engine::EngineJitter;
     use errors::Uncertain;
 

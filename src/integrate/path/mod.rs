@@ -187,13 +187,30 @@ pub fn render_replicas(
     seeds: &[u32],
     progress: Report<'_>,
 ) -> Result<Vec<Image>> {
+    let mut images = Vec::with_capacity(seeds.len());
+    render_each(scene, settings, backend, seeds, progress, &mut |_, image| {
+        images.push(image);
+        Ok(())
+    })?;
+    Ok(images)
+}
+
+/// [`render_replicas`] that hands over each picture, with its seed, as soon as it is there.
+pub fn render_each(
+    scene: &Scene,
+    settings: &PathSettings,
+    backend: Backend,
+    seeds: &[u32],
+    progress: Report<'_>,
+    receive: &mut dyn FnMut(u32, Image) -> Result<()>,
+) -> Result<()> {
     let prepared = Prepared::new(scene, settings, backend, progress)?;
     let count = seeds.len() as f64;
-    let replica = |(number, &seed): (usize, &u32)| {
+    for (number, &seed) in seeds.iter().enumerate() {
         let report = |done: f64, what: &str| progress((number as f64 + done) / count, what);
-        prepared.render(scene, &PathSettings { seed, ..settings.clone() }, None, &report)
-    };
-    seeds.iter().enumerate().map(replica).collect()
+        receive(seed, prepared.render(scene, &PathSettings { seed, ..settings.clone() }, None, &report)?)?;
+    }
+    Ok(())
 }
 
 /// What all pictures of a scene share, whatever their seed.

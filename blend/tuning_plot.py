@@ -1,0 +1,83 @@
+"""Before and after a tuning: held-out views by path tracing, by the published light model, and tuned.
+
+Request: `title`, `before` (name of the published light model), `views` (view, truth: replicas, before, after:
+EXRs), `history` (least and median error of each generation), `objective`, `svg`, `png` and `pdf`. A row is a
+view: the truth, both pictures through one display transform, and both HDR-FLIP maps on one scale. Below is
+the search.
+"""
+
+import matplotlib.colors
+import numpy as np
+
+import display_picture
+import false_colour
+import image_metrics
+import plots
+import protocol
+
+BLOCK = 16  # of image_metrics' local means, which are not used here
+LARGEST_FLIP = 0.4  # of the maps' scale
+
+
+def draw(request, messages):
+    """Draw the figure and write it as SVG, PNG and PDF; return the names of the files."""
+    return plots.save(_figure(request), request, ("svg", "png", "pdf"))
+
+
+def _figure(request):
+    pyplot = plots.pyplot()
+    views = request["views"]
+    if not views:
+        raise protocol.InputError("views", "no views", "at least one held-out view", "run the tuning")
+    display = display_picture.Display("AgX", "None", 0.0, 1.0)
+    colours = matplotlib.colors.ListedColormap(false_colour.SEQUENTIAL / 255.0)
+    first = _read(views[0]["truth"])
+    height = 2 * plots.WIDTH / 5 * first.shape[0] / first.shape[1] + 0.25
+    figure = pyplot.figure(figsize=(2 * plots.WIDTH, height * len(views) + 2.4), layout="constrained")
+    top, bottom = figure.subfigures(2, 1, height_ratios=[height * len(views) + 0.3, 2.0])
+    axes = top.subplots(len(views), 5, squeeze=False)
+    image = None
+    for row, view in zip(axes, views, strict=True):
+        truth = _read(view["truth"])
+        before, after = _read([view["before"]]), _read([view["after"]])
+        for axis, picture in zip(row[:3], (truth, before, after), strict=True):
+            axis.imshow(display.apply(picture), interpolation="nearest")
+        for axis, picture in zip(row[3:], (before, after), strict=True):
+            figures, errors = image_metrics.hdr_flip(picture, truth)
+            image = axis.imshow(errors, cmap=colours, vmin=0, vmax=LARGEST_FLIP, interpolation="nearest")
+            axis.set_xlabel(f"mean {figures['mean']:.3f}", fontsize=6, labelpad=1)
+        row[0].set_xlabel(view["view"], fontsize=6, labelpad=1)
+        for axis in row:
+            axis.set_xticks([])
+            axis.set_yticks([])
+    titles = ("path tracing", f"{request['before']}, exposed", "tuned", "HDR-FLIP before", "HDR-FLIP after")
+    for axis, title in zip(axes[0], titles, strict=True):
+        axis.set_title(title, fontsize=7)
+    top.colorbar(image, ax=axes[:, 3:], shrink=0.5, aspect=30, pad=0.01).ax.tick_params(labelsize=6)
+    _search(bottom.subplots(), request)
+    figure.suptitle(request["title"], fontsize=9)
+    return figure
+
+
+def _search(axis, request):
+    history = np.array(request["history"], float)
+    generations = np.arange(1, len(history) + 1)
+    name = {"flip": "HDR-FLIP", "relmse": "relMSE"}[request["objective"]]
+    axis.plot(generations, np.minimum.accumulate(history[:, 0]), "-", color=plots.BLUE, label="least so far")
+    axis.plot(generations, history[:, 1], ".", color=plots.ORANGE, label="median of a generation")
+    axis.set_xlabel("generation")
+    axis.set_ylabel(f"mean {name}, training views")
+    axis.grid(True, linewidth=0.3, color="0.85")
+    axis.legend(frameon=False, fontsize=7)
+
+
+def _read(files):
+    try:
+        side = image_metrics.load_side(list(files), BLOCK, None)
+    except image_metrics.Unreadable as error:
+        raise protocol.InputError("views", str(error), "readable scene-linear EXRs", "give others") from None
+    return side.mean[..., side.indices("colour")]
+
+
+if __name__ == "__main__":
+    protocol.serve("tuning_plot.py", draw, needs_bpy=False)

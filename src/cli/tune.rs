@@ -1,0 +1,67 @@
+//! `cloudparity tune`: an engine's parameters fitted to path tracing.
+
+use crate::error::Result;
+use crate::tuning::{Outcome, Scored, Tuning};
+use std::fmt::Write as _;
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+/// Fit an engine's free parameters to path tracing on some views, and judge them on others.
+///
+/// CMA-ES lowers the error of the training views of a tuning file. Published light models, their exposure matched to the same views, are what
+/// the result is compared with. Writes tuning.json, tuned.preset.json (for `engine --preset` and `render --preset`) and the figure
+/// before and after (tuning.svg, .png, .pdf). An interrupted search goes on where it stopped.
+#[derive(clap::Args)]
+pub(super) struct Arguments {
+    /// The tuning file (*.tune.toml).
+    file: PathBuf,
+    /// The folder for the results.
+    #[arg(short, long, value_name = "DIR")]
+    output: PathBuf,
+}
+
+pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
+    let tuning = Tuning::load(&arguments.file)?;
+    let bar = super::progress_bar(1000);
+    let progress = |done: f64, what: &str| {
+        bar.set_position((done * 1000.0) as u64);
+        bar.set_message(what.to_owned());
+    };
+    let outcome = tuning.run(&arguments.output, &progress)?;
+    bar.finish_and_clear();
+    super::print(&summary(&outcome))?;
+    outcome.draw(&arguments.output)?;
+    Ok(ExitCode::SUCCESS)
+}
+
+fn summary(outcome: &Outcome) -> String {
+    let mut text = String::new();
+    let mut line = |scored: &Scored| {
+        writeln!(
+            text,
+            "{:<14} exposure {:.3}: FLIP {:.4} in training, {:.4} held out; relMSE {:.4}, {:.4}; {:.2} ms",
+            scored.name,
+            scored.exposure,
+            Scored::mean_flip(&scored.train),
+            Scored::mean_flip(&scored.held_out),
+            Scored::mean_relmse(&scored.train),
+            Scored::mean_relmse(&scored.held_out),
+            1e3 * scored.seconds,
+        )
+        .expect("writing to a string cannot fail");
+    };
+    outcome.published.iter().for_each(&mut line);
+    line(&outcome.tuned);
+    for (name, value) in &outcome.parameters {
+        text += &format!("  {name} = {value:.6}\n");
+    }
+    text += &format!(
+        "{} evaluations (stopped by {}), held-out FLIP {:.1} % lower than {}; noise of the truths {:.4}\n",
+        outcome.evaluations,
+        outcome.stopped.join(", "),
+        100.0 * outcome.improvement(),
+        outcome.published[0].name,
+        outcome.noise_flip,
+    );
+    text
+}

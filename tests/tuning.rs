@@ -1,0 +1,151 @@
+//! Tuning: a known answer is found, an interrupted search goes on, a preset renders what was judged, bad input is refused.
+
+mod support;
+
+use assert_cmd::cargo::cargo_bin_cmd;
+use cloudparity::image::Image;
+use cloudparity::tuning::{Outcome, Scored, Tuning};
+use std::path::{Path, PathBuf};
+
+/// A ramp under single scattering, for which an engine of many steps is right at exposure 1.
+fn tuning_file(folder: &Path, generations: u32) -> PathBuf {
+    let mut scene = support::scene("linear-ramp");
+    scene.set_volume_bounces(0);
+    std::fs::write(folder.join("ramp.scene.json"), serde_json::to_string(&scene).expect("JSON")).expect("written");
+    let path = folder.join("ramp.tune.toml");
+    let text = format!(
+        r#"
+        format = "cloudparity-tune/1"
+        title = "a ramp"
+        resolution = [16, 9]
+        train = [{{ file = "ramp.scene.json", name = "as it is" }}]
+        held_out = [{{ file = "ramp.scene.json", name = "another sun", sun = [200, 40] }}]
+        [truth]
+        samples = 256
+        replicas = 6
+        [engine]
+        density = "graph"
+        light = "single"
+        steps = 32
+        light_steps = 16
+        sub_pixels = 2
+        [search]
+        seed = 5
+        population = 6
+        generations = {generations}
+        [parameters]
+        exposure = {{ range = [0.25, 4.0], logarithmic = true, initial = 2.5 }}
+        ambient_bottom = {{ range = [0.5, 1.5], initial = 0.6 }}
+        "#
+    );
+    std::fs::write(&path, text).expect("written");
+    path
+}
+
+fn run(path: &Path, folder: &Path) -> Outcome {
+    Tuning::load(path).expect("a tuning").run(folder, &|_, _| ()).expect("an outcome")
+}
+
+#[test]
+fn a_search_finds_a_known_answer_goes_on_and_its_preset_renders_it() {
+    if !support::require("cma") {
+        return;
+    }
+    let folder = tempfile::tempdir().expect("a folder");
+    let output = folder.path().join("out");
+    // A search that was cut off after three generations, and went on.
+    run(&tuning_file(folder.path(), 3), &folder.path().join("short"));
+    let whole = run(&tuning_file(folder.path(), 12), &output);
+    for generation in 0..3 {
+        let name = format!("search/{generation:04}.json");
+        let [short, long] =
+            ["short", "out"].map(|run| std::fs::read(folder.path().join(run).join(&name)).expect("kept"));
+        assert_eq!(short, long, "a search is determined by its seed: {name}");
+    }
+    let before = std::fs::read(output.join("search/0000.json")).expect("kept");
+    std::fs::remove_file(output.join("search/0011.json")).expect("the last generation is lost");
+    let again = run(&tuning_file(folder.path(), 12), &output);
+    assert_eq!(std::fs::read(output.join("search/0000.json")).expect("kept"), before);
+    assert_eq!(again.parameters, whole.parameters);
+    assert_eq!(again.history, whole.history);
+
+    // The engine is right within the light that its rays leave out, at most 1 %; HDR-FLIP is flat where noise is all.
+    let exposure = whole.parameters["exposure"];
+    assert!((exposure - 1.0).abs() < 0.05, "{exposure}");
+    let least: Vec<f64> = whole.history.iter().map(|generation| generation[0]).collect();
+    assert!(least[11] < 0.5 * least[0], "{least:?}");
+    let single = whole.published.iter().find(|scored| scored.name == "single").expect("single scattering is published");
+    assert!((single.exposure - 1.0).abs() < 0.05, "{}", single.exposure);
+    assert!(Scored::mean_flip(&whole.tuned.held_out) < 1.2 * Scored::mean_flip(&single.held_out) + whole.noise_flip);
+    assert!(whole.published.is_sorted_by_key(|scored| (1e9 * Scored::mean_flip(&scored.held_out)) as u64));
+
+    // The preset renders the held-out view that was judged.
+    let mut scene = support::scene("linear-ramp");
+    scene.set_volume_bounces(0);
+    let axis = &whole.file.held_out[0];
+    axis.prepare(&mut scene, [16, 9]).expect("prepared");
+    let view = folder.path().join("view.scene.json");
+    std::fs::write(&view, serde_json::to_string(&scene).expect("JSON")).expect("written");
+    let picture = folder.path().join("preset.exr");
+    for command in ["engine", "render"] {
+        cargo_bin_cmd!("cloudparity")
+            .arg(command)
+            .arg(&view)
+            .arg("--preset")
+            .arg(output.join("tuned.preset.json"))
+            .arg("-o")
+            .arg(&picture)
+            .assert()
+            .success();
+        let ours = Image::read_exr(&picture).expect("a picture");
+        let judged = Image::read_exr(&output.join(&whole.tuned.held_out[0].picture)).expect("a picture");
+        assert_eq!(ours.pixels, judged.pixels, "{command}");
+    }
+}
+
+#[test]
+fn what_does_not_fit_is_refused() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = tuning_file(folder.path(), 2);
+    let said = |arguments: &[&str]| {
+        let mut command = cargo_bin_cmd!("cloudparity");
+        let found = command.args(arguments).assert().code(2).get_output().clone();
+        String::from_utf8(found.stderr).expect("text")
+    };
+    let (file, out) = (path.to_str().expect("a name"), folder.path().join("out"));
+    let out = out.to_str().expect("a name");
+    let text = std::fs::read_to_string(&path).expect("a file");
+    let broken = folder.path().join("broken.tune.toml");
+    for (from, to, place) in [
+        ("light = \"single\"", "light = \"moon\"", "octaves-deep"),
+        ("exposure =", "exposures =", "contribution"),
+        ("name = \"another sun\"", "name = \"as it is\"", "held_out"),
+        ("ramp.scene.json\", name = \"another", "none.scene.json\", name = \"another", "none.scene.json"),
+    ] {
+        assert!(text.contains(from), "{from}");
+        std::fs::write(&broken, text.replace(from, to)).expect("written");
+        let error = said(&["tune", broken.to_str().expect("a name"), "-o", out]);
+        assert!(error.contains(place), "{error}");
+    }
+    // The folder of another tuning.
+    std::fs::create_dir_all(out).expect("a folder");
+    std::fs::write(Path::new(out).join("tune.json"), "{}").expect("written");
+    assert!(said(&["tune", file, "-o", out]).contains("another folder"));
+    // Presets of another format, with a field too many, with a parameter that is not there.
+    let scene = support::project("parity/scenes/linear-ramp.scene.json");
+    let preset = folder.path().join("a.preset.json");
+    let good = r#"{"format": "cloudparity-preset/1", "title": "", "parameters": {},
+        "engine": {"density": "graph", "light": "single", "steps": 4, "light_steps": 2}}"#;
+    for (from, to, place) in [
+        ("preset/1", "preset/9", "$.format"),
+        ("\"title\"", "\"titel\"", "titel"),
+        ("{},", "{\"shine\": 1},", "contribution"),
+        ("\"single\"", "\"moon\"", "octaves-deep"),
+    ] {
+        std::fs::write(&preset, good.replace(from, to)).expect("written");
+        let arguments =
+            ["engine", scene.to_str().expect("a name"), "--preset", preset.to_str().expect("a name"), "-o", "none.exr"];
+        let error = said(&arguments);
+        assert!(error.contains(place), "{error}");
+    }
+}
