@@ -423,13 +423,14 @@ def read_models(folder):
 
 
 def read_probes(folder):
-    """The comparisons with live Cycles in probe.json, as `cloudparity probe --json` writes them.
+    """The comparisons with live Cycles in probe.json, as `cloudparity probe` or `demo` write them.
 
     A list of objects; None where the folder has none.
     """
-    return _optional(
+    found = _optional(
         Path(folder) / "probe.json", "cloudparity probe SCENE --evaluator all -o FOLDER/probe.json"
     )
+    return [found] if isinstance(found, dict) else found
 
 
 def read_modes(folder):
