@@ -26,8 +26,9 @@ from study_reader import ReadError, read_models, read_study  # noqa: E402
 NOTEBOOKS = ROOT / "notebooks"
 SCENE = ROOT / "parity" / "scenes" / "clouds-in-daylight.scene.json"
 HAS_BPY = IS_BPY_REQUIRED or find_spec("bpy") is not None
-# Seconds for a cell: the slowest takes two on an idle machine.
-TIMEOUT = 300
+# Seconds for a cell, and for a kernel to start. Either takes a few; on a busy machine it may be minutes. This
+# only ends what hangs.
+TIMEOUT = 1800
 
 # Small, and yet with everything that a study can hold: two densities, light models that differ, fronts with
 # several runs, combinations that are left out. Each run costs a second of preparation at any resolution.
@@ -99,7 +100,8 @@ def execute(monkeypatch, tmp_path):
             monkeypatch.setenv(key, str(value))
         notebook = nbformat.read(NOTEBOOKS / name, as_version=4)
         place = {"metadata": {"path": str(NOTEBOOKS)}}
-        nbclient.NotebookClient(notebook, timeout=TIMEOUT, kernel_name="python3", resources=place).execute()
+        limits = {"timeout": TIMEOUT, "startup_timeout": TIMEOUT}
+        nbclient.NotebookClient(notebook, kernel_name="python3", resources=place, **limits).execute()
         outputs = [output for cell in notebook.cells for output in cell.get("outputs", [])]
         assert not [output for output in outputs if output.output_type == "error"]
         warnings = [output.text for output in outputs if output.get("name") == "stderr"]
