@@ -141,3 +141,14 @@ def principled_nodes(inputs):
 def absorbing_nodes(density):
     """A graph that only absorbs, sigma_t = `density`: a number or a link."""
     return principled_nodes({"Color": [0.0, 0.0, 0.0, 1.0], "Density": density})
+
+
+def built_program():
+    """The program as `cargo build --release` leaves it; tests of Rust run before these and build it."""
+    target = os.environ.get("CARGO_TARGET_DIR", "target")
+    path = ROOT / os.environ.get("CLOUDPARITY_PROGRAM", f"{target}/release/cloudparity")
+    if not path.exists():
+        message = f"{path} is not built; CLOUDPARITY_PROGRAM names another"
+        assert not os.environ.get("CLOUDPARITY_REQUIRE"), message
+        pytest.skip(message)
+    return path

@@ -9,7 +9,7 @@ import sys
 
 import pytest
 
-from blend_support import ROOT
+from blend_support import ROOT, built_program
 
 oiio = pytest.importorskip("OpenImageIO")
 
@@ -35,13 +35,8 @@ PATHS = [
 
 @pytest.fixture
 def program():
-    """The program as `cargo build --release` leaves it; tests of Rust run before these and build it."""
-    target = os.environ.get("CARGO_TARGET_DIR", "target")
-    path = ROOT / os.environ.get("CLOUDPARITY_PROGRAM", f"{target}/release/cloudparity")
-    if not path.exists():
-        message = f"{path} is not built; CLOUDPARITY_PROGRAM names another"
-        assert not os.environ.get("CLOUDPARITY_REQUIRE"), message
-        pytest.skip(message)
+    """Runs a command of the program."""
+    path = built_program()
 
     def run(*arguments):
         environment = os.environ | {"CLOUDPARITY_PYTHON": sys.executable}
