@@ -52,6 +52,7 @@ fn summary(outcome: &Outcome) -> String {
     };
     outcome.published.iter().for_each(&mut line);
     line(&outcome.tuned);
+    line(&outcome.finer);
     for (name, value) in &outcome.parameters {
         text += &format!("  {name} = {value:.6}\n");
     }

@@ -408,7 +408,10 @@ fn grid_scene(
     let strength = largest / side / length_scale(&medium.volume);
     let tint = extinction.map(|channel| channel / largest);
     let colour = |part: &dyn Fn(f64) -> f64| [part(tint[0]), part(tint[1]), part(tint[2]), 1.0];
-    let node = |name: &str, kind: &str, properties: serde_json::Value, inputs: serde_json::Value| json!({"name": name, "type": kind, "properties": properties, "inputs": inputs});
+    let node = |name: &str, kind: &str, properties: serde_json::Value, inputs: serde_json::Value| {
+        // Blender's builder places every node.
+        json!({"name": name, "type": kind, "location": [0.0, 0.0], "properties": properties, "inputs": inputs})
+    };
     let link = |node: &str, socket: &str| json!({"node": node, "socket": socket});
     let scaled = |name: &str, factor: f64| {
         let inputs = json!({"Value": link("Attribute", "Fac"), "Value_001": factor});

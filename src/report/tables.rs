@@ -124,7 +124,7 @@ impl<'a> TuningTable<'a> {
                 scored.seconds,
             )
         };
-        let rows = found.published.iter().chain(std::iter::once(&found.tuned)).map(row).collect();
+        let rows = found.published.iter().chain([&found.tuned, &found.finer]).map(row).collect();
         Self { found, figure: pictures.get(TUNING_FIGURE), rows, improvement: found.improvement() }
     }
 }

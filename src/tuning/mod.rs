@@ -40,6 +40,9 @@ const SEED: u32 = 9000;
 /// Timed renders of a view; their median counts.
 const REPEATS: usize = 3;
 
+/// Factor on steps, light steps and rays per axis of the picture that shows what sampling makes of the error.
+const FINER: u32 = 3;
+
 /// How far a candidate that is made again may be from the one that was kept: what writing a number in decimals leaves.
 const SAME: f64 = 1e-12;
 
@@ -126,6 +129,9 @@ pub struct Outcome {
     pub published: Vec<Scored>,
     /// The tuned engine.
     pub tuned: Scored,
+    /// The tuned parameters at a higher quality: [`FINER`] times the steps and light steps, and as many rays per pixel and axis. What its error
+    /// still is, the light model cannot express.
+    pub finer: Scored,
     /// Its parameters.
     pub parameters: IndexMap<String, f64>,
 }
@@ -195,6 +201,7 @@ impl Tuning {
         }
         published.sort_by(|a, b| Scored::mean_flip(&a.held_out).total_cmp(&Scored::mean_flip(&b.held_out)));
         let tuned = self.score(folder, &mut views, "tuned", &self.file.engine.light, &best, &mut conversation)?;
+        let finer = self.finer().score_anew(folder, &mut views, &best, &mut conversation)?;
         let outcome = Outcome {
             format: FORMAT.into(),
             version: env!("CARGO_PKG_VERSION").into(),
@@ -208,6 +215,7 @@ impl Tuning {
             noise_flip,
             published,
             tuned,
+            finer,
             parameters: best,
         };
         files::write_atomically(&folder.join("tuning.json"), to_json(&outcome).as_bytes())?;
@@ -227,6 +235,29 @@ impl Tuning {
 
     fn combination(&self, scene: &Scene) -> Combination {
         self.file.engine.combination(&scene.name)
+    }
+
+    /// The same tuning at a higher quality.
+    fn finer(&self) -> Self {
+        let mut file = self.file.clone();
+        file.engine.steps *= FINER;
+        file.engine.light_steps *= FINER;
+        file.engine.sub_pixels *= FINER;
+        Self { file, train: self.train.clone(), held_out: self.held_out.clone() }
+    }
+
+    /// The score of parameters with engines of this quality.
+    fn score_anew(
+        &self,
+        folder: &Path,
+        views: &mut [View],
+        values: &IndexMap<String, f64>,
+        conversation: &mut Conversation,
+    ) -> Result<Scored> {
+        for view in views.iter_mut() {
+            view.engine = self.combination(&view.scene).engine(&view.scene, &[])?;
+        }
+        self.score(folder, views, "tuned-finer", &self.file.engine.light, values, conversation)
     }
 
     /// The picture of a view by a light model with values of parameters.
