@@ -5,6 +5,7 @@ mod support;
 use cloudparity::image::Image;
 use cloudparity::integrate::convergence::{ConvergenceSettings, measure};
 use cloudparity::integrate::density_cache::CacheReport;
+use cloudparity::integrate::leaving_out;
 use cloudparity::integrate::march::Omission;
 use cloudparity::integrate::{
     self, Backend, CacheFilter, CacheFormat, CacheSettings, Integration, Jitter, LightMode, MarchSettings,
@@ -199,6 +200,29 @@ fn the_adapter_leaves_out_integrates_and_jitters_as_the_cpu_does() {
         let generic = picture(&scene, &MarchSettings { specialise: false, ..base.clone() }, Backend::Gpu);
         // What is left out would add zeros: the same operations on the rest.
         assert_eq!(special.pixels, generic.pixels, "{what}");
+    }
+}
+
+#[test]
+fn what_leaving_out_is_worth_is_measured() {
+    let has_adapter = support::require("vulkan");
+    // Scenes that need little: no light; a constant density; one sun and no world.
+    let mut dark = support::scene("linear-ramp");
+    dark.lights.clear();
+    dark.world.color = [0.0; 3];
+    for (name, scene) in [("dark", dark), ("homogeneous-cube", support::scene("homogeneous-cube"))] {
+        let found = leaving_out::measure(&scene, &coarse(), has_adapter).expect("measured");
+        assert!(!found.left_out.is_empty(), "{name}");
+        if let Some(kernel) = found.specialised {
+            assert!(kernel.spirv_instructions < found.generic.spirv_instructions, "{name}: {found:?}");
+            assert!(kernel.wgsl_bytes < found.generic.wgsl_bytes, "{name}: {found:?}");
+        }
+        assert_eq!(found.races.len(), 1 + usize::from(has_adapter));
+        for race in &found.races {
+            // Products that take the place of a sum of many steps: an ulp of each of some hundred steps. Else the same bits.
+            let sums = found.left_out.contains(&Omission::ViewSteps) || found.left_out.contains(&Omission::Density);
+            assert!(race.largest_ulp <= if sums { 512 } else { 0 }, "{name}: {race:?}");
+        }
     }
 }
 

@@ -133,6 +133,99 @@ fn a_killed_study_goes_on_where_it_stopped() {
     }
 }
 
+/// Files below a folder, by name, with their bytes.
+fn contents(folder: &Path) -> Vec<(PathBuf, Vec<u8>)> {
+    let mut found = Vec::new();
+    for name in ["runs", "truth", "pictures"] {
+        for entry in std::fs::read_dir(folder.join(name)).expect("a folder") {
+            let path = entry.expect("an entry").path();
+            let bytes = std::fs::read(&path).expect("readable");
+            found.push((Path::new(name).join(path.file_name().expect("a name")), bytes));
+        }
+    }
+    found
+}
+
+#[test]
+fn what_was_done_before_the_disk_was_full_is_kept() {
+    if !support::require("unshare") {
+        return;
+    }
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = study_file(folder.path(), "[2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16]");
+    let (disk, kept) = (folder.path().join("disk"), folder.path().join("kept"));
+    std::fs::create_dir(&disk).expect("a folder");
+    // A disk of 200 KiB, which a namespace of its own makes without privileges, and a copy of what it holds in the end.
+    let script = r#"mount -t tmpfs -o size=200k tmpfs "$1" && "$2" study "$3" -o "$1/out"; code=$?; cp -r "$1/out" "$4"; exit $code"#;
+    let found = std::process::Command::new("unshare")
+        .args(["--user", "--map-root-user", "--mount", "sh", "-c", script, "sh"])
+        .args([disk.as_os_str(), env!("CARGO_BIN_EXE_cloudparity").as_ref(), path.as_os_str(), kept.as_os_str()])
+        .output()
+        .expect("it starts");
+    let said = String::from_utf8_lossy(&found.stderr).into_owned();
+    assert_eq!(found.status.code(), Some(2), "{said}");
+    assert!(said.contains("No space left") && said.contains("free space"), "{said}");
+    let before = contents(&kept);
+    let records = before.iter().filter(|(name, _)| name.starts_with("runs")).count();
+    assert!((1..60).contains(&records), "{records} runs before the disk was full");
+    // On a disk with room it goes on: what was there stays as it is, and no half file is among it.
+    let results = run(&path, &kept);
+    assert_eq!(results.runs.len(), 60);
+    let after = contents(&kept);
+    for (name, bytes) in before.iter().filter(|(name, _)| !name.starts_with("runs")) {
+        assert!(after.contains(&(name.clone(), bytes.clone())), "{}", name.display());
+    }
+}
+
+#[test]
+fn a_folder_belongs_to_one_process_at_a_time() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = study_file(folder.path(), "[2]");
+    let output = folder.path().join("out");
+    run(&path, &output);
+    let lock = cloudparity::files::Lock::take(&output).expect("nobody has it");
+    let error = Study::load(&path).expect("a study").run(&output, &|_, _| ()).expect_err("taken").to_string();
+    assert!(error.contains("another process"), "{error}");
+    drop(lock);
+    run(&path, &output);
+}
+
+#[test]
+fn truths_are_made_beforehand_and_an_interrupted_one_goes_on() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = study_file(folder.path(), "[2]");
+    let text = std::fs::read_to_string(&path).expect("a study").replace("[axes]", "[curves]\npath = [4, 64]\n[axes]");
+    std::fs::write(&path, text).expect("written");
+    let output = folder.path().join("out");
+    let study = Study::load(&path).expect("a study");
+    let made = study.prepare(&output, &|_, _| ()).expect("truths");
+    assert!(made.len() == 1 && made[0].seconds > 0.0 && made[0].replicas.len() == 8, "{made:?}");
+    // As if it had been interrupted between two replicas.
+    let lost = output.join(&made[0].replicas[5]);
+    let bytes = std::fs::read(&lost).expect("a replica");
+    std::fs::remove_file(&lost).expect("removed");
+    std::fs::remove_file(output.join(format!("truth/{}.json", made[0].id))).expect("removed");
+    let stays = output.join(&made[0].replicas[0]);
+    let before = std::fs::metadata(&stays).expect("a file").modified().expect("a time");
+    let results = study.run(&output, &|_, _| ()).expect("results");
+    assert_eq!(std::fs::metadata(&stays).expect("a file").modified().expect("a time"), before);
+    let [old, new] = [bytes, std::fs::read(&lost).expect("made again")].map(|bytes| {
+        let file = folder.path().join("replica.exr");
+        std::fs::write(&file, bytes).expect("written");
+        cloudparity::image::Image::read_exr(&file).expect("a picture").pixels
+    });
+    assert_eq!(old, new);
+    // Path tracing's curve: more samples, less error, in proportion; both are pictures of one converging series.
+    let [few, many] = [&results.curves[0], &results.curves[1]];
+    assert_eq!((few.samples, many.samples, results.curves.len()), (4, 64, 2));
+    let ratio = few.errors.relmse.value / many.errors.relmse.value;
+    // 16 times the samples; the truth's own noise is taken out, and a picture of 16 x 9 pixels has a relMSE that scatters by a tenth.
+    assert!((8.0..32.0).contains(&ratio), "{ratio}: {:?} {:?}", few.errors, many.errors);
+    assert!(few.seconds > 0.0 && few.seconds < many.seconds);
+    // A second time nothing is rendered.
+    assert_eq!(study.run(&output, &|_, _| ()).expect("results"), results);
+}
+
 #[test]
 fn a_front_is_verified_and_a_wrong_one_is_found_out() {
     let folder = tempfile::tempdir().expect("a folder");

@@ -123,6 +123,9 @@ pub struct Results {
     pub truths: Vec<TruthRecord>,
     /// Runs, cheapest first.
     pub runs: Vec<Measured>,
+    /// Runs that no other of their scene and density beats in time and relMSE, by id.
+    #[serde(default)]
+    pub front: Vec<String>,
     /// Unbiased renderers' error against time, by samples.
     #[serde(default)]
     pub curves: Vec<CurvePoint>,
@@ -268,10 +271,12 @@ impl Study {
             machine: machine(),
             truths,
             runs,
+            front: Vec::new(),
             curves,
             missing_curves,
             skipped,
         };
+        results.front = results.fronts().into_iter().flat_map(|(_, _, runs)| runs).map(|run| run.id.clone()).collect();
         results.write(folder)?;
         if let Err(error) = results.add_flip(folder) {
             eprintln!("warning: HDR-FLIP is left out: {error}");
@@ -446,8 +451,6 @@ impl Results {
              seconds_largest,wall_seconds,prepare_seconds,relmse,relmse_standard_error,rms,rms_standard_error,bias,\
              bias_standard_error,flip,cost,on_front\n",
         );
-        let fronts: Vec<&str> =
-            self.fronts().into_iter().flat_map(|(_, _, runs)| runs).map(|run| run.id.as_str()).collect();
         for run in &self.runs {
             let Combination { scene, density, light, steps, light_steps, cache, sub_pixels, jitter } = &run.combination;
             let fields = [
@@ -473,7 +476,7 @@ impl Results {
                 run.errors.bias.standard_error.to_string(),
                 run.flip.map(|flip| flip.to_string()).unwrap_or_default(),
                 run.cost.to_string(),
-                fronts.contains(&run.id.as_str()).to_string(),
+                self.front.contains(&run.id).to_string(),
             ];
             text += &(fields.join(",") + "\n");
         }

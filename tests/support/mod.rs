@@ -8,7 +8,7 @@ pub mod graphs;
 use cloudparity::scene::Scene;
 use std::path::{Path, PathBuf};
 
-/// Whether an optional requirement ("bpy", "vulkan", "cma", "spirv-tools") is there. When it is not, says so and returns
+/// Whether an optional requirement ("bpy", "vulkan", "cma", "unshare", "spirv-tools") is there. When it is not, says so and returns
 /// false; panics instead when `CLOUDPARITY_REQUIRE` names it, so that CI cannot skip by accident.
 pub fn require(what: &str) -> bool {
     let there = match what {
@@ -16,6 +16,11 @@ pub fn require(what: &str) -> bool {
         "vulkan" => cloudparity::gpu::Gpu::open().is_ok(),
         // What the optimiser of a tuning imports.
         "cma" => cloudparity::blender::module_version("cma, flip_evaluator, scipy", "cma.__version__").is_ok(),
+        // Disks of its own for a process without privileges.
+        "unshare" => std::process::Command::new("unshare")
+            .args(["--user", "--map-root-user", "--mount", "mount", "-t", "tmpfs", "tmpfs", "/mnt"])
+            .output()
+            .is_ok_and(|output| output.status.success()),
         // Debian packages spirv-tools and glslang-tools.
         "spirv-tools" => ["spirv-val", "glslangValidator"].iter().all(|program| {
             std::process::Command::new(program).arg("--version").output().is_ok_and(|output| output.status.success())
