@@ -5,6 +5,7 @@
 
 #import cloudparity::graph
 #import cloudparity::phase
+#import cloudparity::transfer
 
 struct Stage {
     extinction: vec3f,
@@ -171,16 +172,13 @@ fn main(@builtin(global_invocation_id) invocation: vec3u) {
 #ifdef EMISSION_OF_DENSITY
         source += stage.emission_of_density * density;
 #endif
-        let through = exp(-depth);
 #ifdef PLAIN_INTEGRATION
         let length = vec3f(ray.step);
 #else
-        // (1 - exp(-depth)) / depth; below the switch its series, whose next term is depth^3 / 24.
-        let series = 1.0 - depth * (0.5 - depth / 6.0);
-        let length = select((1.0 - through) / depth, series, depth < vec3f(0.02)) * ray.step;
+        let length = transfer::mean_transmittance(depth) * ray.step;
 #endif
         radiance += transmittance * source * length;
-        transmittance *= through;
+        transmittance *= transfer::transmittance(depth);
     }
     outcomes[number].radiance = radiance;
     outcomes[number].transmittance = transmittance;

@@ -14,8 +14,10 @@
 //! Sampling inverts the distribution function with one uniform number: in closed form for Henyey-Greenstein,
 //! by Newton steps kept within a bracket for the others.
 
+use super::transfer::constant;
 use crate::nodes::closure::Phase;
 use glam::DVec3;
+use num_traits::Float;
 use std::f64::consts::PI;
 
 /// Surface of the unit sphere.
@@ -26,6 +28,10 @@ const LARGEST_ANISOTROPY: f64 = 0.999;
 
 /// Below this anisotropy Cycles takes Henyey-Greenstein as isotropic.
 const SMALLEST_ANISOTROPY: f64 = 0.001;
+
+/// Below this anisotropy the closed inverse of the distribution, which divides a difference of nearly equal numbers by the anisotropy,
+/// is written without that division.
+const SMALL_ANISOTROPY: f64 = 0.25;
 
 /// A phase function, prepared to be evaluated and sampled.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -126,27 +132,49 @@ impl Lobe {
 
 /// Henyey-Greenstein phase function in 1/sr for the cosine between the directions of travel before
 /// and after; isotropic below |g| = 0.001, as in Cycles.
-pub fn henyey_greenstein(anisotropy: f64, cosine: f64) -> f64 {
-    if anisotropy.abs() < SMALLEST_ANISOTROPY {
-        return 1.0 / SPHERE;
+pub fn henyey_greenstein<T: Float>(anisotropy: T, cosine: T) -> T {
+    if anisotropy.abs() < constant(SMALLEST_ANISOTROPY) {
+        return constant(1.0 / SPHERE);
     }
     smooth_henyey_greenstein(anisotropy, cosine)
 }
 
-/// The same without the exception for small anisotropies.
-fn smooth_henyey_greenstein(anisotropy: f64, cosine: f64) -> f64 {
-    let square = anisotropy * anisotropy;
-    (1.0 - square) / (SPHERE * (1.0 + square - 2.0 * anisotropy * cosine).powf(1.5))
+/// The same without the exception for small anisotropies. The base 1 + g^2 - 2 g c is a sum of parts that are not negative: it neither
+/// cancels nor falls below (1 - |g|)^2, whatever rounding makes of a cosine.
+fn smooth_henyey_greenstein<T: Float>(anisotropy: T, cosine: T) -> T {
+    let (one, two) = (T::one(), constant::<T>(2.0));
+    let g = anisotropy.abs();
+    let cosine = if anisotropy < T::zero() { -cosine } else { cosine };
+    // NaN is not above 1 and stays to be seen.
+    let lack = if cosine > one { T::zero() } else { one - cosine };
+    let least = one - g;
+    let base = least * least + two * g * lack;
+    least * (one + g) / (constant::<T>(SPHERE) * (base * base.sqrt()))
 }
 
 /// The cosine of [`henyey_greenstein`] for a number uniform in [0, 1).
-pub fn sample_henyey_greenstein(anisotropy: f64, uniform: f64) -> f64 {
-    if anisotropy.abs() < SMALLEST_ANISOTROPY {
-        return 2.0 * uniform - 1.0;
+pub fn sample_henyey_greenstein<T: Float>(anisotropy: T, uniform: T) -> T {
+    let (one, two, half) = (T::one(), constant::<T>(2.0), constant::<T>(0.5));
+    let g = anisotropy;
+    let s = two * uniform - one;
+    if g.abs() < constant(SMALLEST_ANISOTROPY) {
+        return s;
     }
-    let square = anisotropy * anisotropy;
-    let ratio = (1.0 - square) / (1.0 - anisotropy + 2.0 * anisotropy * uniform);
-    ((1.0 + square - ratio * ratio) / (2.0 * anisotropy)).clamp(-1.0, 1.0)
+    let cosine = if g.abs() < constant(SMALL_ANISOTROPY) {
+        let below = one + g * s;
+        (s + half * g * (s * s + constant(3.0)) + g * g * s + half * g * g * g * (s * s - one)) / (below * below)
+    } else {
+        let ratio = (one - g) * (one + g) / ((one - g) + two * g * uniform);
+        (one + g * g - ratio * ratio) / (two * g)
+    };
+    // Written so that NaN stays.
+    if cosine < -one {
+        -one
+    } else if cosine > one {
+        one
+    } else {
+        cosine
+    }
 }
 
 /// Unit vector at an angle of this cosine from the unit vector `direction`, turned around it by `turn` of a
