@@ -72,11 +72,11 @@ struct Outcome {
 @group(0) @binding(5) var<storage, read> grid: array<f32>;
 @group(0) @binding(6) var<storage, read_write> outcomes: array<Outcome>;
 
-fn phase_value(cosine: f32) -> f32 {
+fn phase_value(before: vec3f, after: vec3f) -> f32 {
 #ifdef WITHOUT_PHASE
     return phase::isotropic();
 #else
-    return phase::henyey_greenstein(stage.anisotropy, cosine);
+    return phase::henyey_greenstein(stage.anisotropy, before, after);
 #endif
 }
 
@@ -119,7 +119,7 @@ fn incident(local: vec3f, position: vec3f, direction: vec3f, ray: u32) -> vec3f 
             let part = saturate((-dot(towards, source.axis) - source.edge) / ((1.0 - source.edge) * source.blend));
             power *= part * part * (3.0 - 2.0 * part);
         }
-        light += power * phase_value(dot(towards, direction)) * exp(-stage.extinction * depth);
+        light += power * phase_value(direction, towards) * exp(-stage.extinction * depth);
     }
 #endif
 #ifndef WITHOUT_WORLD

@@ -398,8 +398,8 @@ fn survives() -> bool {
     return true;
 }
 
-fn phase_value(cosine: f32) -> f32 {
-    return phase::henyey_greenstein(stage.anisotropy, cosine);
+fn phase_value(before: vec3f, after: vec3f) -> f32 {
+    return phase::henyey_greenstein(stage.anisotropy, before, after);
 }
 
 // A unit vector at an angle of cosine `cosine` from `axis`, turned by `turn` of a full circle (frame: Duff et al. 2017).
@@ -459,14 +459,14 @@ fn scatter() -> bool {
         let density = 1.0 / (2.0 * PI * light.opening);
         let offset = path.next - light.place;
         if dot(offset, offset) * 0.5 <= light.opening {
-            let turned = phase_value(dot(before, path.next));
+            let turned = phase_value(before, path.next);
             path.hit_distance = FAR;
             path.hit = light.power * (turned / (turned + density) / probability);
         }
         let lack = directions.z * light.opening;
         towards = around(light.place, 1.0 - lack, sqrt(lack * (2.0 - lack)), directions.w);
         arriving /= density;
-        share = density / (density + phase_value(dot(before, towards)));
+        share = density / (density + phase_value(before, towards));
     } else if light.kind >= 2u {
         let way = light.place - path.vertex;
         reach = length(way);
@@ -479,7 +479,7 @@ fn scatter() -> bool {
         }
         if !(largest(arriving) > 0.0 && largest(arriving) < FAR) { return leave_event(); }
     }
-    let turned = phase_value(dot(before, towards));
+    let turned = phase_value(before, towards);
     send(SHADOW, towards, reach, path.throughput * arriving * (share * turned / probability));
     return true;
 }

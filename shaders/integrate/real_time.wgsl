@@ -102,9 +102,9 @@ fn shadow_depth(place: vec3f) -> vec3f {
 #endif
 }
 
-fn two_lobes(anisotropy: vec2f, cosine: f32) -> f32 {
-    return phase::henyey_greenstein(anisotropy.x, cosine) * (1.0 - march.second)
-        + phase::henyey_greenstein(anisotropy.y, cosine) * march.second;
+fn two_lobes(anisotropy: vec2f, direction: vec3f) -> f32 {
+    return phase::henyey_greenstein(anisotropy.x, direction, march.to_sun) * (1.0 - march.second)
+        + phase::henyey_greenstein(anisotropy.y, direction, march.to_sun) * march.second;
 }
 
 #ifdef OCTAVES
@@ -114,9 +114,10 @@ var<private> weights: array<f32, 16>;
 var<private> weight: f32;
 #endif
 
-// Prepares a ray whose cosine to the sun is given.
-fn prepare(cosine: f32) {
+// Prepares a ray.
+fn prepare(direction: vec3f) {
 #ifdef SILVER
+    let cosine = dot(direction, march.to_sun);
     let silver = terms::silver(march.silver_strength, march.silver_exponent, cosine);
 #else
     let silver = 0.0;
@@ -125,13 +126,13 @@ fn prepare(cosine: f32) {
     var share = 1.0;
     var anisotropy = march.anisotropy;
     for (var octave = 0u; octave < march.octaves; octave++) {
-        weights[octave] = share * two_lobes(anisotropy, cosine);
+        weights[octave] = share * two_lobes(anisotropy, direction);
         share *= march.contribution;
         anisotropy *= march.eccentricity;
     }
     weights[0] += silver;
 #else
-    weight = two_lobes(march.anisotropy, cosine) + silver;
+    weight = two_lobes(march.anisotropy, direction) + silver;
 #endif
 }
 
@@ -158,7 +159,7 @@ fn main(@builtin(global_invocation_id) invocation: vec3u) {
     }
     if ray.length > 0.0 && !is_done {
         let step = ray.length / f32(march.steps);
-        prepare(dot(ray.direction, march.to_sun));
+        prepare(ray.direction);
         for (var number = march.first_step; number < min(march.steps, march.end_step); number++) {
             let passed = (f32(number) + ray.jitter) * step;
             let left = ray.length - passed;

@@ -139,34 +139,40 @@ pub fn henyey_greenstein<T: Float>(anisotropy: T, cosine: T) -> T {
     smooth_henyey_greenstein(anisotropy, cosine)
 }
 
-/// The same without the exception for small anisotropies. The base 1 + g^2 - 2 g c is a sum of parts that are not negative: it neither
-/// cancels nor falls below (1 - |g|)^2, whatever rounding makes of a cosine.
+/// The same without the exception for small anisotropies.
 fn smooth_henyey_greenstein<T: Float>(anisotropy: T, cosine: T) -> T {
-    let (one, two) = (T::one(), constant::<T>(2.0));
-    let g = anisotropy.abs();
     let cosine = if anisotropy < T::zero() { -cosine } else { cosine };
-    // NaN is not above 1 and stays to be seen.
-    let lack = if cosine > one { T::zero() } else { one - cosine };
-    let least = one - g;
-    let base = least * least + two * g * lack;
-    least * (one + g) / (constant::<T>(SPHERE) * (base * base.sqrt()))
+    // Rounding may make more than 1 of a cosine. NaN is not above 1 and stays to be seen.
+    let lack = if cosine > T::one() { T::zero() } else { T::one() - cosine };
+    henyey_greenstein_by_lack(anisotropy.abs(), lack)
+}
+
+/// Henyey-Greenstein for g in [0, 1) and what the cosine c lacks to 1. The base 1 + g^2 - 2 g c is a sum of parts that are not negative: it
+/// neither cancels nor falls below (1 - g)^2, so that nothing is divided by 0.
+pub fn henyey_greenstein_by_lack<T: Float>(g: T, lack: T) -> T {
+    let least = T::one() - g;
+    let base = least * least + constant::<T>(2.0) * g * lack;
+    least * (T::one() + g) / (constant::<T>(SPHERE) * (base * base.sqrt()))
 }
 
 /// The cosine of [`henyey_greenstein`] for a number uniform in [0, 1).
 pub fn sample_henyey_greenstein<T: Float>(anisotropy: T, uniform: T) -> T {
     let (one, two, half) = (T::one(), constant::<T>(2.0), constant::<T>(0.5));
-    let g = anisotropy;
+    // For g < 0 the mirrored cosine of the other end of the distribution: no sum below is a difference then.
+    let mirrored = anisotropy < T::zero();
+    let g = anisotropy.abs();
+    let uniform = if mirrored { one - uniform } else { uniform };
     let s = two * uniform - one;
-    if g.abs() < constant(SMALLEST_ANISOTROPY) {
-        return s;
-    }
-    let cosine = if g.abs() < constant(SMALL_ANISOTROPY) {
+    let cosine = if g < constant(SMALLEST_ANISOTROPY) {
+        s
+    } else if g < constant(SMALL_ANISOTROPY) {
         let below = one + g * s;
         (s + half * g * (s * s + constant(3.0)) + g * g * s + half * g * g * g * (s * s - one)) / (below * below)
     } else {
         let ratio = (one - g) * (one + g) / ((one - g) + two * g * uniform);
         (one + g * g - ratio * ratio) / (two * g)
     };
+    let cosine = if mirrored { -cosine } else { cosine };
     // Written so that NaN stays.
     if cosine < -one {
         -one
@@ -407,6 +413,47 @@ fn mie_parameters(diameter: f64) -> [f64; 4] {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_base_stays_positive_for_cosines_beyond_one() {
+        for anisotropy in [0.999_f32, -0.999, 0.999_999, -0.999_999, 0.5] {
+            // As rounding makes of two equal or opposite directions.
+            for cosine in [1.0_f32, 1.000_000_1, 1.000_001, -1.0, -1.000_000_1, -1.000_001, 0.999_999_94] {
+                let found = henyey_greenstein(anisotropy, cosine);
+                assert!(found.is_finite() && found > 0.0, "{anisotropy} {cosine}: {found}");
+            }
+        }
+        assert!(henyey_greenstein(0.5, f64::NAN).is_nan());
+        // What a material asks for beyond the limit is the limit.
+        let asked = PhaseFunction::new(Phase::HenyeyGreenstein { anisotropy: 1.0 - 1e-6 });
+        assert_eq!(asked.henyey_greenstein(), Some(LARGEST_ANISOTROPY));
+        assert!(asked.evaluate(1.0).is_finite());
+    }
+
+    #[test]
+    fn sampled_cosines_stay_within_one_for_every_eccentricity() {
+        for size in [0.0, 0.0009, 0.0011, 0.01, 0.249, 0.251, 0.9, 0.999, 0.999_999] {
+            for anisotropy in [size, -size] {
+                let mut last = -1.0_f64;
+                for number in 0..=1000 {
+                    let uniform = f64::from(number) / 1000.0;
+                    let cosine = sample_henyey_greenstein(anisotropy, uniform);
+                    assert!((-1.0..=1.0).contains(&cosine), "{anisotropy} {uniform}: {cosine}");
+                    // The inverse of a distribution rises; a rounding may be lost.
+                    assert!(cosine >= last - 1e-12, "{anisotropy} {uniform}: {cosine} after {last}");
+                    last = cosine;
+                    let single = sample_henyey_greenstein(anisotropy as f32, uniform as f32);
+                    assert!((-1.0..=1.0).contains(&single), "{anisotropy} {uniform}: {single}");
+                }
+                assert!((sample_henyey_greenstein(anisotropy, 0.0) + 1.0).abs() < 1e-9, "{anisotropy}");
+            }
+        }
+        // On both sides of where the text changes, the same numbers but for the change of g.
+        for uniform in [0.0, 0.1, 0.5, 0.9, 0.999] {
+            let [below, above] = [0.25 - 1e-9, 0.25 + 1e-9].map(|g| sample_henyey_greenstein(g, uniform));
+            assert!((below - above).abs() < 1e-7, "{uniform}: {below} {above}");
+        }
+    }
 
     /// The functions of the tests, with Cycles' values at 10, 60, 90 and 150 degrees where they were measured.
     fn known() -> Vec<(Phase, [f64; 4])> {

@@ -235,3 +235,42 @@ impl Way {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rays_of_any_length_and_start_cross_alike() {
+        let direction = DVec3::new(0.6, -0.3, 0.7).normalize();
+        let ray = |origin: DVec3, direction: DVec3| RealTimeRay { origin, direction, farthest: 1e7, jitter: 0.5 };
+        let near = ray(-direction, direction).inside();
+        assert!(near.length > 0.5 && (near.direction.length() - 1.0).abs() < 1e-15);
+        for scale in [1e-200, 1e-6, 3.0, 1e200] {
+            let found = ray(-direction, direction * scale).inside();
+            assert!(
+                (found.length - near.length).abs() < 1e-12 && found.origin.distance(near.origin) < 1e-12,
+                "{scale}"
+            );
+        }
+        // 1e6 sides away f64 holds places to 1e-10.
+        let far = ray(-direction * 1e6, direction).inside();
+        assert!((far.length - near.length).abs() < 1e-9 && far.origin.distance(near.origin) < 1e-9);
+        assert!((far.farthest - (1e7 - 1e6)).abs() < 1.0);
+    }
+
+    #[test]
+    fn what_misses_grazes_or_goes_nowhere_has_no_length() {
+        let none = |origin: [f64; 3], direction: [f64; 3]| {
+            let (origin, direction) = (DVec3::from(origin), DVec3::from(direction));
+            let found = RealTimeRay { origin, direction, farthest: 1.0, jitter: 0.5 }.inside();
+            assert_eq!(found.length, 0.0, "{origin} {direction}");
+        };
+        none([3.0, 3.0, 3.0], [0.0, 1.0, 0.0]);
+        none([0.0; 3], [0.0; 3]);
+        none([0.0; 3], [f64::NAN, 0.0, 1.0]);
+        none([0.5, 0.0, 0.0], [1.0, 0.0, 0.0]);
+        none([0.4999, 0.5001, 0.0], [1.0, -1.0, 0.0]);
+        assert_eq!(unit(DVec3::ZERO), None);
+    }
+}

@@ -62,6 +62,7 @@ struct Page<'a> {
     explain: &'a Option<String>,
     models: Option<tables::ModelsTable<'a>>,
     study: Option<tables::StudyTable<'a>>,
+    stability: &'a Option<crate::stability::Table>,
     scene: Option<Vec<(&'static str, String)>>,
     left_out: &'a [inputs::LeftOut],
 }
@@ -102,6 +103,7 @@ fn render(inputs: &Inputs, summary: &summary::Summary) -> Result<String> {
         software_adapter: inputs.bench.as_ref().is_some_and(inputs::Bench::software_adapter),
         explain: &inputs.explain,
         study: inputs.study.as_ref().map(|study| tables::StudyTable::of(study, &inputs.pictures)),
+        stability: &inputs.stability,
         models: inputs.models.as_ref().map(|models| tables::ModelsTable::of(models, &inputs.pictures)),
         scene: inputs.scene.as_ref().map(tables::scene_facts),
         left_out: &inputs.left_out,
