@@ -28,6 +28,9 @@ const ROUNDING: f64 = ULP / 2.0;
 /// Absolute error of log2 between 0.5 and 2.
 const LOGARITHM: f64 = 1.0 / 2_097_152.0;
 
+/// Optical depth from which on WGSL may take a difference instead of a series, rounding allowed for.
+pub(super) const SWITCH: f64 = 0.0499;
+
 /// What flushing loses at most.
 const FLUSHED: f64 = f32::MIN_POSITIVE as f64;
 
@@ -204,9 +207,10 @@ impl Kernel {
         let root = if is_wgsl { 4.5 * ULP } else { ROUNDING };
         // Relative error of 1 - exp(-d): the CPU has a function of its own; WGSL takes a series below 0.05, of which the first term left
         // out and six roundings count, and the difference above, which makes the error of the exponential one of 1.
+        // At the switch itself rounding decides.
         let absorption = |depth: f64| match () {
             () if !is_wgsl => ULP,
-            () if depth < 0.06 => depth.powi(4) / 120.0 + 6.0 * ROUNDING,
+            () if depth < SWITCH => depth.powi(4) / 120.0 + 6.0 * ROUNDING,
             () => (exponential(depth) * (-depth).exp() + ROUNDING) / -(-depth).exp_m1(),
         };
         let distance = match self {
