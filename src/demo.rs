@@ -22,6 +22,7 @@ use crate::integrate::{self, Backend, MarchSettings};
 use crate::report;
 use crate::report::inputs::{LeftOut, Run, Timing};
 use crate::scene::{PixelFilter, Scene};
+use crate::stability;
 use crate::study::Study;
 use crate::study::file::StudyFile;
 use serde_json::{Value as Json, json};
@@ -123,6 +124,7 @@ pub fn run(settings: &Settings, receive: &(dyn Fn(f64, &str) + Sync)) -> Result<
     }
     demo.timed("density models side by side", Demo::models)?;
     demo.timed("error against time", Demo::study)?;
+    demo.timed("numerical stability", Demo::stability)?;
     let report = demo.finish()?;
     Ok(Outcome { report, picture, field })
 }
@@ -369,6 +371,12 @@ impl Demo<'_> {
             self.leave_out("figure of error against time", &error.found, &error.remedy);
         }
         Ok(())
+    }
+
+    /// Stiff and extreme cases of the cloud, which `cloudparity stability` measures for any scene.
+    fn stability(&mut self) -> Result<()> {
+        let table = stability::run(&self.scene, self.gpu.as_ref(), self.receive)?;
+        table.write(&self.settings.output)
     }
 
     fn finish(self) -> Result<PathBuf> {

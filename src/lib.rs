@@ -22,6 +22,7 @@ pub mod parity;
 pub mod post;
 pub mod report;
 pub mod scene;
+pub mod stability;
 pub mod study;
 pub mod time_to_error;
 pub mod tuning;

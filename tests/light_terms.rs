@@ -5,7 +5,7 @@ mod support;
 use cloudparity::density::perlin_fbm::settings;
 use cloudparity::density::schema::Values;
 use cloudparity::integrate::Integration;
-use cloudparity::integrate::real_time::step_weight;
+use cloudparity::integrate::transfer::step_weight;
 use cloudparity::lighting::terms::{Octaves, Powder, SilverLining};
 use cloudparity::lighting::{LightModel, TwoLobes, Variant};
 use serde_json::Value;

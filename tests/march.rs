@@ -211,7 +211,7 @@ fn what_leaving_out_is_worth_is_measured() {
     dark.lights.clear();
     dark.world.color = [0.0; 3];
     for (name, scene) in [("dark", dark), ("homogeneous-cube", support::scene("homogeneous-cube"))] {
-        let found = leaving_out::measure(&scene, &coarse(), has_adapter).expect("measured");
+        let found = leaving_out::measure(&scene, has_adapter).expect("measured");
         assert!(!found.left_out.is_empty(), "{name}");
         if let Some(kernel) = found.specialised {
             assert!(kernel.spirv_instructions < found.generic.spirv_instructions, "{name}: {found:?}");

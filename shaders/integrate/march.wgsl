@@ -5,6 +5,7 @@
 
 #import cloudparity::graph
 #import cloudparity::phase
+#import cloudparity::transfer
 
 struct Stage {
     extinction: vec3f,
@@ -71,11 +72,11 @@ struct Outcome {
 @group(0) @binding(5) var<storage, read> grid: array<f32>;
 @group(0) @binding(6) var<storage, read_write> outcomes: array<Outcome>;
 
-fn phase_value(cosine: f32) -> f32 {
+fn phase_value(before: vec3f, after: vec3f) -> f32 {
 #ifdef WITHOUT_PHASE
     return phase::isotropic();
 #else
-    return phase::henyey_greenstein(stage.anisotropy, cosine);
+    return phase::henyey_greenstein(stage.anisotropy, before, after);
 #endif
 }
 
@@ -118,7 +119,7 @@ fn incident(local: vec3f, position: vec3f, direction: vec3f, ray: u32) -> vec3f 
             let part = saturate((-dot(towards, source.axis) - source.edge) / ((1.0 - source.edge) * source.blend));
             power *= part * part * (3.0 - 2.0 * part);
         }
-        light += power * phase_value(dot(towards, direction)) * exp(-stage.extinction * depth);
+        light += power * phase_value(direction, towards) * exp(-stage.extinction * depth);
     }
 #endif
 #ifndef WITHOUT_WORLD
@@ -171,16 +172,13 @@ fn main(@builtin(global_invocation_id) invocation: vec3u) {
 #ifdef EMISSION_OF_DENSITY
         source += stage.emission_of_density * density;
 #endif
-        let through = exp(-depth);
 #ifdef PLAIN_INTEGRATION
         let length = vec3f(ray.step);
 #else
-        // (1 - exp(-depth)) / depth; below the switch its series, whose next term is depth^3 / 24.
-        let series = 1.0 - depth * (0.5 - depth / 6.0);
-        let length = select((1.0 - through) / depth, series, depth < vec3f(0.02)) * ray.step;
+        let length = transfer::mean_transmittance(depth) * ray.step;
 #endif
         radiance += transmittance * source * length;
-        transmittance *= through;
+        transmittance *= transfer::transmittance(depth);
     }
     outcomes[number].radiance = radiance;
     outcomes[number].transmittance = transmittance;

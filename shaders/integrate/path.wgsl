@@ -8,6 +8,7 @@
 #import cloudparity::graph
 #import cloudparity::numeric
 #import cloudparity::phase
+#import cloudparity::transfer
 
 const CAMERA: u32 = 0u;
 const SHADOW: u32 = 1u;
@@ -295,16 +296,12 @@ fn fly(control: f32, length: f32) {
     if lit { path.hit_distance = -1.0; }
     let extinction = control * stage.share;
     let depth = extinction * length;
-    let through = exp(-depth);
     if collects {
         let arriving = path.carried * path.weight;
-        // (1 - exp(-depth)) / depth; below the switch its series, whose next term is depth^3 / 24.
-        let series = 1.0 - depth * (0.5 - depth / 6.0);
-        let reach = select((1.0 - through) / depth, series, depth < vec3f(0.02)) * length;
-        path.radiance += arriving * stage.emission * reach;
+        path.radiance += arriving * stage.emission * transfer::mean_transmittance(depth) * length;
         if lit { path.radiance += arriving * exp(-extinction * hit) * path.hit; }
     }
-    path.weight *= through;
+    path.weight *= transfer::transmittance(depth);
 }
 
 // The largest magnitude.
@@ -401,8 +398,8 @@ fn survives() -> bool {
     return true;
 }
 
-fn phase_value(cosine: f32) -> f32 {
-    return phase::henyey_greenstein(stage.anisotropy, cosine);
+fn phase_value(before: vec3f, after: vec3f) -> f32 {
+    return phase::henyey_greenstein(stage.anisotropy, before, after);
 }
 
 // A unit vector at an angle of cosine `cosine` from `axis`, turned by `turn` of a full circle (frame: Duff et al. 2017).
@@ -418,12 +415,7 @@ fn around(axis: vec3f, cosine: f32, sine: f32, turn: f32) -> vec3f {
 }
 
 fn sample_phase(before: vec3f, first: f32, second: f32) -> vec3f {
-    let g = stage.anisotropy;
-    var cosine = 1.0 - 2.0 * first;
-    if abs(g) >= 0.001 {
-        let part = (1.0 - g * g) / (1.0 + g - 2.0 * g * first);
-        cosine = clamp((1.0 + g * g - part * part) / (2.0 * g), -1.0, 1.0);
-    }
+    let cosine = phase::sample_henyey_greenstein(stage.anisotropy, 1.0 - first);
     return around(before, cosine, sqrt(max(1.0 - cosine * cosine, 0.0)), second);
 }
 
@@ -467,14 +459,14 @@ fn scatter() -> bool {
         let density = 1.0 / (2.0 * PI * light.opening);
         let offset = path.next - light.place;
         if dot(offset, offset) * 0.5 <= light.opening {
-            let turned = phase_value(dot(before, path.next));
+            let turned = phase_value(before, path.next);
             path.hit_distance = FAR;
             path.hit = light.power * (turned / (turned + density) / probability);
         }
         let lack = directions.z * light.opening;
         towards = around(light.place, 1.0 - lack, sqrt(lack * (2.0 - lack)), directions.w);
         arriving /= density;
-        share = density / (density + phase_value(dot(before, towards)));
+        share = density / (density + phase_value(before, towards));
     } else if light.kind >= 2u {
         let way = light.place - path.vertex;
         reach = length(way);
@@ -487,7 +479,7 @@ fn scatter() -> bool {
         }
         if !(largest(arriving) > 0.0 && largest(arriving) < FAR) { return leave_event(); }
     }
-    let turned = phase_value(dot(before, towards));
+    let turned = phase_value(before, towards);
     send(SHADOW, towards, reach, path.throughput * arriving * (share * turned / probability));
     return true;
 }

@@ -5,6 +5,8 @@
 // SILVER, POWDER, AMBIENT_GRADIENT.
 #import cloudparity::density_model
 #import cloudparity::phase
+#import cloudparity::terms
+#import cloudparity::transfer
 
 struct March {
     extinction: vec3f,
@@ -20,9 +22,10 @@ struct March {
     second: f32,
     least_density: f32,
     least_transmittance: f32,
-    // Rays of this dispatch.
-    first: u32,
+    // Rays of this dispatch, and its steps: from `first_step` to before `end_step`.
     count: u32,
+    first_step: u32,
+    end_step: u32,
     octaves: u32,
     contribution: f32,
     attenuation: f32,
@@ -36,12 +39,16 @@ struct March {
     albedo: vec3f,
 }
 
+// From where a ray enters the box on, so that a start far from it costs no accuracy; the camera has no second implementation.
 struct Ray {
     origin: vec3f,
-    // Beyond it something opaque hides the cloud.
-    farthest: f32,
+    // Part of the ray in the box; 0: nothing to march.
+    length: f32,
     direction: vec3f,
     jitter: f32,
+    // Beyond it something opaque hides the cloud.
+    farthest: f32,
+    padding: vec3f,
 }
 
 struct Pixel {
@@ -55,8 +62,6 @@ struct Pixel {
 @group(0) @binding(1) var<storage, read> rays: array<Ray>;
 @group(0) @binding(2) var<storage, read_write> pixels: array<Pixel>;
 
-const SHORTEST = 1e-3;
-const LEAST_EXTINCTION = 1e-6;
 const LARGEST = 3.40282347e38;
 
 // Where a ray enters and leaves the box; leaves before it enters where it misses.
@@ -97,9 +102,9 @@ fn shadow_depth(place: vec3f) -> vec3f {
 #endif
 }
 
-fn two_lobes(anisotropy: vec2f, cosine: f32) -> f32 {
-    return phase::henyey_greenstein(anisotropy.x, cosine) * (1.0 - march.second)
-        + phase::henyey_greenstein(anisotropy.y, cosine) * march.second;
+fn two_lobes(anisotropy: vec2f, direction: vec3f) -> f32 {
+    return phase::henyey_greenstein(anisotropy.x, direction, march.to_sun) * (1.0 - march.second)
+        + phase::henyey_greenstein(anisotropy.y, direction, march.to_sun) * march.second;
 }
 
 #ifdef OCTAVES
@@ -109,10 +114,11 @@ var<private> weights: array<f32, 16>;
 var<private> weight: f32;
 #endif
 
-// Prepares a ray whose cosine to the sun is given.
-fn prepare(cosine: f32) {
+// Prepares a ray.
+fn prepare(direction: vec3f) {
 #ifdef SILVER
-    let silver = select(0.0, march.silver_strength * pow(cosine, march.silver_exponent), cosine > 0.0);
+    let cosine = dot(direction, march.to_sun);
+    let silver = terms::silver(march.silver_strength, march.silver_exponent, cosine);
 #else
     let silver = 0.0;
 #endif
@@ -120,57 +126,46 @@ fn prepare(cosine: f32) {
     var share = 1.0;
     var anisotropy = march.anisotropy;
     for (var octave = 0u; octave < march.octaves; octave++) {
-        weights[octave] = share * two_lobes(anisotropy, cosine);
+        weights[octave] = share * two_lobes(anisotropy, direction);
         share *= march.contribution;
         anisotropy *= march.eccentricity;
     }
     weights[0] += silver;
 #else
-    weight = two_lobes(march.anisotropy, cosine) + silver;
+    weight = two_lobes(march.anisotropy, direction) + silver;
 #endif
 }
 
 // What the sun sends towards the camera per unit of its irradiance and of scattering.
 fn scattered(depth: vec3f) -> vec3f {
 #ifdef OCTAVES
-    var sum = vec3f(0.0);
-    var dimmed = depth;
-    for (var octave = 0u; octave < march.octaves; octave++) {
-        sum += weights[octave] * exp(-dimmed);
-        dimmed *= march.attenuation;
-    }
-    return sum;
+    return terms::octaves(&weights, march.octaves, march.attenuation, depth);
 #else
-    return weight * exp(-depth);
+    return weight * transfer::transmittance(depth);
 #endif
-}
-
-// (1 - exp(-e s)) / e: the weight of a step in the energy-conserving rule.
-fn conserving(extinct: f32, step: f32) -> f32 {
-    let depth = extinct * step;
-    // The difference loses the bits of a small depth; the next term of the series is below 2^-24 there.
-    if depth < 0.05 { return step * (1.0 - depth * (0.5 - depth * (1.0 / 6.0 - depth / 24.0))); }
-    return (1.0 - exp(-depth)) / max(extinct, LEAST_EXTINCTION);
 }
 
 @compute @workgroup_size(64)
 fn main(@builtin(global_invocation_id) invocation: vec3u) {
     if invocation.x >= march.count { return; }
-    let index = march.first + invocation.x;
+    let index = invocation.x;
     let ray = rays[index];
     var pixel = Pixel(vec3f(0.0), 0u, vec3f(1.0), 0u);
-    let ends = crossing(ray.origin, ray.direction);
-    let start = max(ends.x, 0.0);
-    let length_inside = ends.y - start;
-    if length_inside >= SHORTEST {
-        let step = length_inside / f32(march.steps);
-        prepare(dot(ray.direction, march.to_sun));
-        for (var number = 0u; number < march.steps; number++) {
+    // An ended ray is one that is looked at before its first step of this dispatch.
+    var is_done = false;
+    if march.first_step > 0u {
+        pixel = pixels[index];
+        is_done = length(pixel.transmittance) < march.least_transmittance;
+    }
+    if ray.length > 0.0 && !is_done {
+        let step = ray.length / f32(march.steps);
+        prepare(ray.direction);
+        for (var number = march.first_step; number < min(march.steps, march.end_step); number++) {
             let passed = (f32(number) + ray.jitter) * step;
-            let left = length_inside - passed;
-            if start + passed > ray.farthest || left < 0.0 { break; }
+            let left = ray.length - passed;
+            if passed > ray.farthest || left < 0.0 { break; }
             pixel.samples++;
-            let place = ray.origin + ray.direction * (start + passed);
+            let place = ray.origin + ray.direction * passed;
             let found = density_model::density(place);
             if found <= march.least_density { continue; }
             pixel.dense++;
@@ -188,7 +183,7 @@ fn main(@builtin(global_invocation_id) invocation: vec3u) {
             var source = factor * (march.sun * scattered(shadow_depth(place)) + ambient);
 #ifdef POWDER
             let mean_extinction = (extinct.x + extinct.y + extinct.z) / 3.0;
-            source *= 1.0 - march.powder_strength * exp(-march.powder_length * mean_extinction);
+            source *= terms::powder(march.powder_strength, march.powder_length, mean_extinction);
 #endif
 #ifdef EXIT_FADE
             let t = clamp(left / (2.0 * step), 0.0, 1.0);
@@ -197,11 +192,10 @@ fn main(@builtin(global_invocation_id) invocation: vec3u) {
 #ifdef PLAIN
             let weight = vec3f(step);
 #else
-            let weight = vec3f(
-                conserving(extinct.x, step), conserving(extinct.y, step), conserving(extinct.z, step));
+            let weight = transfer::mean_transmittance(extinct * step) * step;
 #endif
             pixel.radiance += pixel.transmittance * source * weight;
-            pixel.transmittance *= exp(-extinct * step);
+            pixel.transmittance *= transfer::transmittance(extinct * step);
             if length(pixel.transmittance) < march.least_transmittance { break; }
         }
     }

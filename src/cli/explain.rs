@@ -3,7 +3,6 @@
 use crate::error::Result;
 use crate::gpu::Gpu;
 use crate::graph::{Operand, Program};
-use crate::integrate::MarchSettings;
 use crate::integrate::leaving_out::{self, Kernel, LeavingOut};
 use crate::scene::Scene;
 use std::fmt::Write;
@@ -34,7 +33,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
         if let Err(error) = &gpu {
             eprintln!("left out: the adapter: {error}");
         }
-        Some(leaving_out::measure(&scene, &MarchSettings::default(), gpu.is_ok())?)
+        Some(leaving_out::measure(&scene, gpu.is_ok())?)
     } else {
         None
     };
@@ -51,7 +50,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
 
 /// What leaving out is worth, as text.
 fn describe_kernels(found: &LeavingOut) -> String {
-    let left_out: Vec<String> = found.left_out.iter().map(|one| crate::files::word(one)).collect();
+    let left_out: Vec<String> = found.left_out.iter().map(crate::files::word).collect();
     let left_out = if left_out.is_empty() { "nothing".to_owned() } else { left_out.join(", ") };
     let size = |kernel: &Kernel| {
         format!("{} bytes of WGSL, {} SPIR-V instructions", kernel.wgsl_bytes, kernel.spirv_instructions)

@@ -30,6 +30,7 @@ mod render;
 mod report;
 mod schema;
 mod shader;
+mod stability;
 mod study;
 mod time_to_error;
 mod tune;
@@ -75,6 +76,7 @@ enum Command {
     Report(report::Arguments),
     Schema(schema::Arguments),
     Shader(shader::Arguments),
+    Stability(stability::Arguments),
     Study(study::Arguments),
     TimeToError(time_to_error::Arguments),
     Tune(tune::Arguments),
@@ -113,6 +115,7 @@ pub fn run() -> ExitCode {
         Command::Report(arguments) => report::run(&arguments),
         Command::Schema(arguments) => schema::run(&arguments),
         Command::Shader(arguments) => shader::run(&arguments),
+        Command::Stability(arguments) => stability::run(&arguments),
         Command::Study(arguments) => study::run(&arguments),
         Command::TimeToError(arguments) => time_to_error::run(&arguments),
         Command::Tune(arguments) => tune::run(&arguments),

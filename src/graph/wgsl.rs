@@ -27,8 +27,12 @@ const SHARED: &[(&str, &str)] = &[
 /// Import path of the specialised graph.
 pub const PROGRAM_PATH: &str = "cloudparity::graph";
 
-/// Phase functions.
-const PHASE_MODULE: &str = include_str!("../../shaders/lighting/phase.wgsl");
+/// Modules that every linker has, in dependency order: phase functions, steps, source terms of light models.
+const LIGHT: &[(&str, &str)] = &[
+    ("lighting/phase.wgsl", include_str!("../../shaders/lighting/phase.wgsl")),
+    ("integrate/transfer.wgsl", include_str!("../../shaders/integrate/transfer.wgsl")),
+    ("lighting/terms.wgsl", include_str!("../../shaders/lighting/terms.wgsl")),
+];
 
 /// The module that reads a density cache.
 const CACHE_MODULE: &str = include_str!("../../shaders/integrate/density_cache.wgsl");
@@ -93,10 +97,13 @@ impl Linker {
         Ok(linker)
     }
 
-    /// A linker without a program, for kernels that read none. Phase functions can be imported from it, as from every one.
+    /// A linker without a program, for kernels that read none. Phase functions, steps and source terms can be imported from it, as from
+    /// every one.
     pub fn bare() -> Result<Self> {
         let mut linker = Self { composer: Composer::default() };
-        linker.add("lighting/phase.wgsl", PHASE_MODULE)?;
+        for (path, source) in LIGHT {
+            linker.add(path, source)?;
+        }
         Ok(linker)
     }
 

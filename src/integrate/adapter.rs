@@ -211,6 +211,8 @@ pub(super) struct Kernels<'a> {
     grid: wgpu::Buffer,
     anisotropy: f64,
     harmonics: usize,
+    /// Middle of the medium's box in world space: the origin of the shader's places, so that a scene far from the origin keeps its accuracy.
+    middle: DVec3,
 }
 
 impl<'a> Kernels<'a> {
@@ -234,6 +236,7 @@ impl<'a> Kernels<'a> {
         let medium = &stage.medium;
         let single = |values: [f64; 3]| values.map(|value| value as f32);
         let vector = |value: DVec3| value.as_vec3().to_array();
+        let middle = medium.to_object.inverse().transform_point3((medium.bounds.low + medium.bounds.high) / 2.0);
         let uniform = StageUniform {
             extinction: single(medium.extinction),
             anisotropy: medium.anisotropy as f32,
@@ -266,9 +269,11 @@ impl<'a> Kernels<'a> {
                 let power = single(light.power);
                 match &light.source {
                     Source::Direction(towards) => Light { place: vector(*towards), power, ..Light::zeroed() },
-                    Source::Position(place, None) => Light { place: vector(*place), kind: 1, power, ..Light::zeroed() },
+                    Source::Position(place, None) => {
+                        Light { place: vector(*place - middle), kind: 1, power, ..Light::zeroed() }
+                    }
                     Source::Position(place, Some((axis, edge, blend))) => Light {
-                        place: vector(*place),
+                        place: vector(*place - middle),
                         kind: 2,
                         axis: vector(*axis),
                         edge: *edge as f32,
@@ -294,6 +299,7 @@ impl<'a> Kernels<'a> {
             grid,
             anisotropy: medium.anisotropy,
             harmonics: layout.harmonics,
+            middle,
         })
     }
 
@@ -323,7 +329,7 @@ impl<'a> Kernels<'a> {
                     step: ray.step as f32,
                     local_step: vector(ray.local_direction * ray.step),
                     steps: ray.steps as u32,
-                    position: vector(ray.origin + ray.direction * distance),
+                    position: vector(ray.origin - self.middle + ray.direction * distance),
                     direction: vector(ray.direction),
                     ..Ray::zeroed()
                 }

@@ -69,7 +69,7 @@ const RESIDUAL_RATE: f64 = 1.5;
 const RESIDUAL_FLOOR: f64 = 0.03;
 
 /// Cells of the finest level along a side.
-const FINEST: f64 = (1_u32 << LEVELS) as f64;
+pub(super) const FINEST: f64 = (1_u32 << LEVELS) as f64;
 
 /// The octree.
 #[derive(Debug, Clone)]

@@ -28,6 +28,7 @@ use super::lights::{DeltaLight, delta_lights, harmonics, sphere_directions, worl
 use super::medium::Medium;
 use super::phase::henyey_greenstein;
 use super::sampler::Sampler;
+use super::transfer::{mean_transmittance, transmittance};
 use super::{Integration, Jitter, LightMode, MarchSettings, Progress, film};
 use crate::error::{Error, Result};
 use crate::gpu::Gpu;
@@ -557,12 +558,10 @@ impl ViewRay {
             }
             let length = match integration {
                 Integration::Plain => self.step,
-                // (1 - exp(-depth)) / extinction, without the division by zero.
-                Integration::EnergyConserving if depth < 1e-8 => self.step,
-                Integration::EnergyConserving => -(-depth).exp_m1() / depth * self.step,
+                Integration::EnergyConserving => mean_transmittance(depth) * self.step,
             };
             self.radiance[channel] += self.transmittance[channel] * source * length;
-            self.transmittance[channel] *= (-depth).exp();
+            self.transmittance[channel] *= transmittance(depth);
         }
     }
 

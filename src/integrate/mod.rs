@@ -25,6 +25,7 @@ pub mod real_time;
 pub mod real_time_adapter;
 pub mod sampled_lights;
 pub mod sampler;
+pub mod transfer;
 
 use crate::error::{Error, Result};
 use crate::gpu::Gpu;

@@ -14,8 +14,10 @@
 //! Sampling inverts the distribution function with one uniform number: in closed form for Henyey-Greenstein,
 //! by Newton steps kept within a bracket for the others.
 
+use super::transfer::constant;
 use crate::nodes::closure::Phase;
 use glam::DVec3;
+use num_traits::Float;
 use std::f64::consts::PI;
 
 /// Surface of the unit sphere.
@@ -26,6 +28,10 @@ const LARGEST_ANISOTROPY: f64 = 0.999;
 
 /// Below this anisotropy Cycles takes Henyey-Greenstein as isotropic.
 const SMALLEST_ANISOTROPY: f64 = 0.001;
+
+/// Below this anisotropy the closed inverse of the distribution, which divides a difference of nearly equal numbers by the anisotropy,
+/// is written without that division.
+const SMALL_ANISOTROPY: f64 = 0.25;
 
 /// A phase function, prepared to be evaluated and sampled.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -126,27 +132,55 @@ impl Lobe {
 
 /// Henyey-Greenstein phase function in 1/sr for the cosine between the directions of travel before
 /// and after; isotropic below |g| = 0.001, as in Cycles.
-pub fn henyey_greenstein(anisotropy: f64, cosine: f64) -> f64 {
-    if anisotropy.abs() < SMALLEST_ANISOTROPY {
-        return 1.0 / SPHERE;
+pub fn henyey_greenstein<T: Float>(anisotropy: T, cosine: T) -> T {
+    if anisotropy.abs() < constant(SMALLEST_ANISOTROPY) {
+        return constant(1.0 / SPHERE);
     }
     smooth_henyey_greenstein(anisotropy, cosine)
 }
 
 /// The same without the exception for small anisotropies.
-fn smooth_henyey_greenstein(anisotropy: f64, cosine: f64) -> f64 {
-    let square = anisotropy * anisotropy;
-    (1.0 - square) / (SPHERE * (1.0 + square - 2.0 * anisotropy * cosine).powf(1.5))
+fn smooth_henyey_greenstein<T: Float>(anisotropy: T, cosine: T) -> T {
+    let cosine = if anisotropy < T::zero() { -cosine } else { cosine };
+    // Rounding may make more than 1 of a cosine. NaN is not above 1 and stays to be seen.
+    let lack = if cosine > T::one() { T::zero() } else { T::one() - cosine };
+    henyey_greenstein_by_lack(anisotropy.abs(), lack)
+}
+
+/// Henyey-Greenstein for g in [0, 1) and what the cosine c lacks to 1. The base 1 + g^2 - 2 g c is a sum of parts that are not negative: it
+/// neither cancels nor falls below (1 - g)^2, so that nothing is divided by 0.
+pub fn henyey_greenstein_by_lack<T: Float>(g: T, lack: T) -> T {
+    let least = T::one() - g;
+    let base = least * least + constant::<T>(2.0) * g * lack;
+    least * (T::one() + g) / (constant::<T>(SPHERE) * (base * base.sqrt()))
 }
 
 /// The cosine of [`henyey_greenstein`] for a number uniform in [0, 1).
-pub fn sample_henyey_greenstein(anisotropy: f64, uniform: f64) -> f64 {
-    if anisotropy.abs() < SMALLEST_ANISOTROPY {
-        return 2.0 * uniform - 1.0;
+pub fn sample_henyey_greenstein<T: Float>(anisotropy: T, uniform: T) -> T {
+    let (one, two, half) = (T::one(), constant::<T>(2.0), constant::<T>(0.5));
+    // For g < 0 the mirrored cosine of the other end of the distribution: no sum below is a difference then.
+    let mirrored = anisotropy < T::zero();
+    let g = anisotropy.abs();
+    let uniform = if mirrored { one - uniform } else { uniform };
+    let s = two * uniform - one;
+    let cosine = if g < constant(SMALLEST_ANISOTROPY) {
+        s
+    } else if g < constant(SMALL_ANISOTROPY) {
+        let below = one + g * s;
+        (s + half * g * (s * s + constant(3.0)) + g * g * s + half * g * g * g * (s * s - one)) / (below * below)
+    } else {
+        let ratio = (one - g) * (one + g) / ((one - g) + two * g * uniform);
+        (one + g * g - ratio * ratio) / (two * g)
+    };
+    let cosine = if mirrored { -cosine } else { cosine };
+    // Written so that NaN stays.
+    if cosine < -one {
+        -one
+    } else if cosine > one {
+        one
+    } else {
+        cosine
     }
-    let square = anisotropy * anisotropy;
-    let ratio = (1.0 - square) / (1.0 - anisotropy + 2.0 * anisotropy * uniform);
-    ((1.0 + square - ratio * ratio) / (2.0 * anisotropy)).clamp(-1.0, 1.0)
 }
 
 /// Unit vector at an angle of this cosine from the unit vector `direction`, turned around it by `turn` of a
@@ -379,6 +413,47 @@ fn mie_parameters(diameter: f64) -> [f64; 4] {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_base_stays_positive_for_cosines_beyond_one() {
+        for anisotropy in [0.999_f32, -0.999, 0.999_999, -0.999_999, 0.5] {
+            // As rounding makes of two equal or opposite directions.
+            for cosine in [1.0_f32, 1.000_000_1, 1.000_001, -1.0, -1.000_000_1, -1.000_001, 0.999_999_94] {
+                let found = henyey_greenstein(anisotropy, cosine);
+                assert!(found.is_finite() && found > 0.0, "{anisotropy} {cosine}: {found}");
+            }
+        }
+        assert!(henyey_greenstein(0.5, f64::NAN).is_nan());
+        // What a material asks for beyond the limit is the limit.
+        let asked = PhaseFunction::new(Phase::HenyeyGreenstein { anisotropy: 1.0 - 1e-6 });
+        assert_eq!(asked.henyey_greenstein(), Some(LARGEST_ANISOTROPY));
+        assert!(asked.evaluate(1.0).is_finite());
+    }
+
+    #[test]
+    fn sampled_cosines_stay_within_one_for_every_eccentricity() {
+        for size in [0.0, 0.0009, 0.0011, 0.01, 0.249, 0.251, 0.9, 0.999, 0.999_999] {
+            for anisotropy in [size, -size] {
+                let mut last = -1.0_f64;
+                for number in 0..=1000 {
+                    let uniform = f64::from(number) / 1000.0;
+                    let cosine = sample_henyey_greenstein(anisotropy, uniform);
+                    assert!((-1.0..=1.0).contains(&cosine), "{anisotropy} {uniform}: {cosine}");
+                    // The inverse of a distribution rises; a rounding may be lost.
+                    assert!(cosine >= last - 1e-12, "{anisotropy} {uniform}: {cosine} after {last}");
+                    last = cosine;
+                    let single = sample_henyey_greenstein(anisotropy as f32, uniform as f32);
+                    assert!((-1.0..=1.0).contains(&single), "{anisotropy} {uniform}: {single}");
+                }
+                assert!((sample_henyey_greenstein(anisotropy, 0.0) + 1.0).abs() < 1e-9, "{anisotropy}");
+            }
+        }
+        // On both sides of where the text changes, the same numbers but for the change of g.
+        for uniform in [0.0, 0.1, 0.5, 0.9, 0.999] {
+            let [below, above] = [0.25 - 1e-9, 0.25 + 1e-9].map(|g| sample_henyey_greenstein(g, uniform));
+            assert!((below - above).abs() < 1e-7, "{uniform}: {below} {above}");
+        }
+    }
 
     /// The functions of the tests, with Cycles' values at 10, 60, 90 and 150 degrees where they were measured.
     fn known() -> Vec<(Phase, [f64; 4])> {

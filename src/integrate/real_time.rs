@@ -15,6 +15,7 @@
 
 use super::Integration;
 use super::medium::Region;
+use super::transfer::{step_weight, transmittance};
 use crate::density::DensityModel;
 use crate::lighting::{LightModel, ShadowExtinction, ShadowLength, SourceFactor};
 use glam::DVec3;
@@ -26,9 +27,6 @@ pub const BOX: Region = Region { low: DVec3::splat(-0.5), high: DVec3::splat(0.5
 
 /// A crossing shorter than this, in sides of the box, is left out.
 const SHORTEST: f64 = 1e-3;
-
-/// Extinctions below it scatter as if they were this: the limit of the energy-conserving rule at 0 is S s.
-const LEAST_EXTINCTION: f64 = 1e-6;
 
 /// Rays of a task.
 const RAYS: usize = 64;
@@ -53,7 +51,7 @@ pub struct RealTimeSettings {
 pub struct RealTimeRay {
     /// Start in the local box's frame.
     pub origin: DVec3,
-    /// Unit direction, in the same frame.
+    /// Direction in the same frame, of any length but 0: distances along the ray are in sides of the box.
     pub direction: DVec3,
     /// Distance along the ray beyond which something opaque hides the cloud; infinite where nothing does.
     pub farthest: f64,
@@ -74,11 +72,47 @@ pub struct RealTimePixel {
     pub dense: u32,
 }
 
+/// The part of a ray that lies in the box.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Inside {
+    /// Where it begins: where the ray enters the box, or its start.
+    pub origin: DVec3,
+    /// Unit direction.
+    pub direction: DVec3,
+    /// Its length; 0 where the ray misses the box or crosses less than a thousandth of a side.
+    pub length: f64,
+    /// Distance from `origin` beyond which something opaque hides the cloud.
+    pub farthest: f64,
+}
+
+impl RealTimeRay {
+    /// The part of the ray in the box, in f64 for both backends: a start far away costs no accuracy. A ray without a direction
+    /// misses the box.
+    pub fn inside(&self) -> Inside {
+        let direction = unit(self.direction).unwrap_or(DVec3::ZERO);
+        let missed = Inside { origin: self.origin, direction, length: 0.0, farthest: self.farthest };
+        let Some((enter, leave)) = BOX.segment(self.origin, direction).filter(|_| direction != DVec3::ZERO) else {
+            return missed;
+        };
+        let start = enter.max(0.0);
+        let length = leave - start;
+        if length.is_nan() || length < SHORTEST {
+            return missed;
+        }
+        Inside { origin: self.origin + direction * start, direction, length, farthest: self.farthest - start }
+    }
+}
+
+/// A vector of length 1 in its direction, whatever its length: the square of a short one would be 0. None for 0 and for what is not finite.
+pub fn unit(vector: DVec3) -> Option<DVec3> {
+    let largest = vector.abs().max_element();
+    (largest > 0.0 && vector.is_finite()).then(|| (vector / largest).normalize())
+}
+
 /// A ray on its way.
 struct Way {
-    ray: RealTimeRay,
-    start: f64,
-    length: f64,
+    inside: Inside,
+    jitter: f64,
     /// Of the octaves of the light, phase functions included.
     weights: Vec<f64>,
     is_done: bool,
@@ -102,22 +136,21 @@ fn march_together(
     settings: &RealTimeSettings,
     rays: &[RealTimeRay],
 ) -> Vec<RealTimePixel> {
-    let to_sun = DVec3::from(light.sun_direction).normalize();
+    let to_sun = light.to_sun();
     let extinction = density.extinction();
-    let mut ways: Vec<Way> = rays.iter().map(|&ray| Way::new(ray, light.weights(ray.direction.dot(to_sun)))).collect();
+    let mut ways: Vec<Way> = rays.iter().map(|ray| Way::new(ray, light, to_sun)).collect();
     for number in 0..settings.steps {
         let mut samples = Vec::new();
         for (index, way) in ways.iter_mut().enumerate().filter(|(_, way)| !way.is_done) {
-            let step = way.length / f64::from(settings.steps);
-            let passed = (f64::from(number) + way.ray.jitter) * step;
-            let distance = way.start + passed;
-            let left = way.length - passed;
-            if distance > way.ray.farthest || left < 0.0 {
+            let step = way.inside.length / f64::from(settings.steps);
+            let passed = (f64::from(number) + way.jitter) * step;
+            let left = way.inside.length - passed;
+            if passed > way.inside.farthest || left < 0.0 {
                 way.is_done = true;
                 continue;
             }
             way.pixel.samples += 1;
-            samples.push((index, way.ray.origin + way.ray.direction * distance, step, left));
+            samples.push((index, way.inside.origin + way.inside.direction * passed, step, left));
         }
         if samples.is_empty() {
             break;
@@ -146,7 +179,7 @@ fn march_together(
                 let scattered = light.terms.octaves.sum(&way.weights, depth[channel]);
                 let ambient = light.ambient[channel] * ambient_factor;
                 let source = factor * (light.sun[channel] * scattered + ambient) * factor_on_all;
-                let through = (-extinct * step).exp();
+                let through = transmittance(extinct * step);
                 let weight = step_weight(settings.integration, extinct, step);
                 way.pixel.radiance[channel] += way.pixel.transmittance[channel] * source * weight;
                 way.pixel.transmittance[channel] *= through;
@@ -155,14 +188,6 @@ fn march_together(
         }
     }
     ways.into_iter().map(|way| way.pixel).collect()
-}
-
-/// What the source of a step is multiplied with, transmittance left out: a length.
-pub fn step_weight(integration: Integration, extinction: f64, step: f64) -> f64 {
-    match integration {
-        Integration::Plain => step,
-        Integration::EnergyConserving => -(-extinction * step).exp_m1() / extinction.max(LEAST_EXTINCTION),
-    }
 }
 
 /// Optical depth towards the sun at each place, per channel.
@@ -199,17 +224,53 @@ fn shadow_depths(density: &dyn DensityModel, light: &LightModel, to_sun: DVec3, 
 }
 
 impl Way {
-    fn new(ray: RealTimeRay, weights: Vec<f64>) -> Self {
-        let (enter, leave) = BOX.segment(ray.origin, ray.direction).unwrap_or((0.0, 0.0));
-        let start = enter.max(0.0);
-        let length = leave - start;
+    fn new(ray: &RealTimeRay, light: &LightModel, to_sun: DVec3) -> Self {
+        let inside = ray.inside();
         Self {
-            ray,
-            start,
-            length,
-            weights,
-            is_done: length.is_nan() || length < SHORTEST,
+            inside,
+            jitter: ray.jitter,
+            weights: light.weights(inside.direction.dot(to_sun)),
+            is_done: inside.length == 0.0,
             pixel: RealTimePixel { radiance: [0.0; 3], transmittance: [1.0; 3], samples: 0, dense: 0 },
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rays_of_any_length_and_start_cross_alike() {
+        let direction = DVec3::new(0.6, -0.3, 0.7).normalize();
+        let ray = |origin: DVec3, direction: DVec3| RealTimeRay { origin, direction, farthest: 1e7, jitter: 0.5 };
+        let near = ray(-direction, direction).inside();
+        assert!(near.length > 0.5 && (near.direction.length() - 1.0).abs() < 1e-15);
+        for scale in [1e-200, 1e-6, 3.0, 1e200] {
+            let found = ray(-direction, direction * scale).inside();
+            assert!(
+                (found.length - near.length).abs() < 1e-12 && found.origin.distance(near.origin) < 1e-12,
+                "{scale}"
+            );
+        }
+        // 1e6 sides away f64 holds places to 1e-10.
+        let far = ray(-direction * 1e6, direction).inside();
+        assert!((far.length - near.length).abs() < 1e-9 && far.origin.distance(near.origin) < 1e-9);
+        assert!((far.farthest - (1e7 - 1e6)).abs() < 1.0);
+    }
+
+    #[test]
+    fn what_misses_grazes_or_goes_nowhere_has_no_length() {
+        let none = |origin: [f64; 3], direction: [f64; 3]| {
+            let (origin, direction) = (DVec3::from(origin), DVec3::from(direction));
+            let found = RealTimeRay { origin, direction, farthest: 1.0, jitter: 0.5 }.inside();
+            assert_eq!(found.length, 0.0, "{origin} {direction}");
+        };
+        none([3.0, 3.0, 3.0], [0.0, 1.0, 0.0]);
+        none([0.0; 3], [0.0; 3]);
+        none([0.0; 3], [f64::NAN, 0.0, 1.0]);
+        none([0.5, 0.0, 0.0], [1.0, 0.0, 0.0]);
+        none([0.4999, 0.5001, 0.0], [1.0, -1.0, 0.0]);
+        assert_eq!(unit(DVec3::ZERO), None);
     }
 }

@@ -4,11 +4,10 @@ use super::Integration;
 use super::real_time::{RealTimePixel, RealTimeRay, RealTimeSettings};
 use crate::density::DensityModel;
 use crate::error::Result;
-use crate::gpu::Gpu;
+use crate::gpu::{Gpu, SOFTWARE_LOOPS};
 use crate::graph::wgsl::Linker;
 use crate::lighting::{LightModel, ShadowExtinction, ShadowLength, SourceFactor};
 use bytemuck::{Pod, Zeroable};
-use glam::DVec3;
 
 /// Invocations per workgroup.
 const WORKGROUP: usize = 64;
@@ -32,8 +31,9 @@ struct MarchUniform {
     second: f32,
     least_density: f32,
     least_transmittance: f32,
-    first: u32,
     count: u32,
+    first_step: u32,
+    end_step: u32,
     octaves: u32,
     contribution: f32,
     attenuation: f32,
@@ -44,7 +44,7 @@ struct MarchUniform {
     silver_exponent: f32,
     ambient_bottom: f32,
     ambient_top: f32,
-    more_padding: [u32; 3],
+    more_padding: [u32; 2],
     albedo: [f32; 3],
     last_padding: u32,
 }
@@ -53,9 +53,11 @@ struct MarchUniform {
 #[derive(Clone, Copy, Pod, Zeroable)]
 struct Ray {
     origin: [f32; 3],
-    farthest: f32,
+    length: f32,
     direction: [f32; 3],
     jitter: f32,
+    farthest: f32,
+    padding: [f32; 7],
 }
 
 #[repr(C)]
@@ -73,6 +75,14 @@ pub struct RealTimeKernel<'a> {
     pipeline: wgpu::ComputePipeline,
     uniform: MarchUniform,
     model: Vec<wgpu::Buffer>,
+    /// Steps of one dispatch.
+    together: u32,
+}
+
+/// Steps of one dispatch of a software adapter, whose loops end early otherwise ([`SOFTWARE_LOOPS`]): a step goes through the samples towards
+/// the sun, the three axes of a crossing and the octaves; half of what there is stays for the density.
+fn steps_together(shadow_steps: u32, octaves: u32) -> u32 {
+    (SOFTWARE_LOOPS / 2 / (4 + shadow_steps + octaves)).max(1)
 }
 
 impl<'a> RealTimeKernel<'a> {
@@ -111,7 +121,7 @@ impl<'a> RealTimeKernel<'a> {
                 ShadowLength::Fixed(length) => length as f32,
                 ShadowLength::ToExit => 0.0,
             },
-            to_sun: DVec3::from(light.sun_direction).normalize().as_vec3().to_array(),
+            to_sun: light.to_sun().as_vec3().to_array(),
             albedo: match light.source {
                 SourceFactor::Density => [0.0; 3],
                 SourceFactor::Albedo(albedo) => single(albedo),
@@ -120,8 +130,9 @@ impl<'a> RealTimeKernel<'a> {
             second: light.phase.second as f32,
             least_density: settings.least_density as f32,
             least_transmittance: settings.least_transmittance as f32,
-            first: 0,
             count: 0,
+            first_step: 0,
+            end_step: 0,
             octaves: terms.octaves.count,
             contribution: terms.octaves.contribution as f32,
             attenuation: terms.octaves.attenuation as f32,
@@ -132,40 +143,52 @@ impl<'a> RealTimeKernel<'a> {
             silver_exponent: terms.silver.exponent as f32,
             ambient_bottom: terms.ambient[0] as f32,
             ambient_top: terms.ambient[1] as f32,
-            more_padding: [0; 3],
+            more_padding: [0; 2],
             last_padding: 0,
             padding: 0,
         };
-        Ok(Self { gpu, pipeline: gpu.pipeline("real_time", &module)?, uniform, model: shader.buffers(gpu) })
+        let together = match gpu.adapter().is_software() {
+            true => steps_together(uniform.shadow_steps, uniform.octaves),
+            false => settings.steps.max(1),
+        };
+        Ok(Self { gpu, pipeline: gpu.pipeline("real_time", &module)?, uniform, model: shader.buffers(gpu), together })
     }
 
     /// Marches rays; pixels in their order.
     pub fn march(&self, rays: &[RealTimeRay]) -> Result<Vec<RealTimePixel>> {
         let data: Vec<Ray> = rays
             .iter()
-            .map(|ray| Ray {
-                origin: ray.origin.as_vec3().to_array(),
-                farthest: ray.farthest as f32,
-                direction: ray.direction.as_vec3().to_array(),
-                jitter: ray.jitter as f32,
+            .map(|ray| {
+                let inside = ray.inside();
+                Ray {
+                    origin: inside.origin.as_vec3().to_array(),
+                    length: inside.length as f32,
+                    direction: inside.direction.as_vec3().to_array(),
+                    jitter: ray.jitter as f32,
+                    farthest: inside.farthest as f32,
+                    padding: [0.0; 7],
+                }
             })
             .collect();
         let per_ray = self.uniform.steps as usize * (1 + self.uniform.shadow_steps as usize);
         let most = (DENSITIES / per_ray).max(1).next_multiple_of(WORKGROUP);
         let mut pixels = Vec::with_capacity(rays.len());
         for part in data.chunks(most) {
-            let uniform = MarchUniform { count: part.len() as u32, ..self.uniform };
-            let uniform = self.gpu.upload("march", bytemuck::bytes_of(&uniform), wgpu::BufferUsages::UNIFORM);
             let rays = self.gpu.upload("rays", bytemuck::cast_slice(part), wgpu::BufferUsages::STORAGE);
-            let size = std::mem::size_of_val(part) as u64;
+            let size = (part.len() * size_of::<Pixel>()) as u64;
             let output = self.gpu.device().create_buffer(&wgpu::BufferDescriptor {
                 label: Some("pixels"),
                 size,
                 usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC,
                 mapped_at_creation: false,
             });
-            let groups = [vec![&uniform, &rays, &output], self.model.iter().collect()];
-            self.gpu.dispatch(&self.pipeline, &groups, part.len().div_ceil(WORKGROUP) as u32);
+            for first_step in (0..self.uniform.steps).step_by(self.together as usize) {
+                let end_step = first_step.saturating_add(self.together);
+                let uniform = MarchUniform { count: part.len() as u32, first_step, end_step, ..self.uniform };
+                let uniform = self.gpu.upload("march", bytemuck::bytes_of(&uniform), wgpu::BufferUsages::UNIFORM);
+                let groups = [vec![&uniform, &rays, &output], self.model.iter().collect()];
+                self.gpu.dispatch(&self.pipeline, &groups, part.len().div_ceil(WORKGROUP) as u32);
+            }
             let found: Vec<Pixel> = bytemuck::pod_collect_to_vec(&self.gpu.read_back(&output, size)?);
             pixels.extend(found.into_iter().map(|pixel| RealTimePixel {
                 radiance: pixel.radiance.map(f64::from),

@@ -170,8 +170,8 @@ impl SampledLight {
         }
     }
 
-    /// The light in the form of the shader, which knows suns and points without extent or spots.
-    pub(super) fn on_adapter(&self) -> Result<AdapterLight> {
+    /// The light in the form of the shader, whose places are relative to `origin`; it knows suns and points without extent or spots.
+    pub(super) fn on_adapter(&self, origin: DVec3) -> Result<AdapterLight> {
         let vector = |value: DVec3| value.as_vec3().to_array();
         let light = AdapterLight {
             power: self.power.map(|power| power as f32),
@@ -183,9 +183,9 @@ impl SampledLight {
             (Shape::Cone(towards, opening), _) => {
                 Ok(AdapterLight { place: vector(*towards), kind: 1, opening: *opening as f32, ..light })
             }
-            (Shape::Point(place), None) => Ok(AdapterLight { place: vector(*place), kind: 2, ..light }),
+            (Shape::Point(place), None) => Ok(AdapterLight { place: vector(*place - origin), kind: 2, ..light }),
             (Shape::Point(place), Some(spot)) => Ok(AdapterLight {
-                place: vector(*place),
+                place: vector(*place - origin),
                 kind: 3,
                 axis: vector(spot.axis),
                 edge: spot.edge as f32,

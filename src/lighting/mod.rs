@@ -8,6 +8,8 @@ pub mod models;
 pub mod terms;
 
 use crate::integrate::phase::henyey_greenstein;
+use crate::integrate::real_time::unit;
+use glam::DVec3;
 use serde::{Deserialize, Serialize};
 use terms::Terms;
 
@@ -119,6 +121,11 @@ impl LightModel {
             weights[0] += self.terms.silver.value(cosine);
         }
         weights
+    }
+
+    /// Unit vector towards the sun; of NaN where the direction has no length, so that it is seen.
+    pub fn to_sun(&self) -> DVec3 {
+        unit(DVec3::from(self.sun_direction)).unwrap_or(DVec3::NAN)
     }
 
     /// Factor on the ambient light at a height of the box, -0.5 to 0.5.

@@ -14,6 +14,8 @@
 //! - powder of strength w and length l, with the extinction e (mean of the channels): thin parts scatter less because less light has
 //!   gathered in them (Schneider and Vos 2015, "The Real-time Volumetric Cloudscapes of Horizon: Zero Dawn").
 
+use crate::integrate::transfer::{absorbed, transmittance};
+use num_traits::Float;
 use serde::{Deserialize, Serialize};
 
 /// Most octaves; the kernel holds a weight of each.
@@ -79,25 +81,40 @@ impl Terms {
 impl Octaves {
     /// The sum over octaves of their weights, which hold the phase functions, each dimmed by its part of an optical depth.
     pub fn sum(&self, weights: &[f64], depth: f64) -> f64 {
-        let (mut sum, mut dimmed) = (0.0, depth);
-        for weight in weights {
-            sum += weight * (-dimmed).exp();
-            dimmed *= self.attenuation;
-        }
-        sum
+        octaves(weights, self.attenuation, depth)
     }
 }
 
 impl Powder {
     /// Factor on all light, for an extinction per side of the box.
     pub fn factor(&self, extinction: f64) -> f64 {
-        1.0 - self.strength * (-self.length * extinction).exp()
+        powder(self.strength, self.length, extinction)
     }
 }
 
 impl SilverLining {
     /// What is added to the phase function, per steradian.
     pub fn value(&self, cosine: f64) -> f64 {
-        self.strength * cosine.max(0.0).powf(self.exponent)
+        silver(self.strength, self.exponent, cosine)
     }
+}
+
+/// [`Octaves::sum`] in f32 or f64.
+pub fn octaves<T: Float>(weights: &[T], attenuation: T, depth: T) -> T {
+    let (mut sum, mut dimmed) = (T::zero(), depth);
+    for &weight in weights {
+        sum = sum + weight * transmittance(dimmed);
+        dimmed = dimmed * attenuation;
+    }
+    sum
+}
+
+/// [`Powder::factor`] in f32 or f64: of thin parts without the difference of nearly equal numbers.
+pub fn powder<T: Float>(strength: T, length: T, extinction: T) -> T {
+    (T::one() - strength) + strength * absorbed(length * extinction)
+}
+
+/// [`SilverLining::value`] in f32 or f64.
+pub fn silver<T: Float>(strength: T, exponent: T, cosine: T) -> T {
+    strength * cosine.max(T::zero()).powf(exponent)
 }

@@ -451,3 +451,27 @@ pub fn safe_unit<R: Real>(v: [R; 3]) -> [R; 3] {
         v
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn undefined<R: Real + std::fmt::Debug>() {
+        let of = R::of;
+        for value in [0.0, 1.0, -2.5, f32::MAX] {
+            assert_eq!(of(value).safe_divide(of(0.0)), of(0.0));
+            assert_eq!(of(value).safe_divide(of(-0.0)), of(0.0));
+            assert_eq!(of(value).safe_power(of(0.0)), of(1.0));
+        }
+        assert_eq!(of(-2.0).safe_power(of(0.5)), of(0.0));
+        assert_eq!(of(0.0).safe_power(of(-1.0)), of(0.0));
+        assert_eq!(of(-2.0).safe_power(of(3.0)), of(-8.0));
+    }
+
+    #[test]
+    fn divisions_and_powers_that_are_undefined_are_zero() {
+        undefined::<f32>();
+        undefined::<f64>();
+        undefined::<Oracle>();
+    }
+}

@@ -8,6 +8,7 @@ use crate::compare::{DiffResult, Verdict};
 use crate::density::comparison::{Comparison, FIGURE};
 use crate::error::{Error, Result};
 use crate::files;
+use crate::stability;
 use crate::study;
 use crate::tuning;
 use base64::Engine;
@@ -21,7 +22,7 @@ use std::path::{Component, Path};
 const DIFF: &str = "cloudparity diff --ours OURS.exr --reference REFERENCE.exr --view AgX --out RUN";
 
 /// Files of a run directory: name, what it shows, how to make it.
-const MAKERS: [(&str, &str, &str); 15] = [
+const MAKERS: [(&str, &str, &str); 16] = [
     ("run.json", "title, command, versions and timings", "cloudparity demo -o RUN"),
     ("diff.json", "the figures of the picture", DIFF),
     ("ours.png", "our picture", DIFF),
@@ -35,6 +36,7 @@ const MAKERS: [(&str, &str, &str); 15] = [
     ("study/results.json", "error against time", "cloudparity study FILE.study.toml -o RUN/study"),
     ("tuning/tuning.json", "tuned parameters", "cloudparity tune FILE.tune.toml -o RUN/tuning"),
     ("models.json", "two density models side by side", "cloudparity compare-models SCENE -o RUN"),
+    ("stability.json", "numerical stability", "cloudparity stability SCENE -o RUN"),
     ("explain.txt", "the specialised graph in words", "cloudparity explain SCENE > RUN/explain.txt"),
     ("scene.json", "the scene", "cp SCENE RUN/scene.json"),
 ];
@@ -319,6 +321,8 @@ pub struct Inputs {
     pub tuning: Option<tuning::Outcome>,
     /// `models.json`.
     pub models: Option<Comparison>,
+    /// `stability.json`.
+    pub stability: Option<stability::Table>,
     /// `explain.txt`.
     pub explain: Option<String>,
     /// `scene.json`.
@@ -349,6 +353,7 @@ impl Inputs {
             bench: read_json(directory, "bench.json")?,
             scene: read_json(directory, "scene.json")?,
             models: read_json(directory, "models.json")?,
+            stability: read_json(directory, "stability.json")?,
             study: read_json(directory, "study/results.json")?,
             tuning: read_json(directory, "tuning/tuning.json")?,
             ..Self::default()

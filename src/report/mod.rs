@@ -70,6 +70,7 @@ struct Page<'a> {
     models: Option<tables::ModelsTable<'a>>,
     study: Option<tables::StudyTable<'a>>,
     tuning: Option<tables::TuningTable<'a>>,
+    stability: &'a Option<crate::stability::Table>,
     scene: Option<Vec<(&'static str, String)>>,
     left_out: &'a [inputs::LeftOut],
 }
@@ -111,6 +112,7 @@ fn render(inputs: &Inputs, summary: &summary::Summary) -> Result<String> {
         explain: &inputs.explain,
         study: inputs.study.as_ref().map(|study| tables::StudyTable::of(study, &inputs.pictures)),
         tuning: inputs.tuning.as_ref().map(|tuning| tables::TuningTable::of(tuning, &inputs.pictures)),
+        stability: &inputs.stability,
         models: inputs.models.as_ref().map(|models| tables::ModelsTable::of(models, &inputs.pictures)),
         scene: inputs.scene.as_ref().map(tables::scene_facts),
         left_out: &inputs.left_out,

@@ -4,6 +4,7 @@ use super::inputs::{Inputs, Mode, Probe};
 use super::numbers::{count, figure, percent, ratio, signed_percent};
 use crate::compare::Verdict;
 use crate::density::comparison::Comparison;
+use crate::stability::{self, Table};
 use serde::Serialize;
 
 /// What the head of a report says.
@@ -68,6 +69,7 @@ impl Summary {
             parts.push(modes_part(&inputs.modes));
         }
         parts.extend(inputs.models.as_ref().map(models_part));
+        parts.extend(inputs.stability.as_ref().map(stability_part));
         let judged: Vec<&Part> = parts.iter().filter(|part| part.verdict.is_some()).collect();
         let verdict = Verdict::worst(judged.iter().filter_map(|part| part.verdict)).unwrap_or(Verdict::CouldNotTell);
         let deciding: Vec<&str> =
@@ -157,6 +159,27 @@ fn models_part(models: &Comparison) -> Part {
         figure(Some(second.cpu_nanoseconds)),
     );
     Part::new("Density models", "models", None, sentence)
+}
+
+fn stability_part(table: &Table) -> Part {
+    let [passed, limited, failed] = [stability::Verdict::Pass, stability::Verdict::Limit, stability::Verdict::Fails]
+        .map(|verdict| table.count(verdict));
+    let nonfinite: usize = table.rows.iter().map(|row| row.nonfinite).sum();
+    let mut sentence = format!(
+        "{} rows of f32 against f64: {passed} within their limit, {limited} at the limit of f32 with a derived bound, {failed} beyond it; {} \
+         values NaN or infinite.",
+        table.rows.len(),
+        count(Some(nonfinite as u64)),
+    );
+    if table.adapter.is_none() {
+        sentence.push_str(" Without an adapter WGSL was not measured.");
+    }
+    let verdict = match (failed, &table.adapter) {
+        (0, Some(_)) => Verdict::Agrees,
+        (0, None) => Verdict::CouldNotTell,
+        _ => Verdict::Differs,
+    };
+    Part::new("Numerical stability", "stability", Some(verdict), sentence)
 }
 
 fn modes_part(modes: &[Mode]) -> Part {

@@ -410,6 +410,13 @@ pub fn csv(inputs: &Inputs) -> String {
         add("models", &picture.density, &picture.light, "mean_radiance", Some(picture.mean_radiance), "radiance");
         add("models", &picture.density, &picture.light, "wall", Some(picture.seconds), "s");
     }
+    for row in inputs.stability.iter().flat_map(|table| &table.rows) {
+        let mut stable = |quantity, value| add("stability", &row.id, "", quantity, Some(value), "");
+        stable("nonfinite", row.nonfinite as f64);
+        stable("max_error", row.max_error);
+        stable("share_of_bound", row.share_of_bound);
+        stable("limit", row.limit);
+    }
     for timing in &inputs.run.timings {
         add("timing", &timing.what, "", "wall", Some(timing.seconds), "s");
     }
@@ -581,6 +588,22 @@ pub fn document(inputs: &Inputs, summary: &Summary) -> Document {
             [vec![picture.light_title.clone(), picture.density.clone()], shown.to_vec()].concat()
         });
         document.table(&["Light", "Density", "Mean radiance", "Time"], rows);
+    }
+    if let Some(found) = &inputs.stability {
+        document.heading("Numerical stability");
+        let rows = found.rows.iter().map(|row| {
+            vec![
+                row.id.clone(),
+                row.varied.clone(),
+                count(Some(row.values as u64)),
+                count(Some(row.nonfinite as u64)),
+                figure(Some(row.max_error)),
+                figure(Some(row.limit)),
+                figure(Some(row.share_of_bound)),
+                row.verdict.word().to_lowercase(),
+            ]
+        });
+        document.table(&["Row", "Varied", "Values", "NaN/Inf", "Error", "Limit", "Of bound", "Verdict"], rows);
     }
     if !inputs.left_out.is_empty() {
         document.heading("Left out");

@@ -105,6 +105,30 @@ impl Scene {
     }
 }
 
+impl Scene {
+    /// Every number that [`Self::set`] may change: its exact name, and its label (its identifier where it has none).
+    pub fn settable_numbers(&self) -> Vec<(String, String)> {
+        let graph = self.graph();
+        everything(graph)
+            .into_iter()
+            .filter(|candidate| {
+                let node = &graph.nodes[candidate.node];
+                let stored = if candidate.is_output { &node.outputs } else { &node.inputs }.get(&candidate.identifier);
+                match stored {
+                    Some(Input::Number(_)) => true,
+                    // A group's input whose value is the interface's own.
+                    None => candidate.kind == Some(SocketType::Float),
+                    Some(_) => false,
+                }
+            })
+            .map(|candidate| {
+                let label = candidate.label.clone().unwrap_or_else(|| candidate.identifier.clone());
+                (candidate.exact_name(), label)
+            })
+            .collect()
+    }
+}
+
 /// An input that a name may mean.
 #[derive(Debug, Clone)]
 struct Candidate {
@@ -276,6 +300,18 @@ mod tests {
         ] {
             let error = scene.set(assignment).expect_err(assignment);
             assert!(error.expected.contains(expected), "{assignment}: {error}");
+        }
+    }
+
+    #[test]
+    fn numbers_that_can_be_set_are_listed_with_their_labels() {
+        let found = cloud().settable_numbers();
+        assert_eq!(found.iter().filter(|(_, label)| label == "Scale").count(), 3);
+        assert!(found.contains(&("Principled Volume.Anisotropy".into(), "Anisotropy".into())), "{found:?}");
+        // A link is no number.
+        assert!(!found.iter().any(|(name, _)| name == "Principled Volume.Density"));
+        for (name, _) in found {
+            cloud().set(&format!("{name}=0.5")).expect("a listed number can be set");
         }
     }
 

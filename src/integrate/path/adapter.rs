@@ -4,6 +4,8 @@
 //! tentative collisions per pixel that follows the adapter's speed, so that none holds it for long; the
 //! state waits in a buffer. Sums of up to 64 samples are f32, the rest is f64.
 //!
+//! Places of world space are relative to the middle of the medium's box, so that a scene far from the origin keeps its accuracy in f32.
+//!
 //! The random numbers along rays are those of the CPU, the others are not stratified: pictures of the same seed
 //! are neither equal nor independent. Compare them with different seeds.
 
@@ -12,11 +14,12 @@ use crate::error::{Error, Result};
 use crate::gpu::Gpu;
 use crate::graph::wgsl::Linker;
 use crate::integrate::adapter::{Slices, dispatch};
+use crate::integrate::majorant::FINEST;
 use crate::integrate::medium::Medium;
 use crate::integrate::sampled_lights::AdapterLight;
 use crate::scene::Scene;
 use bytemuck::{Pod, Zeroable};
-use glam::DVec3;
+use glam::{DMat4, DVec3};
 use std::time::Instant;
 
 const PATH: &str = include_str!("../../../shaders/integrate/path.wgsl");
@@ -113,6 +116,8 @@ pub(super) struct Kernel<'a> {
     rates: wgpu::Buffer,
     lights: wgpu::Buffer,
     pixels: usize,
+    /// Middle of the medium's box in world space: the origin of the shader's places.
+    middle: DVec3,
 }
 
 impl<'a> Kernel<'a> {
@@ -147,8 +152,10 @@ impl<'a> Kernel<'a> {
         let flat = majorants.flat();
         let single = |values: [f64; 3]| values.map(|value| value as f32);
         let vector = |value: DVec3| value.as_vec3().to_array();
-        let transform = tracer.volume.to_frame;
-        let mut lights = tracer.lights.iter().map(|light| light.on_adapter()).collect::<Result<Vec<AdapterLight>>>()?;
+        let middle = tracer.volume.to_frame.inverse().transform_point3(flat.low + flat.cell * (FINEST / 2.0));
+        let transform = tracer.volume.to_frame * DMat4::from_translation(middle);
+        let mut lights =
+            tracer.lights.iter().map(|light| light.on_adapter(middle)).collect::<Result<Vec<AdapterLight>>>()?;
         let stage = Stage {
             scattering: single(medium.scattering),
             anisotropy: medium.anisotropy as f32,
@@ -181,6 +188,7 @@ impl<'a> Kernel<'a> {
             rates: gpu.upload("rates and majorants", bytemuck::cast_slice(&flat.rates), storage),
             lights: gpu.upload("lights", bytemuck::cast_slice(&lights), storage),
             pixels: if software { SOFTWARE_PIXELS } else { PIXELS },
+            middle,
         }))
     }
 
@@ -260,7 +268,7 @@ impl<'a> Kernel<'a> {
         let path = self.tracer.begin(pixel, sample, seed);
         let vector = |value: DVec3| value.as_vec3().to_array();
         Ray {
-            origin: vector(path.origin + path.direction * path.walk.distance),
+            origin: vector(path.origin - self.middle + path.direction * path.walk.distance),
             length: (path.walk.end - path.walk.distance) as f32,
             direction: vector(path.direction),
             padding: 0.0,

@@ -43,6 +43,7 @@ use crate::integrate::media::PhaseMixture;
 use crate::integrate::phase::{PhaseFunction, turned};
 use crate::integrate::sampled_lights::SampledLight;
 use crate::integrate::sampler::Sampler;
+use crate::integrate::transfer::{mean_transmittance, transmittance};
 use crate::nodes::closure::Coefficients;
 use glam::{DVec2, DVec3};
 
@@ -412,13 +413,12 @@ impl Tracer {
             let extinction = control * self.volume.share[channel];
             let arriving = path.carried[channel] * path.weight[channel];
             let depth = extinction * length;
-            // (1 - exp(-depth)) / extinction, without the division by zero.
-            let reach = if depth < 1e-12 { length } else { -(-depth).exp_m1() / extinction };
+            let reach = mean_transmittance(depth) * length;
             path.radiance[channel] += arriving * emission[channel] * reach;
             if light {
                 path.radiance[channel] += arriving * (-extinction * hit).exp() * path.hit[channel];
             }
-            path.weight[channel] *= (-depth).exp();
+            path.weight[channel] *= transmittance(depth);
         }
     }
 

@@ -1,0 +1,57 @@
+//! `cloudparity stability`: f32 on the CPU and in WGSL against f64 over stiff and extreme cases.
+
+use super::picture::SceneArguments;
+use crate::blender;
+use crate::error::Result;
+use crate::gpu::Gpu;
+use crate::stability::{self, fields};
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+/// Measure numerical stability: f32 on the CPU and in WGSL against f64 over stiff and extreme cases, with what guards each.
+///
+/// Optical depths of 1e-6 to 1e6 per step, densities of 0 to 1e8, eccentricities to 1 - 1e-6, coordinates and Time to 1e6, scales to 0,
+/// cameras inside and on the boundary, rays in faces, suns below the horizon, 1 and 10,000 steps. Exit status 1: a row fails; 2: no adapter.
+#[derive(clap::Args)]
+pub(super) struct Arguments {
+    #[command(flatten)]
+    scene: SceneArguments,
+    /// A folder for stability.json and .csv, which the report shows.
+    #[arg(short, long, value_name = "DIR")]
+    output: Option<PathBuf>,
+    /// Ask live Cycles for the fields' values, too.
+    #[arg(long)]
+    cycles: bool,
+    /// Print the document instead of a table.
+    #[arg(long)]
+    json: bool,
+}
+
+pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
+    let scene = arguments.scene.load()?;
+    if arguments.cycles {
+        super::need_bpy("fields are")?;
+    }
+    let gpu = Gpu::open();
+    let bar = super::progress_bar(1000);
+    let mut table = stability::run(&scene, gpu.as_ref().ok(), &|done, what| {
+        bar.set_position((done * 1000.0) as u64);
+        bar.set_message(what.to_owned());
+    })?;
+    if arguments.cycles {
+        fields::ask_cycles(&scene, &mut table.rows, blender::report_to(&bar))?;
+    }
+    bar.finish_and_clear();
+    if let Some(folder) = &arguments.output {
+        table.write(folder)?;
+    }
+    super::print(&if arguments.json { table.json() } else { table.text() })?;
+    if let Err(error) = &gpu {
+        eprintln!("left out: WGSL: {error}");
+    }
+    Ok(match (table.holds(), gpu) {
+        (false, _) => ExitCode::FAILURE,
+        (true, Err(_)) => ExitCode::from(super::COULD_NOT),
+        _ => ExitCode::SUCCESS,
+    })
+}

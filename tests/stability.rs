@@ -1,0 +1,189 @@
+//! The stability suite: what it finds on committed scenes, that it finds what is planted, and that every guard and test it names exists.
+
+mod support;
+
+use assert_cmd::cargo::cargo_bin_cmd;
+use cloudparity::gpu::Gpu;
+use cloudparity::image::Image;
+use cloudparity::integrate::real_time_adapter::RealTimeKernel;
+use cloudparity::integrate::{Integration, MarchSettings, march};
+use cloudparity::scene::Scene;
+use cloudparity::stability::kernels::{self, Kernel, Pipeline, Side};
+use cloudparity::stability::pictures::{Uniform, light, rays, steps};
+use cloudparity::stability::{self, Table, Verdict, guards};
+use std::collections::BTreeSet;
+
+fn adapter() -> Option<Gpu> {
+    support::require("vulkan").then(|| Gpu::open().expect("the adapter that was just there"))
+}
+
+fn measured(scene: &str) -> Table {
+    let gpu = adapter();
+    let table = stability::run(&support::scene(scene), gpu.as_ref(), &|_, _| ()).expect("the suite runs");
+    let failing: Vec<_> = table.rows.iter().filter(|row| row.verdict == Verdict::Fails).collect();
+    assert!(failing.is_empty(), "{failing:#?}");
+    assert!(table.rows.iter().all(|row| row.nonfinite == 0), "a value is NaN or infinite");
+    // A row says what it is and why.
+    for row in &table.rows {
+        assert!(row.values > 0 && !row.guards.is_empty(), "{row:?}");
+        assert!([&row.varied, &row.evaluator, &row.reason, &row.cycles].iter().all(|text| !text.is_empty()), "{row:?}");
+        assert!(row.verdict == Verdict::Pass || row.share_of_bound <= 1.0, "{row:?}");
+    }
+    let ids: BTreeSet<_> = table.rows.iter().map(|row| &row.id).collect();
+    assert_eq!(ids.len(), table.rows.len(), "a row's name is its own");
+    table
+}
+
+#[test]
+fn the_suite_holds_on_the_committed_cloud() {
+    let table = measured("procedural-clouds");
+    for id in ["field-density=1e8/cpu", "field-time=1e6/cpu", "march-camera-inside/cpu", "engine-10000-steps/cpu"] {
+        assert!(table.rows.iter().any(|row| row.id == id), "{id}");
+    }
+    // Through files and back.
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    table.write(folder.path()).expect("written");
+    let text = std::fs::read_to_string(folder.path().join("stability.json")).expect("written");
+    let read: Table = serde_json::from_str(&text).expect("a table");
+    assert_eq!(read.rows.len(), table.rows.len());
+    assert_eq!(table.csv().lines().count(), 1 + table.rows.len());
+    let page = cloudparity::report::write_report(folder.path()).expect("a report");
+    let page = std::fs::read_to_string(page).expect("a page");
+    assert!(page.contains("id=\"stability\"") && page.contains("field-density=1e8/cpu"));
+}
+
+#[test]
+fn the_suite_holds_on_another_scene() {
+    measured("noise-anisotropic");
+}
+
+#[test]
+fn every_kernel_is_finite_and_within_its_bound() {
+    for row in kernels::rows(adapter().as_ref()).expect("measured") {
+        assert!(row.nonfinite == 0 && row.share_of_bound <= 1.0, "{row:?}");
+    }
+}
+
+#[test]
+fn a_kernel_without_its_guard_fails_in_wgsl() {
+    let Some(gpu) = adapter() else { return };
+    // Each guard taken away, as it would be written without a thought.
+    for (kernel, guarded, plain) in [
+        (
+            Kernel::MeanTransmittance,
+            "transfer::mean_transmittance(vec3f(input.x)).x",
+            "(1.0 - exp(-input.x)) / input.x",
+        ),
+        (Kernel::Absorbed, "transfer::absorbed(vec3f(input.x)).x", "1.0 - exp(-input.x)"),
+        (
+            Kernel::HenyeyGreenstein,
+            "phase::henyey_greenstein_by_lack(input.x, input.y)",
+            "(1.0 - input.x * input.x) * phase::isotropic() \
+             / pow(1.0 + input.x * input.x - 2.0 * input.x * (1.0 - input.y), 1.5)",
+        ),
+    ] {
+        let source = kernels::SHADER.replacen(guarded, plain, 1);
+        assert_ne!(source, kernels::SHADER, "{kernel:?}");
+        let pipeline = Pipeline::new(&gpu, &source).expect("it compiles");
+        let row = kernel.judge(Side::Wgsl, &pipeline.values(kernel, &kernel.arguments()).expect("values"));
+        assert_eq!(row.verdict, Verdict::Fails, "{row:?}");
+    }
+}
+
+fn small(scene: &str) -> (Scene, MarchSettings) {
+    let mut scene = support::scene(scene);
+    scene.film.resolution = [16, 9];
+    let settings = MarchSettings { grid_cells: 12, sub_pixels: 1, world_directions: 16, ..MarchSettings::default() };
+    let settings = settings.resolved(&scene).expect("settings");
+    (scene, settings)
+}
+
+fn difference(ours: &Image, theirs: &Image) -> f64 {
+    let values = |image: &Image| image.pixels.iter().flatten().copied().map(f64::from).collect::<Vec<f64>>();
+    let (ours, theirs) = (values(ours), values(theirs));
+    let brightest = theirs.iter().copied().fold(0.0, f64::max);
+    assert!(brightest > 0.0 && ours.iter().all(|value| value.is_finite()));
+    ours.iter().zip(&theirs).map(|(a, b)| (a - b).abs() / brightest).fold(0.0, f64::max)
+}
+
+fn picture(scene: &Scene, settings: &MarchSettings, gpu: Option<&Gpu>) -> Image {
+    march::render(scene, settings, gpu, &|_, _| ()).expect("a picture")
+}
+
+#[test]
+fn the_scale_of_camera_and_sun_changes_nothing() {
+    let (scene, settings) = small("procedural-clouds");
+    let mut scaled = scene.clone();
+    let matrices = [&mut scaled.camera.matrix_world]
+        .into_iter()
+        .chain(scaled.lights.iter_mut().map(|light| &mut light.matrix_world));
+    for matrix in matrices {
+        // A power of two moves no bit.
+        matrix[..3].iter_mut().for_each(|row| row[..3].iter_mut().for_each(|value| *value *= 1.0 / 1_048_576.0));
+    }
+    assert_eq!(picture(&scaled, &settings, None).pixels, picture(&scene, &settings, None).pixels);
+}
+
+#[test]
+fn a_scene_far_from_the_origin_looks_the_same_on_the_adapter() {
+    let Some(gpu) = adapter() else { return };
+    let (mut scene, settings) = small("noise-anisotropic");
+    for matrix in [&mut scene.camera.matrix_world, &mut scene.volume.matrix_world]
+        .into_iter()
+        .chain(scene.lights.iter_mut().map(|light| &mut light.matrix_world))
+    {
+        for row in &mut matrix[..3] {
+            row[3] += 1e6;
+        }
+    }
+    let found = difference(&picture(&scene, &settings, Some(&gpu)), &picture(&scene, &settings, None));
+    // As near the origin (tests/march.rs).
+    assert!(found <= 5e-5, "{found:e}");
+}
+
+#[test]
+fn ten_thousand_steps_are_taken_on_the_adapter() {
+    let Some(gpu) = adapter() else { return };
+    let density = Uniform { density: 4.0, extinction: [1.0; 3] };
+    // 24 steps towards the sun: 10,000 of them go through 250,000 iterations of a loop.
+    let mut sun = light(Some([0.3, 0.8, 0.1]), 0.5);
+    sun.shadow.steps = 24;
+    let settings = steps(10_000, Integration::EnergyConserving);
+    let ray = &rays()[..1];
+    let kernel = RealTimeKernel::new(&gpu, &density, &sun, &settings).expect("a kernel");
+    let found = kernel.march(ray).expect("marched")[0];
+    assert_eq!((found.samples, found.dense), (10_000, 10_000));
+    let through = (-4.0_f64).exp();
+    // 10,000 products of a rounding each, and the exponentials'.
+    assert!((found.transmittance[0] / through - 1.0).abs() < 1e4 * 4.0 / 8_388_608.0, "{found:?}");
+}
+
+#[test]
+fn every_guard_and_its_test_is_in_the_sources() {
+    let read = |file: &str| std::fs::read_to_string(support::project(file)).unwrap_or_else(|_| panic!("{file}"));
+    for guard in guards::GUARDS {
+        for (file, text) in guard.places {
+            assert!(read(file).contains(text), "{}: {file} does not hold {text}", guard.name);
+        }
+        let (file, name) = guard.test;
+        assert!(
+            read(file).contains(&format!("#[test]\n    fn {name}()"))
+                || read(file).contains(&format!("#[test]\nfn {name}()")),
+            "{}: {name} is not in {file}",
+            guard.name
+        );
+    }
+    let names: BTreeSet<_> = guards::GUARDS.iter().map(|guard| guard.name).collect();
+    assert_eq!(names.len(), guards::GUARDS.len());
+}
+
+#[test]
+fn scenes_that_the_suite_does_not_know_are_refused() {
+    let error = stability::run(&support::scene("overlapping-cubes"), None, &|_, _| ()).expect_err("two objects");
+    assert!(error.place.starts_with("object") && error.expected.contains("one"), "{error}");
+    cargo_bin_cmd!("cloudparity")
+        .args(["stability", "nowhere.scene.json"])
+        .assert()
+        .code(2)
+        .stderr(predicates::str::contains("nowhere.scene.json"));
+}
