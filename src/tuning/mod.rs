@@ -129,8 +129,8 @@ pub struct Outcome {
     pub published: Vec<Scored>,
     /// The tuned engine.
     pub tuned: Scored,
-    /// The tuned parameters at a higher quality: [`FINER`] times the steps and light steps, and as many rays per pixel and axis. What its error
-    /// still is, the light model cannot express.
+    /// The tuned parameters at a higher quality: three times the steps, light steps and rays per pixel and axis. What its error still is,
+    /// the light model cannot express.
     pub finer: Scored,
     /// Its parameters.
     pub parameters: IndexMap<String, f64>,

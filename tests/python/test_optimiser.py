@@ -1,4 +1,4 @@
-"""The conversation of `cloudparity tune`: searches find a minimum and can be repeated; errors are HDR-FLIP."""
+"""The conversation of `cloudparity tune`: searches find a minimum and can be repeated; errors are FLIP."""
 
 import json
 import subprocess
