@@ -607,8 +607,8 @@ fn sun_rows(gpu: Option<&Gpu>) -> Result<Vec<Row>> {
     for (name, varied, suns, eccentricities) in [
         (
             "sun-below",
-            "sun straight below, on the horizon and 1e-9 below it",
-            [[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [1.0, -1e-9, 0.0]],
+            "sun straight below, on the horizon and 1e-3 below it",
+            [[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [1.0, -1e-3, 0.0]],
             [0.0, 0.5],
         ),
         (
