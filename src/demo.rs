@@ -35,6 +35,9 @@ const SCENE: &str = include_str!("../parity/scenes/procedural-clouds.scene.json"
 /// Camera and light under which the cloud stands beside the other density model.
 const DAYLIGHT: &str = include_str!("../parity/scenes/clouds-in-daylight.scene.json");
 
+/// The scene of the pictures of the stability suite.
+const RAMP: &str = include_str!("../parity/scenes/linear-ramp.scene.json");
+
 /// The study of the demonstration.
 const STUDY: &str = include_str!("../parity/studies/small.study.toml");
 
@@ -375,7 +378,9 @@ impl Demo<'_> {
 
     /// Stiff and extreme cases of the cloud, which `cloudparity stability` measures for any scene.
     fn stability(&mut self) -> Result<()> {
-        let table = stability::run(&self.scene, self.gpu.as_ref(), self.receive)?;
+        let ramp = serde_json::from_str(RAMP).expect("the committed scene is JSON");
+        let ramp = Scene::from_value(ramp, "the committed linear ramp")?;
+        let table = stability::run(&self.scene, &ramp, self.gpu.as_ref(), self.receive)?;
         table.write(&self.settings.output)
     }
 

@@ -4,6 +4,7 @@ use super::picture::SceneArguments;
 use crate::blender;
 use crate::error::Result;
 use crate::gpu::Gpu;
+use crate::scene::Scene;
 use crate::stability::{self, fields};
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -16,6 +17,9 @@ use std::process::ExitCode;
 pub(super) struct Arguments {
     #[command(flatten)]
     scene: SceneArguments,
+    /// Take the pictures of this scene instead: a heavy graph takes a software adapter a minute for each.
+    #[arg(long, value_name = "SCENE")]
+    pictures_of: Option<PathBuf>,
     /// A folder for stability.json and .csv, which the report shows.
     #[arg(short, long, value_name = "DIR")]
     output: Option<PathBuf>,
@@ -32,9 +36,13 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
     if arguments.cycles {
         super::need_bpy("fields are")?;
     }
+    let pictures_of = match &arguments.pictures_of {
+        Some(path) => Scene::load(path)?,
+        None => scene.clone(),
+    };
     let gpu = Gpu::open();
     let bar = super::progress_bar(1000);
-    let mut table = stability::run(&scene, gpu.as_ref().ok(), &|done, what| {
+    let mut table = stability::run(&scene, &pictures_of, gpu.as_ref().ok(), &|done, what| {
         bar.set_position((done * 1000.0) as u64);
         bar.set_message(what.to_owned());
     })?;

@@ -414,7 +414,9 @@ pub fn csv(inputs: &Inputs) -> String {
         let mut stable = |quantity, value| add("stability", &row.id, "", quantity, Some(value), "");
         stable("nonfinite", row.nonfinite as f64);
         stable("max_error", row.max_error);
-        stable("share_of_bound", row.share_of_bound);
+        if let Some(share) = row.share_of_bound {
+            stable("share_of_bound", share);
+        }
         stable("limit", row.limit);
     }
     for timing in &inputs.run.timings {
@@ -599,7 +601,7 @@ pub fn document(inputs: &Inputs, summary: &Summary) -> Document {
                 count(Some(row.nonfinite as u64)),
                 figure(Some(row.max_error)),
                 figure(Some(row.limit)),
-                figure(Some(row.share_of_bound)),
+                figure(row.share_of_bound),
                 row.verdict.word().to_lowercase(),
             ]
         });

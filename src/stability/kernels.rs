@@ -258,7 +258,9 @@ impl Kernel {
                 sum
             }
         };
-        Bound { truth, distance: distance + FLUSHED }
+        // Every term of the octaves may be lost.
+        let flushed = if self == Self::Octaves { f64::from(MOST_OCTAVES) } else { 1.0 };
+        Bound { truth, distance: distance + flushed * FLUSHED }
     }
 
     fn reason(self) -> &'static str {

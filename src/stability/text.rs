@@ -11,8 +11,9 @@ impl Table {
             writeln!(text, "{words}").expect("writing to a string cannot fail");
         };
         line(format_args!(
-            "{}: {} rows, {} pass, {} at the limit of f32, {} fail; {:.1} s; WGSL on {}",
+            "{}, pictures of {}: {} rows, {} pass, {} at the limit of f32, {} fail; {:.1} s; WGSL on {}",
             self.scene,
+            self.pictures_of,
             self.rows.len(),
             self.count(Verdict::Pass),
             self.count(Verdict::Limit),
@@ -30,14 +31,14 @@ impl Table {
         ));
         for row in &self.rows {
             line(format_args!(
-                "{:5}  {:width$}  {:>8} {:>7} {:>9.1e} {:>9.1e} {:>9.2}",
+                "{:5}  {:width$}  {:>8} {:>7} {:>9.1e} {:>9.1e} {:>9}",
                 row.verdict.word(),
                 row.id,
                 row.values,
                 row.nonfinite,
                 row.max_error,
                 row.limit,
-                row.share_of_bound
+                row.share_of_bound.map_or_else(|| "-".to_owned(), |share| format!("{share:.2}")),
             ));
         }
         for row in self.rows.iter().filter(|row| row.verdict != Verdict::Pass) {
@@ -76,7 +77,7 @@ fn line(row: &Row) -> String {
         row.values.to_string(),
         row.nonfinite.to_string(),
         row.max_error.to_string(),
-        row.share_of_bound.to_string(),
+        row.share_of_bound.map(|share| share.to_string()).unwrap_or_default(),
         row.limit.to_string(),
         quoted(&row.reason),
         quoted(&row.guards.join("; ")),
