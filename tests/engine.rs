@@ -8,7 +8,7 @@ use cloudparity::image::Image;
 use cloudparity::integrate::engine::{EngineJitter, EngineSettings, render};
 use cloudparity::integrate::{Backend, MarchSettings};
 use cloudparity::lighting::Variant;
-use cloudparity::lighting::models::LIGHTS;
+use cloudparity::lighting::models::{self, LIGHTS};
 use cloudparity::scene::Scene;
 use glam::DVec3;
 
@@ -164,6 +164,40 @@ fn light_models_are_the_same_on_both_backends() {
         assert!(largest < 6e-4, "{}: {largest}", named.id);
         assert!(pictures.iter().all(|other| other.pixels != cpu.pixels), "{} is a light of its own", named.id);
         pictures.push(cpu);
+    }
+}
+
+#[test]
+fn what_surrounds_a_place_is_the_same_on_both_backends() {
+    let mut scene = with_sun_from(scene(), DVec3::new(0.3, -0.5, 0.8));
+    scene.world.color = [0.2, 0.3, 0.5];
+    let plain = picture(&scene, &engine(Variant::Fixed, &["light_steps=3"]), &SETTINGS, Backend::Cpu);
+    let has_adapter = support::require("vulkan");
+    for settings in [
+        &[("body_strength", 0.8), ("body_length", 0.02)][..],
+        &[("coarse_shadow", 1.0)],
+        &[
+            ("body_strength", 0.5),
+            ("coarse_shadow", 1.0),
+            ("octaves", 4.0),
+            ("powder_strength", 0.7),
+            ("powder_ambient", 0.0),
+        ],
+    ] {
+        let mut engine = engine(Variant::Fixed, &["light_steps=3"]);
+        for &(name, value) in settings {
+            models::set(&mut engine.light, name, value, "test").expect("in range");
+        }
+        let cpu = picture(&scene, &engine, &SETTINGS, Backend::Cpu);
+        assert_ne!(cpu.pixels, plain.pixels, "{settings:?} changes the picture");
+        if !has_adapter {
+            continue;
+        }
+        let gpu = picture(&scene, &engine, &SETTINGS, Backend::Gpu);
+        let largest = cpu.pixels.as_flattened().iter().zip(gpu.pixels.as_flattened()).map(|(a, b)| (a - b).abs());
+        let largest = largest.fold(0.0, f32::max);
+        // As for light models above.
+        assert!(largest < 6e-4, "{settings:?}: {largest}");
     }
 }
 

@@ -94,6 +94,7 @@ fn a_kernel_without_its_guard_fails_in_wgsl() {
 fn small(scene: &str) -> (Scene, MarchSettings) {
     let mut scene = support::scene(scene);
     scene.film.resolution = [16, 9];
+    scene.set_volume_bounces(0);
     let settings = MarchSettings { grid_cells: 12, sub_pixels: 1, world_directions: 16, ..MarchSettings::default() };
     let settings = settings.resolved(&scene).expect("settings");
     (scene, settings)

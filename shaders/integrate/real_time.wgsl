@@ -2,8 +2,11 @@
 //
 // Conditions: PLAIN (else energy-conserving), EXIT_FADE, SHADOW_TO_EXIT (else of fixed length), SHADOW_VIEW (dimmed as the view
 // ray, else by the density), SOURCE_DENSITY (else extinction times albedo), and the terms of src/lighting/terms.rs: OCTAVES (else one),
-// SILVER, POWDER, AMBIENT_GRADIENT.
+// SILVER, POWDER, AMBIENT_GRADIENT, BODY, COARSE_SHADOW (both with COARSE, the averages of the density).
 #import cloudparity::density_model
+#ifdef COARSE
+#import cloudparity::coarse
+#endif
 #import cloudparity::phase
 #import cloudparity::terms
 #import cloudparity::transfer
@@ -36,7 +39,10 @@ struct March {
     silver_exponent: f32,
     ambient_bottom: f32,
     ambient_top: f32,
+    body_strength: f32,
+    body_length: f32,
     albedo: vec3f,
+    powder_ambient: f32,
 }
 
 // From where a ray enters the box on, so that a start far from it costs no accuracy; the camera has no second implementation.
@@ -93,7 +99,11 @@ fn shadow_depth(place: vec3f) -> vec3f {
     var sum = 0.0;
     for (var number = 0u; number < march.shadow_steps; number++) {
         let at = place + march.to_sun * (step * (f32(number) + 0.5));
+#ifdef COARSE_SHADOW
+        if all(abs(at) < vec3f(0.5)) { sum += coarse::along(at); }
+#else
         if all(abs(at) < vec3f(0.5)) { sum += density_model::density(at); }
+#endif
     }
 #ifdef SHADOW_VIEW
     return march.extinction * (sum * step);
@@ -180,11 +190,19 @@ fn main(@builtin(global_invocation_id) invocation: vec3u) {
 #else
             let ambient = march.ambient;
 #endif
-            var source = factor * (march.sun * scattered(shadow_depth(place)) + ambient);
+            var from_sun = march.sun * scattered(shadow_depth(place));
+            var from_world = ambient;
 #ifdef POWDER
             let mean_extinction = (extinct.x + extinct.y + extinct.z) / 3.0;
-            source *= terms::powder(march.powder_strength, march.powder_length, mean_extinction);
+            let powder = terms::powder(march.powder_strength, march.powder_length, mean_extinction);
+            from_sun *= powder;
+            from_world *= 1.0 + (powder - 1.0) * march.powder_ambient;
 #endif
+#ifdef BODY
+            let around = coarse::around(place) * (march.extinction.x + march.extinction.y + march.extinction.z) / 3.0;
+            from_sun *= terms::powder(march.body_strength, march.body_length, around);
+#endif
+            var source = factor * (from_sun + from_world);
 #ifdef EXIT_FADE
             let t = clamp(left / (2.0 * step), 0.0, 1.0);
             source *= t * t * (3.0 - 2.0 * t);

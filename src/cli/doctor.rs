@@ -20,14 +20,15 @@ pub(super) struct Arguments {
 const REQUIREMENTS: &str = include_str!("../../requirements.txt");
 
 /// Distribution name, module to import, what needs it.
-const PACKAGES: [(&str, &str, &str); 7] = [
+const PACKAGES: [(&str, &str, &str); 8] = [
     ("bpy", "bpy", "export, build, live probes and live references"),
     ("OpenImageIO", "OpenImageIO", "diff and the pictures of reports"),
     ("numpy", "numpy", "every script"),
     ("flip-evaluator", "flip_evaluator", "the perceptual figure of diff"),
     ("opencolorio", "PyOpenColorIO", "the pictures of reports"),
     ("scipy", "scipy", "the statistical verdict of diff"),
-    ("matplotlib", "matplotlib", "the plots of convergence"),
+    ("matplotlib", "matplotlib", "all figures"),
+    ("cma", "cma", "the search of tune"),
 ];
 
 /// One thing that the program can use.

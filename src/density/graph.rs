@@ -189,5 +189,6 @@ fn engine(scene: &Scene, values: &Values, _variant: Variant) -> Result<Engine> {
         },
         god_rays: GodRays { density: 0.96, decay: 0.95, weight: 0.5, exposure: 0.6, samples: 100 },
         warnings: Vec::new(),
+        averages: std::sync::OnceLock::new(),
     })
 }

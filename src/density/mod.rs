@@ -2,6 +2,7 @@
 //!
 //! All of them answer through [`DensityModel`], in a *local box* from -0.5 to 0.5 on every axis whose side is one unit of length.
 
+pub mod coarse;
 pub mod comparison;
 pub mod graph;
 pub mod perlin_fbm;
@@ -14,8 +15,9 @@ use crate::integrate::real_time::RealTimeSettings;
 use crate::lighting::{LightModel, Variant};
 use crate::post::god_rays::GodRays;
 use crate::scene::Scene;
+use coarse::CoarseDensity;
 use glam::DVec3;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 /// A density in the local box.
 pub trait DensityModel: Send + Sync {
@@ -27,6 +29,11 @@ pub trait DensityModel: Send + Sync {
 
     /// The same for the adapter, or why there is none.
     fn shader(&self) -> Result<ModelShader>;
+
+    /// Its averages, where they were made: light models that ask for them need them.
+    fn coarse(&self) -> Option<&CoarseDensity> {
+        None
+    }
 }
 
 /// A density model as a WGSL module with its data.
@@ -62,6 +69,10 @@ impl<T: DensityModel + ?Sized> DensityModel for Arc<T> {
 
     fn shader(&self) -> Result<ModelShader> {
         self.as_ref().shader()
+    }
+
+    fn coarse(&self) -> Option<&CoarseDensity> {
+        self.as_ref().coarse()
     }
 }
 
@@ -114,9 +125,16 @@ pub struct Engine {
     pub god_rays: GodRays,
     /// What is to be said about the parameters.
     pub warnings: Vec<String>,
+    /// Averages of the density, made when a light model asks for them.
+    pub averages: OnceLock<CoarseDensity>,
 }
 
 impl Engine {
+    /// Averages of the density.
+    pub fn coarse(&self) -> &CoarseDensity {
+        self.averages.get_or_init(|| CoarseDensity::of(self.density.as_ref()))
+    }
+
     /// The same engine with another density.
     pub fn with_density(&self, density: Box<dyn DensityModel>) -> Self {
         Self {
@@ -126,6 +144,7 @@ impl Engine {
             march: self.march.clone(),
             god_rays: self.god_rays,
             warnings: self.warnings.clone(),
+            averages: std::sync::OnceLock::new(),
             ..*self
         }
     }

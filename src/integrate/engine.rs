@@ -9,7 +9,8 @@ use super::lights::{Source, delta_lights, world_radiance};
 use super::real_time::{self, RealTimePixel, RealTimeRay};
 use super::real_time_adapter::RealTimeKernel;
 use super::{Backend, Progress, blue_noise, film, json, memory, worker};
-use crate::density::{Engine, smooth};
+use crate::density::coarse::WithCoarse;
+use crate::density::{DensityModel, Engine, smooth};
 use crate::error::{Error, Result};
 use crate::image::Image;
 use crate::lighting::{LightModel, Variant};
@@ -75,8 +76,15 @@ pub fn render(
     let frame = Frame::of(scene)?;
     let mut light = engine.light.clone();
     frame.light(scene, &mut light)?;
+    let averaged;
+    let density: &dyn DensityModel = if light.terms.needs_coarse() {
+        averaged = WithCoarse { density: engine.density.as_ref(), coarse: engine.coarse() };
+        &averaged
+    } else {
+        engine.density.as_ref()
+    };
     let kernel = match &gpu {
-        Some(gpu) => Some(RealTimeKernel::new(gpu, engine.density.as_ref(), &light, &engine.march)?),
+        Some(gpu) => Some(RealTimeKernel::new(gpu, density, &light, &engine.march)?),
         None => None,
     };
     let camera = Camera::new(scene, size)?;
@@ -111,7 +119,7 @@ pub fn render(
             .collect();
         let found = match &kernel {
             Some(kernel) => kernel.march(&rays)?,
-            None => real_time::march(engine.density.as_ref(), &light, &engine.march, &rays),
+            None => real_time::march(density, &light, &engine.march, &rays),
         };
         for (pixel, parts) in pixels.zip(found.chunks_exact(strata * strata)) {
             let mut mean = [0.0; 4];

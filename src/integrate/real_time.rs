@@ -17,6 +17,7 @@ use super::Integration;
 use super::medium::Region;
 use super::transfer::{step_weight, transmittance};
 use crate::density::DensityModel;
+use crate::density::coarse::CoarseDensity;
 use crate::lighting::{LightModel, ShadowExtinction, ShadowLength, SourceFactor};
 use glam::DVec3;
 use rayon::prelude::*;
@@ -162,14 +163,20 @@ fn march_together(
         let dense: Vec<usize> = (0..samples.len()).filter(is_dense).collect();
         let lit: Vec<DVec3> = dense.iter().map(|&at| places[at]).collect();
         let depths = shadow_depths(density, light, to_sun, &lit);
+        let coarse = density.coarse().filter(|_| light.terms.body.strength > 0.0);
         for ((&at, depth), place) in dense.iter().zip(depths).zip(lit) {
             let (index, _, step, left) = samples[at];
             let fade = if settings.exit_fade { crate::density::smooth(0.0, 2.0 * step, left) } else { 1.0 };
             let way = &mut ways[index];
             way.pixel.dense += 1;
             let mean_extinction = densities[at] * (extinction[0] + extinction[1] + extinction[2]) / 3.0;
-            let factor_on_all = fade * light.terms.powder.factor(mean_extinction);
-            let ambient_factor = light.ambient_factor(place.y);
+            let powder = light.terms.powder.factor(mean_extinction);
+            let share = light.terms.powder.ambient;
+            let around =
+                |coarse: &CoarseDensity| coarse.around(place) * (extinction[0] + extinction[1] + extinction[2]) / 3.0;
+            let body = coarse.map_or(1.0, |coarse| light.terms.body.factor(around(coarse)));
+            let sun_factor = fade * powder * body;
+            let ambient_factor = fade * light.ambient_factor(place.y) * (1.0 + (powder - 1.0) * share);
             for channel in 0..3 {
                 let extinct = densities[at] * extinction[channel];
                 let factor = match light.source {
@@ -178,7 +185,7 @@ fn march_together(
                 };
                 let scattered = light.terms.octaves.sum(&way.weights, depth[channel]);
                 let ambient = light.ambient[channel] * ambient_factor;
-                let source = factor * (light.sun[channel] * scattered + ambient) * factor_on_all;
+                let source = factor * (light.sun[channel] * scattered * sun_factor + ambient);
                 let through = transmittance(extinct * step);
                 let weight = step_weight(settings.integration, extinct, step);
                 way.pixel.radiance[channel] += way.pixel.transmittance[channel] * source * weight;
@@ -217,7 +224,11 @@ fn shadow_depths(density: &dyn DensityModel, light: &LightModel, to_sun: DVec3, 
         }
     }
     let mut sums = vec![0.0; places.len()];
-    for (owner, found) in owners.into_iter().zip(density.densities(&asked)) {
+    let found = match density.coarse().filter(|_| light.terms.body.shadow) {
+        Some(coarse) => asked.iter().map(|&place| coarse.along(place)).collect(),
+        None => density.densities(&asked),
+    };
+    for (owner, found) in owners.into_iter().zip(found) {
         sums[owner] += found;
     }
     sums.iter().zip(&lengths).map(|(sum, length)| scale.map(|scale| scale * sum * length / f64::from(steps))).collect()

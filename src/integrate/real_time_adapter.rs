@@ -44,9 +44,10 @@ struct MarchUniform {
     silver_exponent: f32,
     ambient_bottom: f32,
     ambient_top: f32,
-    more_padding: [u32; 2],
+    body_strength: f32,
+    body_length: f32,
     albedo: [f32; 3],
-    last_padding: u32,
+    powder_ambient: f32,
 }
 
 #[repr(C)]
@@ -75,6 +76,8 @@ pub struct RealTimeKernel<'a> {
     pipeline: wgpu::ComputePipeline,
     uniform: MarchUniform,
     model: Vec<wgpu::Buffer>,
+    /// Averages of the density.
+    levels: Option<wgpu::Buffer>,
     /// Steps of one dispatch.
     together: u32,
 }
@@ -108,6 +111,14 @@ impl<'a> RealTimeKernel<'a> {
         define(terms.powder.strength > 0.0, "POWDER");
         define(terms.silver.strength > 0.0, "SILVER");
         define(terms.ambient != [1.0; 2], "AMBIENT_GRADIENT");
+        let coarse = density.coarse().filter(|_| terms.needs_coarse());
+        define(coarse.is_some() && terms.body.strength > 0.0, "BODY");
+        define(coarse.is_some() && terms.body.shadow, "COARSE_SHADOW");
+        define(coarse.is_some(), "COARSE");
+        if coarse.is_some() {
+            linker.add("density/coarse.wgsl", include_str!("../../shaders/density/coarse.wgsl"))?;
+        }
+        let levels = coarse.map(|coarse| gpu.upload("coarse density", &coarse.bytes(), wgpu::BufferUsages::STORAGE));
         let source = include_str!("../../shaders/integrate/real_time.wgsl");
         let module = linker.link_with("integrate/real_time.wgsl", source, &definitions)?;
         let single = |values: [f64; 3]| values.map(|value| value as f32);
@@ -143,15 +154,23 @@ impl<'a> RealTimeKernel<'a> {
             silver_exponent: terms.silver.exponent as f32,
             ambient_bottom: terms.ambient[0] as f32,
             ambient_top: terms.ambient[1] as f32,
-            more_padding: [0; 2],
-            last_padding: 0,
+            body_strength: terms.body.strength as f32,
+            body_length: terms.body.length as f32,
+            powder_ambient: terms.powder.ambient as f32,
             padding: 0,
         };
         let together = match gpu.adapter().is_software() {
             true => steps_together(uniform.shadow_steps, uniform.octaves),
             false => settings.steps.max(1),
         };
-        Ok(Self { gpu, pipeline: gpu.pipeline("real_time", &module)?, uniform, model: shader.buffers(gpu), together })
+        Ok(Self {
+            gpu,
+            pipeline: gpu.pipeline("real_time", &module)?,
+            uniform,
+            model: shader.buffers(gpu),
+            levels,
+            together,
+        })
     }
 
     /// Marches rays; pixels in their order.
@@ -186,7 +205,8 @@ impl<'a> RealTimeKernel<'a> {
                 let end_step = first_step.saturating_add(self.together);
                 let uniform = MarchUniform { count: part.len() as u32, first_step, end_step, ..self.uniform };
                 let uniform = self.gpu.upload("march", bytemuck::bytes_of(&uniform), wgpu::BufferUsages::UNIFORM);
-                let groups = [vec![&uniform, &rays, &output], self.model.iter().collect()];
+                let own = [&uniform, &rays, &output].into_iter().chain(&self.levels).collect();
+                let groups = [own, self.model.iter().collect()];
                 self.gpu.dispatch(&self.pipeline, &groups, part.len().div_ceil(WORKGROUP) as u32);
             }
             let found: Vec<Pixel> = bytemuck::pod_collect_to_vec(&self.gpu.read_back(&output, size)?);

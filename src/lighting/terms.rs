@@ -4,7 +4,8 @@
 //! mean cosines that can be scaled, the sun's irradiance E and the ambient radiance A, a light model gives per unit of scattering
 //!
 //! ```text
-//! L = ( E ( sum_n b^n p(c; g^n) exp(-a^n t) + s max(c, 0)^k exp(-t) ) + A (d + (u - d) h) ) ( 1 - w exp(-l e) )
+//! L = E P B ( sum_n b^n p(c; g^n) exp(-a^n t) + s max(c, 0)^k exp(-t) ) + A (d + (u - d) h) ( 1 + q (P - 1) )
+//! P = 1 - w exp(-l e)      B = 1 - v exp(-m f)
 //! ```
 //!
 //! - octaves n = 0..N with contribution b, attenuation a and eccentricity g: Wrenninge, Kulla and Lundqvist 2013, "Oz: The Great and
@@ -12,7 +13,10 @@
 //! - a silver lining of strength s and exponent k, added to the phase function of single scattering;
 //! - an ambient light that falls from u at the top of the box (height h = 1) to d at its bottom;
 //! - powder of strength w and length l, with the extinction e (mean of the channels): thin parts scatter less because less light has
-//!   gathered in them (Schneider and Vos 2015, "The Real-time Volumetric Cloudscapes of Horizon: Zero Dawn").
+//!   gathered in them (Schneider and Vos 2015, "The Real-time Volumetric Cloudscapes of Horizon: Zero Dawn"); ambient light has the
+//!   share q of it, as published all;
+//! - body of strength v and length m, with the extinction f around the place; t may be that of the density's averages, too
+//!   ([`crate::density::coarse`]).
 
 use crate::integrate::transfer::{absorbed, transmittance};
 use num_traits::Float;
@@ -41,6 +45,20 @@ pub struct Powder {
     pub strength: f64,
     /// Length over which extinction counts, in sides of the box.
     pub length: f64,
+    /// Share of it that ambient light has, too, 0 to 1.
+    pub ambient: f64,
+}
+
+/// Light that thick surroundings keep and thin ones lose: multiple scattering spreads, so that the sun's light at a place follows the
+/// density around it (averages: [`crate::density::coarse`]), and not only the depth towards the sun.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Body {
+    /// What surroundings without extinction lose of the sun's light, 0 to 1; 0 is no such term.
+    pub strength: f64,
+    /// Length over which the extinction around counts, in sides of the box.
+    pub length: f64,
+    /// Whether the march towards the sun reads averages of the density, too: shadows without detail.
+    pub shadow: bool,
 }
 
 /// More light around the sun.
@@ -61,6 +79,8 @@ pub struct Terms {
     pub octaves: Octaves,
     /// Powder.
     pub powder: Powder,
+    /// What surrounds a place.
+    pub body: Body,
     /// Silver lining.
     pub silver: SilverLining,
     /// Factor on the ambient light at the bottom of the box and at its top, linear between.
@@ -72,10 +92,18 @@ impl Terms {
     pub const NONE: Self = Self {
         exposure: 1.0,
         octaves: Octaves { count: 1, contribution: 0.5, attenuation: 0.5, eccentricity: 0.5 },
-        powder: Powder { strength: 0.0, length: 0.1 },
+        powder: Powder { strength: 0.0, length: 0.1, ambient: 1.0 },
+        body: Body { strength: 0.0, length: 0.1, shadow: false },
         silver: SilverLining { strength: 0.0, exponent: 8.0 },
         ambient: [1.0; 2],
     };
+}
+
+impl Terms {
+    /// Whether averages of the density are read.
+    pub fn needs_coarse(&self) -> bool {
+        self.body.strength > 0.0 || self.body.shadow
+    }
 }
 
 impl Octaves {
@@ -87,6 +115,13 @@ impl Octaves {
 
 impl Powder {
     /// Factor on all light, for an extinction per side of the box.
+    pub fn factor(&self, extinction: f64) -> f64 {
+        powder(self.strength, self.length, extinction)
+    }
+}
+
+impl Body {
+    /// Factor on the sun's light, for an extinction around a place per side of the box.
     pub fn factor(&self, extinction: f64) -> f64 {
         powder(self.strength, self.length, extinction)
     }

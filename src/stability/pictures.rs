@@ -598,7 +598,8 @@ fn plain_over_truth() -> Vec<Row> {
         .collect()
 }
 
-/// What moving rays by 2^-20 of the box changes, each way along each axis: twice the largest change of each number.
+/// What moving rays by 2^-20 of the box and the sun by a rounding changes, each way along each axis: twice the largest change of each
+/// number.
 fn of_places(
     density: &Uniform,
     light: &LightModel,
@@ -606,14 +607,21 @@ fn of_places(
     rays: &[RealTimeRay],
     truths: &[f64],
 ) -> Vec<f64> {
-    let step = 1.0 / f64::from(1 << 20);
     let mut distances = vec![0.0_f64; truths.len()];
-    for by in [DVec3::X, DVec3::Y, DVec3::Z].into_iter().flat_map(|axis| [axis * step, axis * -step]) {
-        let moved: Vec<RealTimeRay> = rays.iter().map(|ray| RealTimeRay { origin: ray.origin + by, ..*ray }).collect();
-        let found = numbers(&real_time::march(density, light, settings, &moved));
+    let mut take = |light: &LightModel, rays: &[RealTimeRay]| {
+        let found = numbers(&real_time::march(density, light, settings, rays));
         for (distance, (found, truth)) in distances.iter_mut().zip(found.iter().zip(truths)) {
             *distance = distance.max(2.0 * (found - truth).abs());
         }
+    };
+    for by in [DVec3::X, DVec3::Y, DVec3::Z].into_iter().flat_map(|axis| [axis, -axis]) {
+        let aside = by / f64::from(1 << 20);
+        let moved: Vec<RealTimeRay> =
+            rays.iter().map(|ray| RealTimeRay { origin: ray.origin + aside, ..*ray }).collect();
+        take(light, &moved);
+        let mut turned = light.clone();
+        turned.sun_direction = (light.to_sun() + by * ULP).to_array();
+        take(&turned, rays);
     }
     distances
 }
@@ -667,7 +675,8 @@ fn sun_rows(gpu: Option<&Gpu>) -> Result<Vec<Row>> {
             evaluator: "the march of engines, WGSL against the CPU".into(),
             limit: 400.0 * ULP,
             reason: "limit: 64 steps with 6 towards the sun, of a rounding each; bound: that, what a rounding of both directions moves the \
-                     phase function by, and what rays that start 2^-20 of the box aside see: one in a face is inside or outside"
+                     phase function by, and what rays that start 2^-20 of the box aside see, or another sun by a \
+                     rounding: one in a face is inside or outside"
                 .into(),
             guards: vec!["unit-direction", "phase-base", "parallel-rays"],
             cycles: match name {

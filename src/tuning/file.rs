@@ -30,6 +30,9 @@ pub struct TuningFile {
     /// How the search goes.
     #[serde(default)]
     pub search: Search,
+    /// Values of parameters that are not searched, in the place of the light model's and the density's own.
+    #[serde(default, skip_serializing_if = "IndexMap::is_empty")]
+    pub fixed: IndexMap<String, f64>,
     /// The parameters: ranges by name.
     pub parameters: IndexMap<String, Searched>,
     /// Views by which parameters are chosen.
@@ -219,16 +222,27 @@ impl TuningFile {
             if searched.initial.is_some_and(|value| !(low..=high).contains(&value)) {
                 return wrong(&field, format!("{:?}", searched.initial), "a first value within the range");
             }
-            let known = match owner(name) {
-                (Owner::Light, own) => (models::PARAMETERS, own),
-                (Owner::Density, own) => (model.parameters, own),
-                (Owner::Scene, _) => continue,
-            };
             for value in searched.range {
-                schema::Parameter::check(known.0, known.1, value, &format!("{place}, {field}"))?;
+                check_value(model, name, value, &format!("{place}, {field}"))?;
             }
         }
+        for (name, &value) in &self.fixed {
+            let field = format!("fixed.{name}");
+            if self.parameters.contains_key(name) {
+                return wrong(&field, "a parameter that is searched, too".into(), "one or the other");
+            }
+            check_value(model, name, value, &format!("{place}, {field}"))?;
+        }
         Ok(())
+    }
+}
+
+/// Whether a parameter is there and may have the value; what a scene stores is known with the scene.
+fn check_value(model: &density::Model, name: &str, value: f64, place: &str) -> Result<()> {
+    match owner(name) {
+        (Owner::Light, own) => schema::Parameter::check(models::PARAMETERS, own, value, place).map(drop),
+        (Owner::Density, own) => schema::Parameter::check(model.parameters, own, value, place).map(drop),
+        (Owner::Scene, _) => Ok(()),
     }
 }
 
@@ -278,6 +292,9 @@ mod tests {
         assert!(error("steps = 8", "steps = 0").place.contains("engine.steps"));
         assert!(error("train = [{ file = \"a.scene.json\" }]", "train = []").place.contains("train"));
         assert!(error("contribution =", "density.fog =").to_string().contains("fog"));
+        let fixed = |text: &str| error("[parameters]", &format!("[fixed]\n{text}\n[parameters]"));
+        assert!(fixed("coarse_shadow = 0.5").place.contains("fixed.coarse_shadow"));
+        assert!(fixed("contribution = 0.5").found.contains("searched"));
         assert!(error("tune/1", "tune/2").expected.contains(FORMAT));
         assert!(error("title = \"test\"", "title = ").place.contains("line 3"));
     }

@@ -337,7 +337,8 @@ impl Tuning {
     /// Parameters at a point of the unit cube.
     fn values(&self, point: &[f64]) -> IndexMap<String, f64> {
         let named = self.file.parameters.iter().zip(point);
-        named.map(|((name, searched), &at)| (name.clone(), searched.value(at))).collect()
+        let found = named.map(|((name, searched), &at)| (name.clone(), searched.value(at)));
+        self.file.fixed.clone().into_iter().chain(found).collect()
     }
 
     /// The mean error of the training views, for each candidate.

@@ -100,6 +100,7 @@ pub static MODEL: Model = Model {
             march: settings::march(values, variant),
             god_rays: settings::god_rays(values),
             warnings,
+            averages: std::sync::OnceLock::new(),
         })
     }),
 };
