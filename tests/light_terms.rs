@@ -82,11 +82,11 @@ fn four_octaves_are_those_of_bestclouds() {
 #[test]
 fn powder_and_silver_lining_are_the_published_ones() {
     let Some(golden) = published("light_terms") else { return };
-    let powder = Powder { strength: 1.0, length: 2.0 };
+    let powder = Powder { strength: 1.0, length: 2.0, ambient: 1.0 };
     for (density, expected) in numbers(&golden["density"]).iter().zip(numbers(&golden["powder_2"])) {
         close(powder.factor(*density), expected, ROUNDING, &format!("powder at {density}"));
     }
-    let powder = Powder { strength: 0.8, length: 150.0 };
+    let powder = Powder { strength: 0.8, length: 150.0, ambient: 1.0 };
     let takram = &golden["takram_powder"];
     for (extinction, expected) in numbers(&takram["extinction"]).iter().zip(numbers(&takram["factor"])) {
         close(powder.factor(*extinction), expected, ROUNDING, &format!("powder at {extinction}"));
