@@ -4,7 +4,7 @@
 @group(0) @binding(3) var<storage, read> levels: array<f32>;
 
 // Trilinear between the centres of the cells of a level that begins at `first`.
-fn read(first: u32, cells: u32, place: vec3f) -> f32 {
+fn level_at(first: u32, cells: u32, place: vec3f) -> f32 {
     if any(abs(place) > vec3f(0.5)) { return 0.0; }
     let last = f32(cells - 1u);
     let at = clamp((place + 0.5) * f32(cells) - 0.5, vec3f(0.0), vec3f(last));
@@ -22,7 +22,7 @@ fn read(first: u32, cells: u32, place: vec3f) -> f32 {
 }
 
 // As a march towards the sun reads it.
-fn along(place: vec3f) -> f32 { return read(0u, 32u, place); }
+fn along(place: vec3f) -> f32 { return level_at(0u, 32u, place); }
 
 // Wider.
-fn around(place: vec3f) -> f32 { return read(32768u, 16u, place); }
+fn around(place: vec3f) -> f32 { return level_at(32768u, 16u, place); }

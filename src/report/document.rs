@@ -117,19 +117,47 @@ fn latex_table(columns: &[String], rows: &[Vec<String>], caption: &str, number: 
 /// Whether a cell begins with a number, or holds none because there is nothing to say.
 fn is_number(cell: &str) -> bool {
     let digits = cell.trim_start_matches(['+', '-', '\u{2212}']);
-    cell == ABSENT || cell.is_empty() || digits.starts_with(|letter: char| letter.is_ascii_digit())
+    let is_short = cell.chars().count() <= LONGEST_NUMBER;
+    cell == ABSENT || cell.is_empty() || is_short && digits.starts_with(|letter: char| letter.is_ascii_digit())
 }
+
+/// Characters of a cell that is a number with its unit; longer ones are sentences.
+const LONGEST_NUMBER: usize = 20;
+
+/// Digits and signs that stand above the line.
+const RAISED: [(char, char); 11] = [
+    ('\u{2070}', '0'),
+    ('\u{b9}', '1'),
+    ('\u{b2}', '2'),
+    ('\u{b3}', '3'),
+    ('\u{2074}', '4'),
+    ('\u{2075}', '5'),
+    ('\u{2076}', '6'),
+    ('\u{2077}', '7'),
+    ('\u{2078}', '8'),
+    ('\u{2079}', '9'),
+    ('\u{207b}', '-'),
+];
 
 /// Text with its markup taken literally by LaTeX.
 fn latex(text: &str) -> String {
     let mut safe = String::new();
+    let mut is_raised = false;
     for letter in text.chars() {
-        match letter {
+        let raised = RAISED.iter().find(|(above, _)| *above == letter).map(|(_, plain)| *plain);
+        match (is_raised, raised) {
+            (false, Some(_)) => safe.push_str("$^{"),
+            (true, None) => safe.push_str("}$"),
+            _ => {}
+        }
+        is_raised = raised.is_some();
+        match raised.unwrap_or(letter) {
             '\n' | '\r' | '\t' => safe.push(' '),
             '&' | '%' | '$' | '#' | '_' | '{' | '}' => {
                 safe.push('\\');
                 safe.push(letter);
             }
+            '\u{2009}' | '\u{202f}' => safe.push_str(r"\,"),
             '~' => safe.push_str(r"\textasciitilde{}"),
             '^' => safe.push_str(r"\textasciicircum{}"),
             '\\' => safe.push_str(r"\textbackslash{}"),
@@ -138,8 +166,12 @@ fn latex(text: &str) -> String {
             '\u{2212}' => safe.push_str("$-$"),
             '\u{d7}' => safe.push_str(r"$\times$"),
             '\u{b7}' => safe.push_str(r"$\cdot$"),
-            _ => safe.push(letter),
+            '\u{b1}' => safe.push_str(r"$\pm$"),
+            other => safe.push(other),
         }
+    }
+    if is_raised {
+        safe.push_str("}$");
     }
     safe
 }
@@ -198,5 +230,7 @@ mod tests {
         assert_eq!(text.matches("\\begin{table}").count(), text.matches("\\end{table}").count());
         assert!(text.contains(r"\begin{tabular}{lrr}") && text.contains(r"\caption{Errors\_1}"), "{text}");
         assert!(text.contains(r"a|b & 0.01 & +1 \% \\"), "{text}");
+        assert_eq!(latex("3\u{d7}10\u{207b}\u{2074} m\u{b2}"), r"3$\times$10$^{-4}$ m$^{2}$");
+        assert!(is_number("3.36\u{d7}10\u{207b}\u{2074}") && !is_number("138 rows of f32 against f64"));
     }
 }
