@@ -2,11 +2,9 @@
 //
 // Conditions: PLAIN (else energy-conserving), EXIT_FADE, SHADOW_TO_EXIT (else of fixed length), SHADOW_VIEW (dimmed as the view
 // ray, else by the density), SOURCE_DENSITY (else extinction times albedo), and the terms of src/lighting/terms.rs: OCTAVES (else one),
-// SILVER, POWDER, AMBIENT_GRADIENT, BODY, COARSE_SHADOW (both with COARSE, the averages of the density).
+// SILVER, POWDER, AMBIENT_GRADIENT, BODY, COARSE_SHADOW (both read averages of the density).
 #import cloudparity::density_model
-#ifdef COARSE
 #import cloudparity::coarse
-#endif
 #import cloudparity::phase
 #import cloudparity::terms
 #import cloudparity::transfer

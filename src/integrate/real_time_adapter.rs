@@ -114,10 +114,7 @@ impl<'a> RealTimeKernel<'a> {
         let coarse = density.coarse().filter(|_| terms.needs_coarse());
         define(coarse.is_some() && terms.body.strength > 0.0, "BODY");
         define(coarse.is_some() && terms.body.shadow, "COARSE_SHADOW");
-        define(coarse.is_some(), "COARSE");
-        if coarse.is_some() {
-            linker.add("density/coarse.wgsl", include_str!("../../shaders/density/coarse.wgsl"))?;
-        }
+        linker.add("density/coarse.wgsl", include_str!("../../shaders/density/coarse.wgsl"))?;
         let levels = coarse.map(|coarse| gpu.upload("coarse density", &coarse.bytes(), wgpu::BufferUsages::STORAGE));
         let source = include_str!("../../shaders/integrate/real_time.wgsl");
         let module = linker.link_with("integrate/real_time.wgsl", source, &definitions)?;
