@@ -72,16 +72,18 @@ class Session:
         return {"stop": sorted(self._strategy.stop())}
 
     def _read_truths(self, request):
-        self._truths = [_read(files) for files in request["views"]]
+        self._truths = [read_mean(files) for files in request["views"]]
         return {}
 
     def _flip(self, request):
-        return {"means": [_error(_read([file]), self._truths[view]) for view, file in request["pictures"]]}
+        return {
+            "means": [_error(read_mean([file]), self._truths[view]) for view, file in request["pictures"]]
+        }
 
     def _expose(self, request):
         from scipy import optimize
 
-        parts = [(_read([dark]), _read([lit]), view) for view, dark, lit in request["pictures"]]
+        parts = [(read_mean([dark]), read_mean([lit]), view) for view, dark, lit in request["pictures"]]
 
         def error(logarithm):
             exposure = np.exp(logarithm)
@@ -96,7 +98,7 @@ class Session:
 
 
 def _noise(request):
-    return {"means": [_error(_read(one), _read(other)) for one, other in request["pairs"]]}
+    return {"means": [_error(read_mean(one), read_mean(other)) for one, other in request["pairs"]]}
 
 
 def _error(picture, truth):
@@ -108,7 +110,8 @@ def _error(picture, truth):
     return figures["mean"]
 
 
-def _read(files):
+def read_mean(files):
+    """The mean colour of replicas, scene-linear [h, w, 3]."""
     try:
         side = image_metrics.load_side(list(files), BLOCK, None)
     except image_metrics.Unreadable as error:

@@ -12,10 +12,10 @@ import numpy as np
 import display_picture
 import false_colour
 import image_metrics
+import optimiser
 import plots
 import protocol
 
-BLOCK = 16  # of image_metrics' local means, which are not used here
 LARGEST_FLIP = 0.4  # of the maps' scale
 
 
@@ -31,15 +31,15 @@ def _figure(request):
         raise protocol.InputError("views", "no views", "at least one held-out view", "run the tuning")
     display = display_picture.Display("AgX", "None", 0.0, 1.0)
     colours = matplotlib.colors.ListedColormap(false_colour.SEQUENTIAL / 255.0)
-    first = _read(views[0]["truth"])
+    first = optimiser.read_mean(views[0]["truth"])
     height = 2 * plots.WIDTH / 5 * first.shape[0] / first.shape[1] + 0.25
     figure = pyplot.figure(figsize=(2 * plots.WIDTH, height * len(views) + 2.4), layout="constrained")
     top, bottom = figure.subfigures(2, 1, height_ratios=[height * len(views) + 0.3, 2.0])
     axes = top.subplots(len(views), 5, squeeze=False)
     image = None
     for row, view in zip(axes, views, strict=True):
-        truth = _read(view["truth"])
-        before, after = _read([view["before"]]), _read([view["after"]])
+        truth = optimiser.read_mean(view["truth"])
+        before, after = optimiser.read_mean([view["before"]]), optimiser.read_mean([view["after"]])
         for axis, picture in zip(row[:3], (truth, before, after), strict=True):
             axis.imshow(display.apply(picture), interpolation="nearest")
         for axis, picture in zip(row[3:], (before, after), strict=True):
@@ -69,14 +69,6 @@ def _search(axis, request):
     axis.set_ylabel(f"mean {name}, training views")
     axis.grid(True, linewidth=0.3, color="0.85")
     axis.legend(frameon=False, fontsize=7)
-
-
-def _read(files):
-    try:
-        side = image_metrics.load_side(list(files), BLOCK, None)
-    except image_metrics.Unreadable as error:
-        raise protocol.InputError("views", str(error), "readable scene-linear EXRs", "give others") from None
-    return side.mean[..., side.indices("colour")]
 
 
 if __name__ == "__main__":
