@@ -8,6 +8,7 @@ use super::adapter::march_module;
 use super::march::{Omission, Stage};
 use super::{Backend, MarchSettings, render};
 use crate::error::Result;
+use crate::field::statistics::ulp_distance;
 use crate::gpu::Gpu;
 use crate::graph::wgsl::{self, Language};
 use crate::image::Image;
@@ -146,15 +147,8 @@ fn race(scene: &Scene, settings: [&MarchSettings; 2], backend: Backend, worker: 
 
 /// Largest distance of two values on the line of f32.
 fn largest_ulp(a: &Image, b: &Image) -> u32 {
-    let values = |image: &Image| image.pixels.iter().flatten().map(|value| ordered(*value)).collect::<Vec<i64>>();
-    let apart = values(a).into_iter().zip(values(b)).map(|(a, b)| a.abs_diff(b)).max();
-    u32::try_from(apart.unwrap_or(0)).unwrap_or(u32::MAX)
-}
-
-/// A number's place among all f32, both zeros at 0.
-fn ordered(value: f32) -> i64 {
-    let bits = i64::from(value.to_bits());
-    if bits >> 31 == 0 { bits } else { (1 << 31) - bits }
+    let pairs = a.pixels.iter().flatten().zip(b.pixels.iter().flatten());
+    pairs.map(|(&a, &b)| ulp_distance(a, b)).max().unwrap_or(0)
 }
 
 #[cfg(test)]
@@ -170,8 +164,8 @@ mod tests {
 
     #[test]
     fn distances_count_numbers_between() {
-        assert_eq!(ordered(0.0), ordered(-0.0));
-        assert_eq!(ordered(1.0f32.next_up()) - ordered(1.0), 1);
-        assert_eq!(ordered(0.0f32.next_up()) - ordered(0.0f32.next_down()), 2);
+        assert_eq!(ulp_distance(0.0, -0.0), 0);
+        assert_eq!(ulp_distance(1.0f32.next_up(), 1.0), 1);
+        assert_eq!(ulp_distance(0.0f32.next_up(), 0.0f32.next_down()), 2);
     }
 }
