@@ -1,20 +1,32 @@
-"""Error against time of a study: one log-log panel per scene and density, with the front and its labels.
+"""Figures of a study: error against time, convergence by steps, and pictures beside the truth.
 
-Request: `title`, `groups` (scene, density, runs as in results.json, front as ids, curves of unbiased
-renderers), `svg`, `png` and `pdf` (files to write). A point is a run; colour and marker tell light models
-apart. The line is the front: what no other run beats in time and error. Bars are standard errors from the
-truth's noise. Errors that noise drove below 0 stand on the lower edge as triangles. A curve counts its
-preparation, which every render pays; the dotted one beside it leaves it out.
+Request: `title`, `clock` (what seconds are), `groups` (scene, density, runs as in results.json, front as
+ids, curves of unbiased renderers, truth: files of its replicas), `folder` (that pictures are relative to),
+and `figures`: for each of `time`, `convergence` and `pictures` the files `svg`, `png` and `pdf`.
+
+`time`: a log-log panel per group. A point is a run; colour and marker tell light models apart. The line is
+the front: what no other run beats in time and error. Bars are standard errors from the truth's noise.
+Errors that noise drove below 0 stand on the lower edge as triangles. A curve counts its preparation, which
+every render pays; the dotted one beside it leaves it out.
+
+`convergence`: error by steps of the view ray, a line per light model, at the most light steps (solid) and
+the fewest (dotted), other settings at their first value: where a line is level, steps are not what is wrong.
+
+`pictures`: per group the truth, three runs of the front (fastest, least time x relMSE, closest), their
+HDR-FLIP maps, and below them the window where the closest one errs most.
 """
 
 import math
 
+import optimiser
+import picture_grid
 import plots
 import protocol
 
 COLOURS = (plots.BLUE, plots.ORANGE, plots.GREEN, plots.PURPLE, plots.BLACK, "#56B4E9", "#E69F00")
 MARKERS = "os^Dv<>"
 COLUMNS = 2
+SHOWN = 3  # runs of a group whose pictures are shown
 LABELS = 6  # of a front: more would cover each other
 CURVES = {
     "path": ("path tracing", "#882255", "P"),
@@ -23,34 +35,25 @@ CURVES = {
 
 
 def draw(request, messages):
-    """Draw the figure and write it as SVG, PNG and PDF; return the names of the files."""
-    return plots.save(_figure(request["title"], request["groups"]), request, ("svg", "png", "pdf"))
-
-
-def _figure(title, groups):
-    pyplot = plots.pyplot()
+    """Draw the figures and write each as SVG, PNG and PDF; return the names of the files."""
+    groups = request["groups"]
     if not groups:
         raise protocol.InputError("groups", "no runs", "a study with at least one run", "run the study")
-    columns = min(COLUMNS, len(groups))
-    rows = math.ceil(len(groups) / columns)
-    figure, axes = pyplot.subplots(
-        rows,
-        columns,
-        figsize=(1.1 * plots.WIDTH * columns, 2.9 * rows + 0.6),
-        squeeze=False,
-        layout="constrained",
-    )
-    lights = list(dict.fromkeys(run["combination"]["light"] for group in groups for run in group["runs"]))
-    for index, group in enumerate(groups):
-        _panel(axes[index // columns][index % columns], group, lights)
-    for empty in axes.flat[len(groups) :]:
-        empty.set_axis_off()
-    handles = [
-        pyplot.Line2D(
-            [], [], color=_colour(lights, name), marker=_marker(lights, name), linestyle="none", label=name
-        )
-        for name in lights
-    ]
+    makers = {
+        "time": lambda: _figure(request["title"], groups, request["clock"]),
+        "convergence": lambda: _convergence(request["title"], groups),
+        "pictures": lambda: _pictures(request["title"], groups, request["folder"]),
+    }
+    kinds = ("svg", "png", "pdf")
+    return {name: plots.save(makers[name](), files, kinds) for name, files in request["figures"].items()}
+
+
+def _figure(title, groups, clock):
+    figure, axes, lights = _panels(groups)
+    pyplot = plots.pyplot()
+    for axis, group in zip(axes, groups, strict=True):
+        _panel(axis, group, lights, clock)
+    handles = _light_handles(lights)
     handles.append(pyplot.Line2D([], [], color="0.3", label="nothing is faster and closer"))
     drawn = {point["renderer"] for group in groups for point in group.get("curves", ())}
     for label, colour, marker in (CURVES[name] for name in CURVES if name in drawn):
@@ -62,7 +65,126 @@ def _figure(title, groups):
     return figure
 
 
-def _panel(axis, group, lights):
+def _panels(groups):
+    """A figure with a panel for each group, the panels, and the light models in their order."""
+    pyplot = plots.pyplot()
+    columns = min(COLUMNS, len(groups))
+    rows = math.ceil(len(groups) / columns)
+    figure, axes = pyplot.subplots(
+        rows,
+        columns,
+        figsize=(1.1 * plots.WIDTH * columns, 2.9 * rows + 0.6),
+        squeeze=False,
+        layout="constrained",
+    )
+    for empty in axes.flat[len(groups) :]:
+        empty.set_axis_off()
+    lights = list(dict.fromkeys(run["combination"]["light"] for group in groups for run in group["runs"]))
+    return figure, list(axes.flat[: len(groups)]), lights
+
+
+def _light_handles(lights):
+    pyplot = plots.pyplot()
+    return [
+        pyplot.Line2D(
+            [], [], color=_colour(lights, name), marker=_marker(lights, name), linestyle="none", label=name
+        )
+        for name in lights
+    ]
+
+
+def _convergence(title, groups):
+    pyplot = plots.pyplot()
+    figure, axes, lights = _panels(groups)
+    for axis, group in zip(axes, groups, strict=True):
+        axis.set_xscale("log")
+        axis.set_yscale("log")
+        first = group["runs"][0]["combination"]
+        alike = {name: first[name] for name in ("cache", "sub_pixels", "jitter")}
+        runs = [run for run in group["runs"] if alike.items() <= run["combination"].items()]
+        numbers = {run["combination"]["light_steps"] for run in runs}
+        for light in lights:
+            for light_steps, style in {min(numbers): ":", max(numbers): "-"}.items():
+                here = [
+                    (run["combination"]["steps"], run["errors"]["relmse"])
+                    for run in runs
+                    if run["combination"]["light"] == light
+                    and run["combination"]["light_steps"] == light_steps
+                ]
+                here = sorted((pair for pair in here if pair[1]["value"] > 0), key=lambda pair: pair[0])
+                axis.errorbar(
+                    [steps for steps, _ in here],
+                    [error["value"] for _, error in here],
+                    yerr=[min(error["standard_error"], 0.9 * error["value"]) for _, error in here],
+                    linestyle=style,
+                    color=_colour(lights, light),
+                    marker=_marker(lights, light),
+                    markersize=3,
+                    elinewidth=0.5,
+                )
+        steps = sorted({run["combination"]["steps"] for run in runs})
+        axis.set_xticks(steps, [str(number) for number in steps])
+        axis.minorticks_off()
+        plots.plain_ticks(axis.yaxis)
+        axis.set_title(f"{group['density']} in {group['scene']}", fontsize=8)
+        axis.set_xlabel("steps of a view ray")
+        axis.set_ylabel("relMSE against path tracing")
+        axis.grid(True, which="major", linewidth=0.3, color="0.85")
+    handles = _light_handles(lights)
+    handles.append(pyplot.Line2D([], [], color="0.3", linestyle="-", label="most light steps"))
+    handles.append(pyplot.Line2D([], [], color="0.3", linestyle=":", label="fewest light steps"))
+    figure.legend(handles=handles, loc="outside lower center", ncols=4, frameon=False, fontsize=7)
+    figure.suptitle(f"{title}: convergence", fontsize=9)
+    return figure
+
+
+def _pictures(title, groups, folder):
+    pyplot = plots.pyplot()
+    grid = picture_grid.Grid(SHOWN)
+    shown = [
+        (
+            group,
+            optimiser.read_mean([f"{folder}/{name}" for name in group["truth"]]),
+            _shown(group),
+        )
+        for group in groups
+    ]
+    aspect = shown[0][1].shape[0] / shown[0][1].shape[1]
+    height = 2 * (2 * plots.WIDTH / grid.columns * aspect + 0.22)
+    figure = pyplot.figure(figsize=(2.2 * plots.WIDTH, height * len(shown) + 0.7), layout="constrained")
+    axes = figure.subplots(2 * len(shown), grid.columns, squeeze=False)
+    for number, (group, truth, runs) in enumerate(shown):
+        pictures = [optimiser.read_mean([f"{folder}/{run['picture']}"]) for run in runs]
+        whole, part = axes[2 * number], axes[2 * number + 1]
+        maps = grid.fill(whole, truth, pictures)
+        window = picture_grid.worst_window(maps[-1])
+        grid.fill(part, truth, pictures, window)
+        for axis in whole:
+            picture_grid.outline(axis, window)
+        whole[0].set_xlabel(f"{group['density']} in {group['scene']}", fontsize=6, labelpad=1)
+        for axis, run in zip(whole[1:], runs, strict=False):
+            milliseconds = 1e3 * run["seconds"]["median"]
+            axis.set_xlabel(f"{_label(run['combination'])}, {milliseconds:.3g} ms", fontsize=5, labelpad=1)
+    names = ("fastest", "least time x relMSE", "closest")
+    titles = ("path tracing", *names, *(f"FLIP, {name}" for name in names))
+    for axis, text in zip(axes[0], titles, strict=True):
+        axis.set_title(text, fontsize=6)
+    figure.colorbar(grid.image, ax=axes, shrink=0.3, aspect=40, pad=0.01).ax.tick_params(labelsize=6)
+    figure.suptitle(f"{title}: pictures of the front", fontsize=9)
+    return figure
+
+
+def _shown(group):
+    """The fastest, the cheapest per unit of error, and the closest run of a group's front."""
+    front = [run for run in group["runs"] if run["id"] in group["front"]]
+    return [
+        min(front, key=lambda run: run["seconds"]["median"]),
+        min(front, key=lambda run: run["seconds"]["median"] * max(run["errors"]["relmse"]["value"], 0.0)),
+        min(front, key=lambda run: run["errors"]["relmse"]["value"]),
+    ]
+
+
+def _panel(axis, group, lights, clock):
     runs = group["runs"]
     positive = [error for run in runs if (error := run["errors"]["relmse"]["value"]) > 0]
     floor = 0.5 * min(positive, default=1e-6)
@@ -108,7 +230,7 @@ def _panel(axis, group, lights):
     plots.plain_ticks(axis.xaxis)
     plots.plain_ticks(axis.yaxis)
     axis.set_title(f"{group['density']} in {group['scene']}", fontsize=8)
-    axis.set_xlabel("processor time of a picture, ms")
+    axis.set_xlabel(f"{clock}, ms a picture")
     axis.set_ylabel("relMSE against path tracing")
     axis.grid(True, which="major", linewidth=0.3, color="0.85")
 

@@ -6,17 +6,12 @@ view: the truth, both pictures through one display transform, and both HDR-FLIP 
 the search.
 """
 
-import matplotlib.colors
 import numpy as np
 
-import display_picture
-import false_colour
-import image_metrics
 import optimiser
+import picture_grid
 import plots
 import protocol
-
-LARGEST_FLIP = 0.4  # of the maps' scale
 
 
 def draw(request, messages):
@@ -29,31 +24,20 @@ def _figure(request):
     views = request["views"]
     if not views:
         raise protocol.InputError("views", "no views", "at least one held-out view", "run the tuning")
-    display = display_picture.Display("AgX", "None", 0.0, 1.0)
-    colours = matplotlib.colors.ListedColormap(false_colour.SEQUENTIAL / 255.0)
     first = optimiser.read_mean(views[0]["truth"])
     height = 2 * plots.WIDTH / 5 * first.shape[0] / first.shape[1] + 0.25
     figure = pyplot.figure(figsize=(2 * plots.WIDTH, height * len(views) + 2.4), layout="constrained")
     top, bottom = figure.subfigures(2, 1, height_ratios=[height * len(views) + 0.3, 2.0])
-    axes = top.subplots(len(views), 5, squeeze=False)
-    image = None
+    grid = picture_grid.Grid(2)
+    axes = top.subplots(len(views), grid.columns, squeeze=False)
     for row, view in zip(axes, views, strict=True):
-        truth = optimiser.read_mean(view["truth"])
-        before, after = optimiser.read_mean([view["before"]]), optimiser.read_mean([view["after"]])
-        for axis, picture in zip(row[:3], (truth, before, after), strict=True):
-            axis.imshow(display.apply(picture), interpolation="nearest")
-        for axis, picture in zip(row[3:], (before, after), strict=True):
-            figures, errors = image_metrics.hdr_flip(picture, truth)
-            image = axis.imshow(errors, cmap=colours, vmin=0, vmax=LARGEST_FLIP, interpolation="nearest")
-            axis.set_xlabel(f"mean {figures['mean']:.3f}", fontsize=6, labelpad=1)
+        pictures = [optimiser.read_mean([view[name]]) for name in ("before", "after")]
+        grid.fill(row, optimiser.read_mean(view["truth"]), pictures)
         row[0].set_xlabel(view["view"], fontsize=6, labelpad=1)
-        for axis in row:
-            axis.set_xticks([])
-            axis.set_yticks([])
     titles = ("path tracing", f"{request['before']}, exposed", "tuned", "HDR-FLIP before", "HDR-FLIP after")
     for axis, title in zip(axes[0], titles, strict=True):
         axis.set_title(title, fontsize=7)
-    top.colorbar(image, ax=axes[:, 3:], shrink=0.5, aspect=30, pad=0.01).ax.tick_params(labelsize=6)
+    top.colorbar(grid.image, ax=axes[:, 3:], shrink=0.5, aspect=30, pad=0.01).ax.tick_params(labelsize=6)
     _search(bottom.subplots(), request)
     figure.suptitle(request["title"], fontsize=9)
     return figure

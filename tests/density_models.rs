@@ -107,7 +107,7 @@ fn no_parameters_make_a_value_that_is_no_number() {
         let rays = random_rays(&mut random);
         let (light, rule) = (settings::light(&values, variant), settings::march(&values, variant));
         let what = || format!("set {set}, {variant:?}: {values:?}");
-        opacity += check(&march(&cloud, &light, &rule, &rays), &what);
+        opacity += check(&march(&cloud, &light, &rule, &rays).expect("marched"), &what);
         if let Some(gpu) = gpu.as_ref().filter(|_| set % ADAPTER_EVERY == 0) {
             let kernel = RealTimeKernel::new(gpu, &cloud, &light, &rule).expect("a kernel");
             check(&kernel.march(&rays).expect("pixels"), &what);
@@ -133,7 +133,8 @@ fn a_flattening_of_zero_is_defined_and_named() {
             assert!(warnings.iter().any(|warning| warning.contains(&name)), "{name} is not in {warnings:?}");
         }
         let cloud = Cloud::new(parameters).expect("in range");
-        let pixels = march(&cloud, &settings::light(&values, variant), &settings::march(&values, variant), &rays);
+        let (light, rule) = (settings::light(&values, variant), settings::march(&values, variant));
+        let pixels = march(&cloud, &light, &rule, &rays).expect("marched");
         let opacity = check(&pixels, &|| format!("{variant:?}"));
         assert_eq!(opacity == 0.0, is_empty, "{variant:?}: {opacity}");
     }

@@ -425,7 +425,7 @@ fn pictures_are_the_engines() {
         let size = number(config, "size") as usize;
         let cloud = cloud(config, bake(&config["bake"]), size, "mult", number(config, "opacity"));
         let picture = Picture::of(&golden, entry);
-        let pixels = march(&cloud, &picture.light, &picture.settings, &picture.rays);
+        let pixels = march(&cloud, &picture.light, &picture.settings, &picture.rays).expect("marched");
         let expected = golden.doubles(name);
         for (index, (pixel, row)) in pixels.iter().zip(expected.chunks_exact(9)).enumerate() {
             let [red, green, blue] = pixel.radiance;

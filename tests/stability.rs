@@ -5,6 +5,7 @@ mod support;
 use assert_cmd::cargo::cargo_bin_cmd;
 use cloudparity::gpu::Gpu;
 use cloudparity::image::Image;
+use cloudparity::integrate::real_time::march;
 use cloudparity::integrate::real_time_adapter::RealTimeKernel;
 use cloudparity::integrate::{Integration, MarchSettings, march};
 use cloudparity::scene::Scene;
@@ -158,6 +159,20 @@ fn ten_thousand_steps_are_taken_on_the_adapter() {
     let through = (-4.0_f64).exp();
     // 10,000 products of a rounding each, and the exponentials'.
     assert!((found.transmittance[0] / through - 1.0).abs() < 1e4 * 4.0 / 8_388_608.0, "{found:?}");
+}
+
+#[test]
+fn surroundings_without_averages_are_refused() {
+    let density = Uniform { density: 4.0, extinction: [1.0; 3] };
+    let mut sun = light(Some([0.3, 0.8, 0.1]), 0.5);
+    sun.terms.body.strength = 0.5;
+    let settings = steps(4, Integration::EnergyConserving);
+    let error = march(&density, &sun, &settings, &rays()).expect_err("no averages").to_string();
+    assert!(error.contains("WithCoarse"), "{error}");
+    if let Some(gpu) = adapter() {
+        let error = RealTimeKernel::new(&gpu, &density, &sun, &settings).err().expect("no averages").to_string();
+        assert!(error.contains("WithCoarse"), "{error}");
+    }
 }
 
 #[test]

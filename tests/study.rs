@@ -3,8 +3,11 @@
 mod support;
 
 use assert_cmd::cargo::cargo_bin_cmd;
+use cloudparity::gpu::Gpu;
+use cloudparity::integrate::engine::{EngineJitter, EngineRenderer, EngineSettings};
+use cloudparity::lighting::Variant;
 use cloudparity::study::file::StudyFile;
-use cloudparity::study::{Results, Study};
+use cloudparity::study::{Clock, Results, Study};
 use cloudparity::tuning::Tuning;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant, SystemTime};
@@ -176,6 +179,53 @@ fn what_was_done_before_the_disk_was_full_is_kept() {
     for (name, bytes) in before.iter().filter(|(name, _)| !name.starts_with("runs")) {
         assert!(after.contains(&(name.clone(), bytes.clone())), "{}", name.display());
     }
+}
+
+#[test]
+fn runs_on_the_adapter_have_its_name_and_a_clock_that_fits() {
+    if !support::require("vulkan") {
+        return;
+    }
+    let gpu = Gpu::open().expect("an adapter");
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = study_file(folder.path(), "[8]");
+    let cpu = run(&path, &folder.path().join("out"));
+    let text = std::fs::read_to_string(&path).expect("a study").replace("repeats = 1", "repeats = 1\non = \"adapter\"");
+    std::fs::write(&path, text).expect("written");
+    let adapter = run(&path, &folder.path().join("out"));
+    assert!(adapter.machine.contains(&gpu.adapter().name), "{}", adapter.machine);
+    let is_software = gpu.adapter().is_software();
+    assert_eq!(adapter.clock, if is_software { Clock::Processor } else { Clock::Timestamps });
+    assert_eq!(adapter.runs.len(), cpu.runs.len());
+    for (ours, theirs) in cpu.runs.iter().zip(&adapter.runs) {
+        assert_eq!(ours.combination, theirs.combination);
+        assert_ne!(ours.id, theirs.id, "measured anew");
+        assert!(theirs.seconds.median > 0.0);
+        // 8 steps and at most 32 towards the sun, each of a few roundings of f32, in errors of a few percent.
+        let (a, b) = (ours.errors.rms.value, theirs.errors.rms.value);
+        assert!((a - b).abs() <= 1e-4 * a.max(b), "{a} {b}");
+    }
+}
+
+#[test]
+fn timestamps_count_the_work_of_the_adapter() {
+    if !support::require("vulkan") {
+        return;
+    }
+    let Some(gpu) = Gpu::open().ok().filter(Gpu::has_timestamps) else { return };
+    let scene = support::scene("linear-ramp");
+    let model = cloudparity::density::find("perlin-fbm").expect("a model");
+    let values = model.values(None, &[]).expect("values");
+    let engine = model.engine(&scene, &values, Variant::Fixed, 0.0).expect("an engine");
+    let renderer = EngineRenderer::new(&scene, &engine, Some(&gpu)).expect("a kernel");
+    let settings = EngineSettings { jitter: EngineJitter::None, frame: 0, sub_pixels: 1, god_rays: false };
+    let begin = Instant::now();
+    let (_, seconds) = gpu.timed(|| renderer.picture(&settings, &|_, _| ())).expect("a picture");
+    let seconds = seconds.expect("timestamps");
+    // Dispatches follow each other, so that their sum is no more than what passed.
+    assert!(seconds > 0.0 && seconds <= begin.elapsed().as_secs_f64(), "{seconds}");
+    let (_, nothing) = gpu.timed(|| Ok(())).expect("nothing");
+    assert_eq!(nothing, Some(0.0));
 }
 
 #[test]

@@ -36,6 +36,7 @@ pub const SCRIPTS: &[(&str, &str)] = scripts!(
     "image_metrics.py",
     "model_comparison_plot.py",
     "optimiser.py",
+    "picture_grid.py",
     "plots.py",
     "point_probe.py",
     "probe.py",

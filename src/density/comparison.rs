@@ -430,7 +430,7 @@ fn grid_scene(
     let absorbed = json!({"Color": colour(&|tint| 1.0 - tint * (1.0 - albedo)), "Density": link("All", "Value")});
     let both = json!({"Shader": link("Lobes", "Shader"), "Shader_001": link("Absorption", "Volume")});
     let graph = json!({
-        "material": "Cloud",
+        "material": medium.volume.material,
         "groups": [],
         "nodes": [
             node("Output", "ShaderNodeOutputMaterial", json!({}), json!({"Volume": link("Sum", "Shader")})),

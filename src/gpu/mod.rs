@@ -5,6 +5,7 @@
 //! bound and every index is checked by the shader itself. Work is dispatched in slices, so that no
 //! single submission holds an adapter for long.
 
+mod clock;
 mod field;
 
 pub use field::FieldKernel;
@@ -20,6 +21,8 @@ pub struct Gpu {
     /// The first error that no call returned.
     fault: Arc<Mutex<Option<String>>>,
     adapter: Adapter,
+    /// The clock of dispatches while something is timed.
+    clock: Mutex<Option<clock::Clock>>,
 }
 
 /// Which adapter and driver did the work.
@@ -80,8 +83,13 @@ impl Gpu {
             .ok_or_else(|| missing("no adapter".into()))?;
         let info = adapter.get_info();
         let limits = adapter.limits();
-        let descriptor =
-            wgpu::DeviceDescriptor { label: Some("cloudparity"), required_limits: limits, ..Default::default() };
+        // Timestamps where there are any: without them times are taken on the processor.
+        let descriptor = wgpu::DeviceDescriptor {
+            label: Some("cloudparity"),
+            required_limits: limits,
+            required_features: adapter.features() & wgpu::Features::TIMESTAMP_QUERY,
+            ..Default::default()
+        };
         let (device, queue) = adapter.request_device(&descriptor).await.map_err(|cause| missing(cause.to_string()))?;
         // Without these wgpu ends the program at an error that no call returns.
         let fault = Arc::new(Mutex::new(None));
@@ -103,6 +111,7 @@ impl Gpu {
                 driver: format!("{} {}", info.driver, info.driver_info).trim().to_owned(),
                 kind: format!("{:?}", info.device_type),
             },
+            clock: Mutex::new(None),
         })
     }
 
@@ -164,9 +173,14 @@ impl Gpu {
 
     /// Submits one run of a pipeline over buffers, each group's bound from 0 on.
     pub fn dispatch(&self, pipeline: &wgpu::ComputePipeline, groups: &[Vec<&wgpu::Buffer>], workgroups: u32) {
+        let mut clock = self.clock();
+        let stamps = clock.as_mut().and_then(clock::Clock::next);
         let mut encoder = self.device.create_command_encoder(&Default::default());
         {
-            let mut pass = encoder.begin_compute_pass(&Default::default());
+            let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
+                label: None,
+                timestamp_writes: stamps.as_ref().map(clock::Stamps::writes),
+            });
             pass.set_pipeline(pipeline);
             for (number, buffers) in groups.iter().enumerate() {
                 let entries: Vec<wgpu::BindGroupEntry> = buffers

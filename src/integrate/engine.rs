@@ -12,6 +12,7 @@ use super::{Backend, Progress, blue_noise, film, json, memory, worker};
 use crate::density::coarse::WithCoarse;
 use crate::density::{DensityModel, Engine, smooth};
 use crate::error::{Error, Result};
+use crate::gpu::Gpu;
 use crate::image::Image;
 use crate::lighting::{LightModel, Variant};
 use crate::post::god_rays::Layer;
@@ -68,96 +69,130 @@ pub fn render(
     backend: Backend,
     progress: Progress<'_>,
 ) -> Result<Image> {
-    let begin = std::time::Instant::now();
-    let size = scene.image_size();
-    let strata = settings.sub_pixels as usize;
-    memory::check(size, BYTES_PER_PIXEL * (strata * strata) as u64)?;
+    check_memory(scene, settings)?;
     let gpu = backend.open()?;
-    let frame = Frame::of(scene)?;
-    let mut light = engine.light.clone();
-    frame.light(scene, &mut light)?;
-    let averaged;
-    let density: &dyn DensityModel = if light.terms.needs_coarse() {
-        averaged = WithCoarse { density: engine.density.as_ref(), coarse: engine.coarse() };
-        &averaged
-    } else {
-        engine.density.as_ref()
-    };
-    let kernel = match &gpu {
-        Some(gpu) => Some(RealTimeKernel::new(gpu, density, &light, &engine.march)?),
-        None => None,
-    };
-    let camera = Camera::new(scene, size)?;
-    let [width, height] = size.map(|side| side as usize);
-    let offsets = film::offsets(scene.film.pixel_filter, f64::from(scene.film.filter_width), strata);
-    let background = world_radiance(scene);
-    let mut image = Image::new(width, height);
-    let mut through: Vec<f32> = Vec::with_capacity(if settings.god_rays { width * height } else { 0 });
-    for first in (0..image.pixels.len()).step_by(PIXELS) {
-        let pixels = first..image.pixels.len().min(first + PIXELS);
-        let rays: Vec<RealTimeRay> = pixels
-            .clone()
-            .flat_map(|pixel| (0..strata * strata).map(move |part| (pixel, part)))
-            .map(|(pixel, part)| {
-                let (column, line) = (pixel % width, height - 1 - pixel / width);
-                let raster = DVec2::new(
-                    column as f64 + 0.5 + offsets[part % strata],
-                    line as f64 + 0.5 + offsets[part / strata],
-                );
-                let jitter = match settings.jitter {
-                    EngineJitter::None => 0.5,
-                    EngineJitter::BlueNoise => blue_noise::value(column, line, settings.frame),
-                };
-                let ray = camera.ray(raster);
-                RealTimeRay {
-                    origin: frame.to_box.transform_point3(ray.origin + ray.direction * ray.near),
-                    direction: frame.to_box.transform_vector3(ray.direction * frame.side),
-                    farthest: (ray.far - ray.near) / frame.side,
-                    jitter,
-                }
-            })
-            .collect();
-        let found = match &kernel {
-            Some(kernel) => kernel.march(&rays)?,
-            None => real_time::march(density, &light, &engine.march, &rays),
-        };
-        for (pixel, parts) in pixels.zip(found.chunks_exact(strata * strata)) {
-            let mut mean = [0.0; 4];
-            for part in parts {
-                let shown = composite(part, engine.variant, (!scene.film.transparent).then_some(background));
-                for channel in 0..4 {
-                    mean[channel] += shown[channel] / parts.len() as f64;
-                }
-            }
-            let exposure = f64::from(scene.film.exposure);
-            image.pixels[pixel] =
-                [mean[0] * exposure, mean[1] * exposure, mean[2] * exposure, mean[3]].map(|value| value as f32);
-            if settings.god_rays {
-                let alpha: f64 = parts.iter().map(|part| alpha(part, engine.variant)).sum();
-                through.push((1.0 - alpha / parts.len() as f64) as f32);
-            }
+    EngineRenderer::new(scene, engine, gpu.as_ref())?.picture(settings, progress)
+}
+
+fn check_memory(scene: &Scene, settings: &EngineSettings) -> Result<()> {
+    memory::check(scene.image_size(), BYTES_PER_PIXEL * u64::from(settings.sub_pixels).pow(2))
+}
+
+/// An engine that is ready to make pictures of a scene: lit, and compiled where it runs on an adapter.
+pub struct EngineRenderer<'a> {
+    scene: &'a Scene,
+    engine: &'a Engine,
+    frame: Frame,
+    light: LightModel,
+    /// The density with its averages, where the light reads them.
+    averaged: Option<WithCoarse<'a>>,
+    adapter: Option<(&'a Gpu, RealTimeKernel<'a>)>,
+}
+
+impl<'a> EngineRenderer<'a> {
+    /// On the adapter where one is given, else on all cores.
+    pub fn new(scene: &'a Scene, engine: &'a Engine, gpu: Option<&'a Gpu>) -> Result<Self> {
+        let frame = Frame::of(scene)?;
+        let mut light = engine.light.clone();
+        frame.light(scene, &mut light)?;
+        let averaged = light
+            .terms
+            .needs_coarse()
+            .then(|| WithCoarse { density: engine.density.as_ref(), coarse: engine.coarse() });
+        let mut renderer = Self { scene, engine, frame, light, averaged, adapter: None };
+        if let Some(gpu) = gpu {
+            let kernel = RealTimeKernel::new(gpu, renderer.density(), &renderer.light, &engine.march)?;
+            renderer.adapter = Some((gpu, kernel));
         }
-        progress((first + PIXELS).min(image.pixels.len()) as f64 / image.pixels.len() as f64, "view rays");
+        Ok(renderer)
     }
-    if settings.god_rays {
-        add_god_rays(&mut image, scene, engine, &camera, &frame, &light, &through)?;
+
+    fn density(&self) -> &dyn DensityModel {
+        match &self.averaged {
+            Some(averaged) => averaged,
+            None => self.engine.density.as_ref(),
+        }
     }
-    for (name, value) in [
-        ("renderer", format!("cloudparity {} engine {}", env!("CARGO_PKG_VERSION"), engine.model)),
-        ("variant", json(&engine.variant)),
-        ("parameters", json(&engine.values)),
-        ("light", json(&light)),
-        ("march", json(&engine.march)),
-        ("settings", json(settings)),
-        ("scene", scene.name.clone()),
-        ("scene_sha256", scene.content_hash()),
-        ("film", json(&scene.film)),
-        ("backend", worker(gpu.as_ref())),
-        ("render_seconds", format!("{:.3}", begin.elapsed().as_secs_f64())),
-    ] {
-        image.provenance.insert(name.to_owned(), value);
+
+    /// A picture; its provenance says what was used.
+    pub fn picture(&self, settings: &EngineSettings, progress: Progress<'_>) -> Result<Image> {
+        check_memory(self.scene, settings)?;
+        let begin = std::time::Instant::now();
+        let Self { scene, engine, frame, light, .. } = self;
+        let size = scene.image_size();
+        let strata = settings.sub_pixels as usize;
+        let camera = Camera::new(scene, size)?;
+        let [width, height] = size.map(|side| side as usize);
+        let offsets = film::offsets(scene.film.pixel_filter, f64::from(scene.film.filter_width), strata);
+        let background = world_radiance(scene);
+        let mut image = Image::new(width, height);
+        let mut through: Vec<f32> = Vec::with_capacity(if settings.god_rays { width * height } else { 0 });
+        for first in (0..image.pixels.len()).step_by(PIXELS) {
+            let pixels = first..image.pixels.len().min(first + PIXELS);
+            let rays: Vec<RealTimeRay> = pixels
+                .clone()
+                .flat_map(|pixel| (0..strata * strata).map(move |part| (pixel, part)))
+                .map(|(pixel, part)| {
+                    let (column, line) = (pixel % width, height - 1 - pixel / width);
+                    let raster = DVec2::new(
+                        column as f64 + 0.5 + offsets[part % strata],
+                        line as f64 + 0.5 + offsets[part / strata],
+                    );
+                    let jitter = match settings.jitter {
+                        EngineJitter::None => 0.5,
+                        EngineJitter::BlueNoise => blue_noise::value(column, line, settings.frame),
+                    };
+                    let ray = camera.ray(raster);
+                    RealTimeRay {
+                        origin: frame.to_box.transform_point3(ray.origin + ray.direction * ray.near),
+                        direction: frame.to_box.transform_vector3(ray.direction * frame.side),
+                        farthest: (ray.far - ray.near) / frame.side,
+                        jitter,
+                    }
+                })
+                .collect();
+            let found = match &self.adapter {
+                Some((_, kernel)) => kernel.march(&rays)?,
+                None => real_time::march(self.density(), light, &engine.march, &rays)?,
+            };
+            for (pixel, parts) in pixels.zip(found.chunks_exact(strata * strata)) {
+                let mut mean = [0.0; 4];
+                for part in parts {
+                    let shown = composite(part, engine.variant, (!scene.film.transparent).then_some(background));
+                    for channel in 0..4 {
+                        mean[channel] += shown[channel] / parts.len() as f64;
+                    }
+                }
+                let exposure = f64::from(scene.film.exposure);
+                image.pixels[pixel] =
+                    [mean[0] * exposure, mean[1] * exposure, mean[2] * exposure, mean[3]].map(|value| value as f32);
+                if settings.god_rays {
+                    let alpha: f64 = parts.iter().map(|part| alpha(part, engine.variant)).sum();
+                    through.push((1.0 - alpha / parts.len() as f64) as f32);
+                }
+            }
+            progress((first + PIXELS).min(image.pixels.len()) as f64 / image.pixels.len() as f64, "view rays");
+        }
+        if settings.god_rays {
+            add_god_rays(&mut image, scene, engine, &camera, frame, light, &through)?;
+        }
+        for (name, value) in [
+            ("renderer", format!("cloudparity {} engine {}", env!("CARGO_PKG_VERSION"), engine.model)),
+            ("variant", json(&engine.variant)),
+            ("parameters", json(&engine.values)),
+            ("light", json(light)),
+            ("march", json(&engine.march)),
+            ("settings", json(settings)),
+            ("scene", scene.name.clone()),
+            ("scene_sha256", scene.content_hash()),
+            ("film", json(&scene.film)),
+            ("backend", worker(self.adapter.as_ref().map(|(gpu, _)| *gpu))),
+            ("render_seconds", format!("{:.3}", begin.elapsed().as_secs_f64())),
+        ] {
+            image.provenance.insert(name.to_owned(), value);
+        }
+        Ok(image)
     }
-    Ok(image)
 }
 
 /// The local box of a density model in an object's bounds: object frame to local box.

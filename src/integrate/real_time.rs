@@ -18,6 +18,7 @@ use super::medium::Region;
 use super::transfer::{step_weight, transmittance};
 use crate::density::DensityModel;
 use crate::density::coarse::CoarseDensity;
+use crate::error::{Error, Result};
 use crate::lighting::{LightModel, ShadowExtinction, ShadowLength, SourceFactor};
 use glam::DVec3;
 use rayon::prelude::*;
@@ -120,25 +121,44 @@ struct Way {
     pixel: RealTimePixel,
 }
 
-/// Marches rays on all cores; pixels in the order of the rays.
+/// The averages of the density that a light model reads, if it reads any; an error where the density gives none.
+pub fn averages<'a>(density: &'a dyn DensityModel, light: &LightModel) -> Result<Option<&'a CoarseDensity>> {
+    if !light.terms.needs_coarse() {
+        return Ok(None);
+    }
+    density.coarse().map(Some).ok_or_else(|| {
+        Error::new(
+            "the march of an engine",
+            "a density without averages",
+            "averages, which the light terms body and coarse shadow read",
+            "Give the density with its averages (density::coarse::WithCoarse), or leave these terms out.",
+        )
+    })
+}
+
+/// Marches rays on all cores; pixels in the order of the rays. An error where the light reads averages that the density does not give.
 pub fn march(
     density: &dyn DensityModel,
     light: &LightModel,
     settings: &RealTimeSettings,
     rays: &[RealTimeRay],
-) -> Vec<RealTimePixel> {
-    rays.par_chunks(RAYS).flat_map_iter(|rays| march_together(density, light, settings, rays)).collect()
+) -> Result<Vec<RealTimePixel>> {
+    let coarse = averages(density, light)?;
+    Ok(rays.par_chunks(RAYS).flat_map_iter(|rays| march_together(density, coarse, light, settings, rays)).collect())
 }
 
 /// Marches rays step by step together, so that the density gets batches.
 fn march_together(
     density: &dyn DensityModel,
+    coarse: Option<&CoarseDensity>,
     light: &LightModel,
     settings: &RealTimeSettings,
     rays: &[RealTimeRay],
 ) -> Vec<RealTimePixel> {
     let to_sun = light.to_sun();
     let extinction = density.extinction();
+    let mean_extinction = extinction.iter().sum::<f64>() / 3.0;
+    let body = coarse.filter(|_| light.terms.body.strength > 0.0);
     let mut ways: Vec<Way> = rays.iter().map(|ray| Way::new(ray, light, to_sun)).collect();
     for number in 0..settings.steps {
         let mut samples = Vec::new();
@@ -162,20 +182,16 @@ fn march_together(
         let is_dense = |&at: &usize| densities[at] > settings.least_density || densities[at].is_nan();
         let dense: Vec<usize> = (0..samples.len()).filter(is_dense).collect();
         let lit: Vec<DVec3> = dense.iter().map(|&at| places[at]).collect();
-        let depths = shadow_depths(density, light, to_sun, &lit);
-        let coarse = density.coarse().filter(|_| light.terms.body.strength > 0.0);
+        let depths = shadow_depths(density, coarse, light, to_sun, &lit);
         for ((&at, depth), place) in dense.iter().zip(depths).zip(lit) {
             let (index, _, step, left) = samples[at];
             let fade = if settings.exit_fade { crate::density::smooth(0.0, 2.0 * step, left) } else { 1.0 };
             let way = &mut ways[index];
             way.pixel.dense += 1;
-            let mean_extinction = densities[at] * (extinction[0] + extinction[1] + extinction[2]) / 3.0;
-            let powder = light.terms.powder.factor(mean_extinction);
+            let powder = light.terms.powder.factor(densities[at] * mean_extinction);
             let share = light.terms.powder.ambient;
-            let around =
-                |coarse: &CoarseDensity| coarse.around(place) * (extinction[0] + extinction[1] + extinction[2]) / 3.0;
-            let body = coarse.map_or(1.0, |coarse| light.terms.body.factor(around(coarse)));
-            let sun_factor = fade * powder * body;
+            let around = body.map_or(1.0, |coarse| light.terms.body.factor(coarse.around(place) * mean_extinction));
+            let sun_factor = fade * powder * around;
             let ambient_factor = fade * light.ambient_factor(place.y) * (1.0 + (powder - 1.0) * share);
             for channel in 0..3 {
                 let extinct = densities[at] * extinction[channel];
@@ -198,7 +214,13 @@ fn march_together(
 }
 
 /// Optical depth towards the sun at each place, per channel.
-fn shadow_depths(density: &dyn DensityModel, light: &LightModel, to_sun: DVec3, places: &[DVec3]) -> Vec<[f64; 3]> {
+fn shadow_depths(
+    density: &dyn DensityModel,
+    coarse: Option<&CoarseDensity>,
+    light: &LightModel,
+    to_sun: DVec3,
+    places: &[DVec3],
+) -> Vec<[f64; 3]> {
     let steps = light.shadow.steps;
     let scale = match light.shadow.extinction {
         ShadowExtinction::Density => [1.0; 3],
@@ -224,7 +246,7 @@ fn shadow_depths(density: &dyn DensityModel, light: &LightModel, to_sun: DVec3, 
         }
     }
     let mut sums = vec![0.0; places.len()];
-    let found = match density.coarse().filter(|_| light.terms.body.shadow) {
+    let found = match coarse.filter(|_| light.terms.body.shadow) {
         Some(coarse) => asked.iter().map(|&place| coarse.along(place)).collect(),
         None => density.densities(&asked),
     };

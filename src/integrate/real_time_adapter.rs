@@ -1,7 +1,7 @@
 //! The march of a real-time engine on the adapter: `shaders/integrate/real_time.wgsl`, in f32.
 
 use super::Integration;
-use super::real_time::{RealTimePixel, RealTimeRay, RealTimeSettings};
+use super::real_time::{RealTimePixel, RealTimeRay, RealTimeSettings, averages};
 use crate::density::DensityModel;
 use crate::error::Result;
 use crate::gpu::{Gpu, SOFTWARE_LOOPS};
@@ -111,7 +111,7 @@ impl<'a> RealTimeKernel<'a> {
         define(terms.powder.strength > 0.0, "POWDER");
         define(terms.silver.strength > 0.0, "SILVER");
         define(terms.ambient != [1.0; 2], "AMBIENT_GRADIENT");
-        let coarse = density.coarse().filter(|_| terms.needs_coarse());
+        let coarse = averages(density, light)?;
         define(coarse.is_some() && terms.body.strength > 0.0, "BODY");
         define(coarse.is_some() && terms.body.shadow, "COARSE_SHADOW");
         linker.add("density/coarse.wgsl", include_str!("../../shaders/density/coarse.wgsl"))?;

@@ -41,8 +41,10 @@ const MAKERS: [(&str, &str, &str); 16] = [
     ("scene.json", "the scene", "cp SCENE RUN/scene.json"),
 ];
 
-/// The figure of a study.
-pub const STUDY_FIGURE: &str = "study/study.svg";
+/// A figure of a study, by its file's stem.
+pub fn study_figure(stem: &str) -> String {
+    format!("study/{stem}.svg")
+}
 
 /// The figure of a tuning.
 pub const TUNING_FIGURE: &str = "tuning/tuning.svg";
@@ -388,7 +390,7 @@ impl Inputs {
             wanted.push((format!("{name}_legend.svg"), false));
         }
         if self.study.is_some() {
-            wanted.push((STUDY_FIGURE.to_owned(), false));
+            wanted.extend(study::FIGURES.map(|(_, stem)| (study_figure(stem), false)));
         }
         if self.tuning.is_some() {
             wanted.push((TUNING_FIGURE.to_owned(), false));

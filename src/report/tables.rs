@@ -1,12 +1,12 @@
 //! The figures as CSV and Markdown, and tables from JSON of no fixed layout.
 
 use super::document::Document;
-use super::inputs::{Inputs, Picture, STUDY_FIGURE, TUNING_FIGURE};
+use super::inputs::{Inputs, Picture, TUNING_FIGURE, study_figure};
 use super::numbers::{capitalised, count, figure, percent, plain, rate, ratio, seconds, signed_percent};
 use super::summary::{Summary, evaluator_name};
 use crate::density::comparison::{Comparison, FIGURE};
 use crate::study::curves::CurvePoint;
-use crate::study::{Measured, Results};
+use crate::study::{FIGURES, Measured, Results};
 use crate::tuning::{Outcome, Scored};
 use indexmap::IndexMap;
 use serde::Serialize;
@@ -66,8 +66,10 @@ pub struct StudyTable<'a> {
     pub counts: [usize; 2],
     /// What did the work.
     pub machine: &'a str,
-    /// Error against time.
-    pub figure: Option<&'a Picture>,
+    /// What the runs' seconds are.
+    pub clock: &'static str,
+    /// Error against time, convergence by steps, and pictures of the front.
+    pub figures: [Option<&'a Picture>; 3],
     /// What nothing beats, by scene and density: settings, milliseconds, relMSE, its standard error, bias, HDR-FLIP.
     pub fronts: Vec<(String, Vec<FrontRow>)>,
     /// Processor time of each truth.
@@ -147,7 +149,8 @@ impl<'a> StudyTable<'a> {
             title: &found.study.title,
             counts: [found.runs.len(), found.skipped.len()],
             machine: &found.machine,
-            figure: pictures.get(STUDY_FIGURE),
+            clock: found.clock.label(),
+            figures: FIGURES.map(|(_, stem)| pictures.get(&study_figure(stem))),
             fronts: found.fronts().into_iter().map(front).collect(),
             truths: found
                 .truths

@@ -464,7 +464,7 @@ fn engine_rows(gpu: Option<&Gpu>) -> Result<Vec<Row>> {
             let density = uniform(depth, STEPS);
             let settings = steps(STEPS, integration);
             let ambient = light(None, 0.0);
-            ours.extend(numbers(&real_time::march(&density, &ambient, &settings, &rays)));
+            ours.extend(numbers(&real_time::march(&density, &ambient, &settings, &rays)?));
             for ray in &rays {
                 let length = ray.inside().length;
                 exact.extend(closed_form(&density, &ambient, STEPS, length, integration, false));
@@ -504,7 +504,7 @@ fn engine_rows(gpu: Option<&Gpu>) -> Result<Vec<Row>> {
             rows.push(head("wgsl", 192.0 * ULP / 2.0, reason).judge(scale, &theirs, &loose));
         }
     }
-    rows.extend(plain_over_truth());
+    rows.extend(plain_over_truth()?);
     rows.extend(sun_rows(gpu)?);
     rows.extend(step_rows(gpu)?);
     Ok(rows)
@@ -568,15 +568,17 @@ fn closed_form(
 }
 
 /// Plain integration over energy-conserving integration, on the CPU: what a step adds too much.
-fn plain_over_truth() -> Vec<Row> {
+fn plain_over_truth() -> Result<Vec<Row>> {
     let ray = &rays()[..1];
     DEPTHS[1..]
         .iter()
         .map(|&depth| {
             let density = uniform(depth, STEPS);
             let ambient = light(None, 0.0);
-            let of = |integration| numbers(&real_time::march(&density, &ambient, &steps(STEPS, integration), ray))[1];
-            let (plain, truth) = (of(Integration::Plain), of(Integration::EnergyConserving));
+            let of = |integration| -> Result<f64> {
+                Ok(numbers(&real_time::march(&density, &ambient, &steps(STEPS, integration), ray)?)[1])
+            };
+            let (plain, truth) = (of(Integration::Plain)?, of(Integration::EnergyConserving)?);
             let depth = density.density / f64::from(STEPS);
             let excess = depth / -(-depth).exp_m1() - 1.0;
             let head = Head {
@@ -593,7 +595,7 @@ fn plain_over_truth() -> Vec<Row> {
                 cycles: "no: Cycles has no plain sum".into(),
             };
             let distance = truth * excess * (1.0 + 1e-9) + truth * 1e-12;
-            head.judge(f64::MIN_POSITIVE, &[plain], &[Bound { truth, distance }])
+            Ok(head.judge(f64::MIN_POSITIVE, &[plain], &[Bound { truth, distance }]))
         })
         .collect()
 }
@@ -606,24 +608,25 @@ fn of_places(
     settings: &RealTimeSettings,
     rays: &[RealTimeRay],
     truths: &[f64],
-) -> Vec<f64> {
+) -> Result<Vec<f64>> {
     let mut distances = vec![0.0_f64; truths.len()];
-    let mut take = |light: &LightModel, rays: &[RealTimeRay]| {
-        let found = numbers(&real_time::march(density, light, settings, rays));
+    let mut take = |light: &LightModel, rays: &[RealTimeRay]| -> Result<()> {
+        let found = numbers(&real_time::march(density, light, settings, rays)?);
         for (distance, (found, truth)) in distances.iter_mut().zip(found.iter().zip(truths)) {
             *distance = distance.max(2.0 * (found - truth).abs());
         }
+        Ok(())
     };
     for by in [DVec3::X, DVec3::Y, DVec3::Z].into_iter().flat_map(|axis| [axis, -axis]) {
         let aside = by / f64::from(1 << 20);
         let moved: Vec<RealTimeRay> =
             rays.iter().map(|ray| RealTimeRay { origin: ray.origin + aside, ..*ray }).collect();
-        take(light, &moved);
+        take(light, &moved)?;
         let mut turned = light.clone();
         turned.sun_direction = (light.to_sun() + by * ULP).to_array();
-        take(&turned, rays);
+        take(&turned, rays)?;
     }
-    distances
+    Ok(distances)
 }
 
 /// Suns from above, from the side, along the rays, from below, and of directions of any length; phase functions near 1.
@@ -658,9 +661,9 @@ fn sun_rows(gpu: Option<&Gpu>) -> Result<Vec<Row>> {
                 // As f32 holds it, so that both sides have the same lobe.
                 let light = light(Some(sun), f64::from(eccentricity as f32));
                 let density = uniform(0.03, STEPS);
-                let ours = numbers(&real_time::march(&density, &light, &settings, &rays));
+                let ours = numbers(&real_time::march(&density, &light, &settings, &rays)?);
                 theirs.extend(numbers(&RealTimeKernel::new(gpu, &density, &light, &settings)?.march(&rays)?));
-                let moved = of_places(&density, &light, &settings, &rays, &ours);
+                let moved = of_places(&density, &light, &settings, &rays, &ours)?;
                 for ((ray, truths), moved) in rays.iter().zip(ours.chunks(6)).zip(moved.chunks(6)) {
                     let relative = of_directions(ray.inside().direction, light.to_sun(), eccentricity) + 400.0 * ULP;
                     let both = truths.iter().zip(moved);
@@ -724,7 +727,7 @@ fn step_rows(gpu: Option<&Gpu>) -> Result<Vec<Row>> {
             guards: vec!["loop-budget", "mean-transmittance"],
             cycles: "yes: a homogeneous medium does not depend on steps (measured)".into(),
         };
-        let ours = numbers(&real_time::march(&density, &ambient, &settings, &rays));
+        let ours = numbers(&real_time::march(&density, &ambient, &settings, &rays)?);
         let scale = f64::from(f32::MIN_POSITIVE);
         let reason = "limit: a few roundings of f64 per step";
         rows.push(head("cpu", 1e-15 * f64::from(10 * count + 100), reason).judge(scale, &ours, &forms(false)));

@@ -98,11 +98,31 @@ impl Truth {
 pub struct Timing {
     /// Timed renders after one that does not count; their median counts.
     pub repeats: u32,
+    /// What renders the runs.
+    #[serde(skip_serializing_if = "Worker::is_cpu")]
+    pub on: Worker,
 }
 
 impl Default for Timing {
     fn default() -> Self {
-        Self { repeats: 3 }
+        Self { repeats: 3, on: Worker::Cpu }
+    }
+}
+
+/// What renders a study's runs.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Worker {
+    /// All cores, timed by processor time.
+    #[default]
+    Cpu,
+    /// The adapter: timed by its timestamps, or by processor time where it is software.
+    Adapter,
+}
+
+impl Worker {
+    fn is_cpu(&self) -> bool {
+        *self == Self::Cpu
     }
 }
 
@@ -233,9 +253,7 @@ impl StudyFile {
         if self.format != FORMAT {
             return wrong("format", format!("\"{}\"", self.format), format!("\"{FORMAT}\""));
         }
-        if self.resolution.iter().any(|&side| !(1..=16384).contains(&side)) {
-            return wrong("resolution", format!("{:?}", self.resolution), "1 to 16384 pixels per side".into());
-        }
+        check_resolution(self.resolution, place)?;
         self.truth.check(place)?;
         if !(1..=100).contains(&self.timing.repeats) {
             return wrong("timing.repeats", self.timing.repeats.to_string(), "1 to 100".into());
@@ -276,14 +294,12 @@ impl StudyFile {
         for (index, name) in axes.lights.iter().enumerate() {
             models::find(name).map_err(|error| at(error, place, &format!("axes.lights[{index}]")))?;
         }
-        for (name, values, most) in [
-            ("steps", &axes.steps, 100_000),
-            ("light_steps", &axes.light_steps, 1000),
-            ("sub_pixels", &axes.sub_pixels, 64),
+        for (quality, values) in [
+            (&Quality::STEPS, &axes.steps),
+            (&Quality::LIGHT_STEPS, &axes.light_steps),
+            (&Quality::SUB_PIXELS, &axes.sub_pixels),
         ] {
-            if let Some(value) = values.iter().find(|value| !(1..=most).contains(*value)) {
-                return wrong(&format!("axes.{name}"), value.to_string(), format!("whole numbers from 1 to {most}"));
-            }
+            values.iter().try_for_each(|&value| quality.check(value, place, "axes"))?;
         }
         if let Some(cache) = axes.caches.iter().find(|cache| cache.cells > 1024) {
             return wrong("axes.caches", format!("{} cells", cache.cells), "0 to 1024 cells".into());
@@ -467,6 +483,40 @@ impl Combination {
         let each: u64 = if self.density == density::graph::MODEL.id && self.cache.cells == 0 { 4 } else { 1 };
         each * u64::from(self.steps) * u64::from(1 + self.light_steps) * u64::from(self.sub_pixels).pow(2)
     }
+}
+
+/// A setting of quality that is a whole number from 1 on, as files of studies and tunings give it.
+pub(crate) struct Quality {
+    name: &'static str,
+    most: u32,
+}
+
+impl Quality {
+    /// Steps of a view ray.
+    pub const STEPS: Self = Self { name: "steps", most: 100_000 };
+    /// Steps towards the sun.
+    pub const LIGHT_STEPS: Self = Self { name: "light_steps", most: 1000 };
+    /// Rays per pixel and axis.
+    pub const SUB_PIXELS: Self = Self { name: "sub_pixels", most: 64 };
+
+    /// Refuses what is out of range, at `table` of the file `place`.
+    pub fn check(&self, value: u32, place: &str, table: &str) -> Result<()> {
+        let Self { name, most } = self;
+        if (1..=*most).contains(&value) {
+            return Ok(());
+        }
+        let expected = format!("a whole number from 1 to {most}");
+        Err(Error::new(format!("{place}, {table}.{name}"), value.to_string(), expected, "Correct the file."))
+    }
+}
+
+/// Refuses a picture without pixels, or one that no file holds.
+pub(crate) fn check_resolution(resolution: [u32; 2], place: &str) -> Result<()> {
+    if resolution.iter().all(|side| (1..=16384).contains(side)) {
+        return Ok(());
+    }
+    let found = format!("{resolution:?}");
+    Err(Error::new(format!("{place}, resolution"), found, "1 to 16384 pixels per side", "Correct the file."))
 }
 
 /// An error at a path within a file.

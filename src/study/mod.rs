@@ -17,15 +17,16 @@ use crate::compare;
 use crate::density::Engine;
 use crate::error::{Error, Result};
 use crate::files;
+use crate::gpu::Gpu;
 use crate::image::Image;
-use crate::integrate::engine;
-use crate::integrate::{Backend, Progress};
+use crate::integrate::Progress;
+use crate::integrate::engine::EngineRenderer;
 use crate::lighting::models;
 use crate::scene::Scene;
 use cpu_time::ProcessTime;
 use curves::{CurvePoint, MissingCurve, Renderer};
 use errors::Errors;
-use file::{Combination, Skipped, StudyFile};
+use file::{Combination, Skipped, StudyFile, Worker};
 use front::Metric;
 use serde::{Deserialize, Serialize};
 use serde_json::json;
@@ -36,6 +37,10 @@ use truth::TruthRecord;
 
 /// Format of a study's folder.
 pub const FORMAT: &str = "cloudparity-study-results/1";
+
+/// The figures of a study: name and file without its extension.
+pub const FIGURES: [(&str, &str); 3] =
+    [("time", "study"), ("convergence", "study_convergence"), ("pictures", "study_pictures")];
 
 /// Seeds of the truth count on from it.
 const SEED: u32 = 7000;
@@ -57,7 +62,46 @@ pub struct Study {
     pub skipped: Vec<Skipped>,
 }
 
-/// Time of repeated renders: seconds of processor time of all threads.
+/// What a run's seconds are.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Clock {
+    /// Processor time of all threads.
+    #[default]
+    Processor,
+    /// Time that the adapter spent in its dispatches, by its timestamps.
+    Timestamps,
+}
+
+impl Clock {
+    /// The clock for runs on all cores, or on an adapter: software has no time of its own, and its work is that of the processor.
+    fn of(gpu: Option<&Gpu>) -> Self {
+        match gpu {
+            Some(gpu) if gpu.has_timestamps() && !gpu.adapter().is_software() => Self::Timestamps,
+            _ => Self::Processor,
+        }
+    }
+
+    /// Seconds of work.
+    fn time(self, gpu: Option<&Gpu>, work: impl FnOnce() -> Result<()>) -> Result<f64> {
+        let begin = ProcessTime::now();
+        let stamped = match gpu.filter(|_| self == Self::Timestamps) {
+            Some(gpu) => gpu.timed(work)?.1,
+            None => work().map(|()| None)?,
+        };
+        Ok(stamped.unwrap_or_else(|| begin.elapsed().as_secs_f64()))
+    }
+
+    /// Name for readers.
+    pub fn label(self) -> &'static str {
+        match self {
+            Self::Processor => "processor time of all threads",
+            Self::Timestamps => "time on the adapter by its timestamps",
+        }
+    }
+}
+
+/// Time of repeated renders in seconds, by the results' [`Clock`].
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Seconds {
     /// What counts.
@@ -119,6 +163,9 @@ pub struct Results {
     pub study: StudyFile,
     /// What did the work.
     pub machine: String,
+    /// What the runs' seconds are.
+    #[serde(default)]
+    pub clock: Clock,
     /// Truths.
     pub truths: Vec<TruthRecord>,
     /// Runs, cheapest first.
@@ -157,14 +204,15 @@ impl Study {
     /// Renders what errors are measured against, and what takes longest: truths, and Cycles' pictures. What is there already is left
     /// alone; an interrupted truth goes on with the replicas that are missing. Says how long each truth took.
     pub fn prepare(&self, folder: &Path, progress: Progress<'_>) -> Result<Vec<TruthRecord>> {
-        check_folder(folder)?;
+        open_folder(folder)?;
         let _lock = files::Lock::take(folder)?;
         let places = self.places();
         let mut records = Vec::new();
         for (index, combination) in places.iter().enumerate() {
             let (scene, density) = (self.scene(&combination.scene), combination.density.as_str());
-            // What has no engine has no runs, and needs no truth.
-            if self.engine(scene, combination).is_err() {
+            // What has no engine has no runs, and needs no truth. A density cache, which takes long, is not needed to know.
+            let bare = Combination { cache: file::no_cache()[0], ..(*combination).clone() };
+            if self.engine(scene, &bare).is_err() {
                 continue;
             }
             let report = |done: f64, what: &str| progress((index as f64 + done) / places.len() as f64, what);
@@ -193,8 +241,9 @@ impl Study {
 
     /// Measures what is missing in a folder, and sums up.
     pub fn run(&self, folder: &Path, progress: Progress<'_>) -> Result<Results> {
-        check_folder(folder)?;
+        open_folder(folder)?;
         let _lock = files::Lock::take(folder)?;
+        let gpu = self.adapter()?;
         let mut truths: HashMap<String, (TruthRecord, Option<Vec<Image>>)> = HashMap::new();
         let mut runs = Vec::with_capacity(self.wanted.len());
         let mut skipped = self.skipped.clone();
@@ -202,7 +251,7 @@ impl Study {
             let done = index as f64 / self.wanted.len() as f64;
             let scene = self.scene(&combination.scene);
             let truth_id = self.file.truth.id(scene, &combination.density, SEED);
-            let id = self.run_id(combination, &truth_id);
+            let id = self.run_id(combination, &truth_id, gpu.as_ref());
             let record = folder.join("runs").join(format!("{id}.json"));
             if let Some(found) = read_record::<Measured>(&record)? {
                 let is_known = truths.contains_key(&truth_id);
@@ -226,7 +275,7 @@ impl Study {
                 runs.push(found);
                 continue;
             }
-            let (engine, prepare_seconds) = match self.engine(scene, combination) {
+            let (engine, engine_seconds) = match self.engine(scene, combination) {
                 Ok(engine) => engine,
                 Err(error) => {
                     skipped.push(Skipped { combination: combination.clone(), reason: error.to_string() });
@@ -241,7 +290,10 @@ impl Study {
                 }
             };
             progress(done, &format!("run {} of {}", index + 1, self.wanted.len()));
-            let (image, seconds, wall_seconds) = self.time(scene, &engine, combination)?;
+            let begin = ProcessTime::now();
+            let renderer = EngineRenderer::new(scene, &engine, gpu.as_ref())?;
+            let prepare_seconds = engine_seconds + begin.elapsed().as_secs_f64();
+            let (image, seconds, wall_seconds) = self.time(&renderer, gpu.as_ref(), combination)?;
             let picture = format!("pictures/{id}.exr");
             image.write_exr(&folder.join(&picture), false)?;
             let errors = errors::measure(&image, &entry.1)?;
@@ -268,7 +320,11 @@ impl Study {
             format: FORMAT.into(),
             version: env!("CARGO_PKG_VERSION").into(),
             study: self.file.clone(),
-            machine: machine(),
+            machine: match &gpu {
+                Some(gpu) => format!("{}; adapter {} ({})", machine(), gpu.adapter().name, gpu.adapter().driver),
+                None => machine(),
+            },
+            clock: Clock::of(gpu.as_ref()),
             truths,
             runs,
             front: Vec::new(),
@@ -326,31 +382,49 @@ impl Study {
         Ok((engine, begin.elapsed().as_secs_f64()))
     }
 
+    /// The adapter, where the runs are rendered on it.
+    fn adapter(&self) -> Result<Option<Gpu>> {
+        match self.file.timing.on {
+            Worker::Cpu => Ok(None),
+            Worker::Adapter => Gpu::open().map(Some),
+        }
+    }
+
     /// The picture of a combination, the time of repeated renders, and the wall time of the median one.
-    fn time(&self, scene: &Scene, engine: &Engine, combination: &Combination) -> Result<(Image, Seconds, f64)> {
+    fn time(
+        &self,
+        renderer: &EngineRenderer<'_>,
+        gpu: Option<&Gpu>,
+        combination: &Combination,
+    ) -> Result<(Image, Seconds, f64)> {
         let settings = combination.picture_settings();
-        let render = || engine::render(scene, engine, &settings, Backend::Cpu, &|_, _| ());
+        let render = || renderer.picture(&settings, &|_, _| ());
         // The first does not count: memory and caches are cold.
         let image = render()?;
         let mut times = Vec::with_capacity(self.file.timing.repeats as usize);
         for _ in 0..self.file.timing.repeats {
-            let (begin, wall) = (ProcessTime::now(), Instant::now());
-            render()?;
-            times.push((begin.elapsed().as_secs_f64(), wall.elapsed().as_secs_f64()));
+            let wall = Instant::now();
+            let seconds = Clock::of(gpu).time(gpu, || render().map(drop))?;
+            times.push((seconds, wall.elapsed().as_secs_f64()));
         }
         times.sort_by(|a, b| a.0.total_cmp(&b.0));
         let (median, wall_seconds) = times[times.len() / 2];
         Ok((image, Seconds { median, smallest: times[0].0, largest: times[times.len() - 1].0 }, wall_seconds))
     }
 
-    fn run_id(&self, combination: &Combination, truth_id: &str) -> String {
-        hash(&json!({"combination": combination, "truth": truth_id, "timing": self.file.timing}))
+    fn run_id(&self, combination: &Combination, truth_id: &str, gpu: Option<&Gpu>) -> String {
+        let mut key = json!({"combination": combination, "truth": truth_id, "timing": self.file.timing});
+        if let Some(gpu) = gpu {
+            key["adapter"] = json!(gpu.adapter());
+        }
+        hash(&key)
     }
 
     /// Measures the front of an earlier run again from scratch: new truths, new renders. Each pair of errors has to agree within the
     /// uncertainty that both state.
     pub fn verify(&self, results: &Results, folder: &Path, progress: Progress<'_>) -> Result<Vec<Verified>> {
         let _lock = files::Lock::take(folder)?;
+        let gpu = self.adapter()?;
         let mut found = Vec::new();
         let fronts: Vec<&Measured> = results.fronts().into_iter().flat_map(|(_, _, runs)| runs).collect();
         let mut truths: HashMap<String, Vec<Image>> = HashMap::new();
@@ -371,8 +445,8 @@ impl Study {
                 truths.insert(truth_id.clone(), images);
             }
             let (engine, _) = self.engine(scene, &run.combination)?;
-            let settings = run.combination.picture_settings();
-            let image = engine::render(scene, &engine, &settings, Backend::Cpu, &|_, _| ())?;
+            let renderer = EngineRenderer::new(scene, &engine, gpu.as_ref())?;
+            let image = renderer.picture(&run.combination.picture_settings(), &|_, _| ())?;
             let again = errors::measure(&image, &truths[&truth_id])?;
             found.push(Verified::new(run, again));
         }
@@ -489,9 +563,9 @@ impl Results {
         groups.map(|(scene, density, runs)| (scene, density, front::front(runs, Metric::Relmse))).collect()
     }
 
-    /// Draws error against time: `study.svg`, `.png` and `.pdf`. Needs matplotlib.
+    /// Draws [`FIGURES`] as `.svg`, `.png` and `.pdf`. Needs matplotlib, and HDR-FLIP for the pictures.
     pub fn draw(&self, folder: &Path) -> Result<()> {
-        let file = |extension: &str| folder.join(format!("study.{extension}"));
+        let truth = |id: &str| self.truths.iter().find(|record| record.id == id).map(|record| &record.replicas);
         let groups: Vec<serde_json::Value> = self
             .groups()
             .into_iter()
@@ -500,11 +574,20 @@ impl Results {
                     front::front(runs.iter().copied(), Metric::Relmse).iter().map(|run| run.id.as_str()).collect();
                 let is_here = |point: &&CurvePoint| point.scene == scene && point.density == density;
                 let curves: Vec<&CurvePoint> = self.curves.iter().filter(is_here).collect();
-                json!({"scene": scene, "density": density, "runs": runs, "front": front, "curves": curves})
+                let truth = truth(&runs[0].truth);
+                json!({"scene": scene, "density": density, "runs": runs, "front": front, "curves": curves, "truth": truth})
+            })
+            .collect();
+        let figures: serde_json::Map<String, serde_json::Value> = FIGURES
+            .iter()
+            .map(|(name, stem)| {
+                let file = |extension: &str| folder.join(format!("{stem}.{extension}"));
+                ((*name).to_owned(), json!({"svg": file("svg"), "png": file("png"), "pdf": file("pdf")}))
             })
             .collect();
         let request = json!({
-            "title": self.study.title, "groups": groups, "svg": file("svg"), "png": file("png"), "pdf": file("pdf"),
+            "title": self.study.title, "clock": self.clock.label(), "groups": groups, "folder": folder,
+            "figures": figures,
         });
         blender::run_script("study_plot.py", &request, Kernel::Default, |_| ()).map(drop)
     }
@@ -541,26 +624,36 @@ impl Results {
     }
 }
 
-/// Makes the folders, or refuses one that another version or another program made.
-fn check_folder(folder: &Path) -> Result<()> {
-    let path = folder.join("study.json");
+/// Makes a study's folders, or refuses one that another version or another program made.
+fn open_folder(folder: &Path) -> Result<()> {
     let ours = json!({"format": FORMAT, "version": env!("CARGO_PKG_VERSION")});
-    match read_record::<serde_json::Value>(&path)? {
-        Some(found) if found != ours => Err(Error::new(
-            path.display().to_string(),
-            format!("{found}"),
-            format!("{ours}, which this program writes"),
-            "Take another folder; results of two versions are not mixed.",
-        )),
-        Some(_) => Ok(()),
-        None => {
-            for name in ["runs", "curves", "truth", "pictures"] {
-                let path = folder.join(name);
-                std::fs::create_dir_all(&path).map_err(|cause| Error::io(&path, "a folder for results", &cause))?;
-            }
-            files::write_atomically(&path, to_json(&ours).as_bytes())
+    claim_folder(folder, "study.json", &ours, &["runs", "curves", "truth", "pictures"])
+}
+
+/// Makes a folder with its parts and with a mark that says whose it is, or refuses one with another mark.
+pub(crate) fn claim_folder(folder: &Path, mark: &str, ours: &serde_json::Value, parts: &[&str]) -> Result<()> {
+    let path = folder.join(mark);
+    let Some(found) = read_record::<serde_json::Value>(&path)? else {
+        for part in parts {
+            let path = folder.join(part);
+            std::fs::create_dir_all(&path).map_err(|cause| Error::io(&path, "a folder for results", &cause))?;
         }
+        return files::write_atomically(&path, to_json(ours).as_bytes());
+    };
+    if found == *ours {
+        return Ok(());
     }
+    let named = |value: &serde_json::Value| format!("format {}, version {}", value["format"], value["version"]);
+    let (found, ours) = match (named(&found), named(ours)) {
+        (found, ours) if found == ours => (format!("{found}, of another file"), format!("{ours}, of this file")),
+        both => both,
+    };
+    Err(Error::new(
+        path.display().to_string(),
+        found,
+        ours,
+        "Take another folder; results of two versions, or of two files, are not mixed.",
+    ))
 }
 
 /// A file that this program wrote; `None` where it is not there.

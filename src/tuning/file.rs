@@ -4,13 +4,16 @@ use crate::density::{self, schema};
 use crate::error::{Error, Result};
 use crate::files;
 use crate::lighting::models;
-use crate::study::file::{CacheAxis, SceneAxis, Truth, at, no_cache, read_toml};
+use crate::study::file::{CacheAxis, Quality, SceneAxis, Truth, at, check_resolution, no_cache, read_toml};
 use indexmap::IndexMap;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
 /// The format that this version reads.
 pub const FORMAT: &str = "cloudparity-tune/1";
+
+/// Most generations of a search.
+const MOST_GENERATIONS: u32 = 100_000;
 
 /// A tuning file.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -184,21 +187,20 @@ impl TuningFile {
         if self.format != FORMAT {
             return wrong("format", format!("\"{}\"", self.format), &format!("\"{FORMAT}\""));
         }
-        if self.resolution.iter().any(|&side| !(1..=16384).contains(&side)) {
-            return wrong("resolution", format!("{:?}", self.resolution), "1 to 16384 pixels per side");
-        }
+        check_resolution(self.resolution, place)?;
         self.truth.check(place)?;
         let model = density::find(&self.engine.density).map_err(|error| at(error, place, "engine.density"))?;
         models::find(&self.engine.light).map_err(|error| at(error, place, "engine.light"))?;
-        for (name, value, most) in [
-            ("engine.steps", self.engine.steps, 100_000),
-            ("engine.light_steps", self.engine.light_steps, 1000),
-            ("engine.sub_pixels", self.engine.sub_pixels, 64),
-            ("search.generations", self.search.generations, 100_000),
+        for (quality, value) in [
+            (&Quality::STEPS, self.engine.steps),
+            (&Quality::LIGHT_STEPS, self.engine.light_steps),
+            (&Quality::SUB_PIXELS, self.engine.sub_pixels),
         ] {
-            if !(1..=most).contains(&value) {
-                return wrong(name, value.to_string(), &format!("a whole number from 1 to {most}"));
-            }
+            quality.check(value, place, "engine")?;
+        }
+        if !(1..=MOST_GENERATIONS).contains(&self.search.generations) {
+            let expected = format!("a whole number from 1 to {MOST_GENERATIONS}");
+            return wrong("search.generations", self.search.generations.to_string(), &expected);
         }
         if !(2..=1000).contains(&self.search.population) {
             return wrong("search.population", self.search.population.to_string(), "2 to 1000");

@@ -14,15 +14,15 @@ use crate::density::Engine;
 use crate::error::{Error, Result};
 use crate::files;
 use crate::image::Image;
-use crate::integrate::engine::{self, EngineJitter};
-use crate::integrate::{Backend, Progress};
+use crate::integrate::Progress;
+use crate::integrate::engine::{EngineJitter, EngineRenderer};
 use crate::lighting::LightModel;
 use crate::lighting::models::LIGHTS;
 use crate::scene::Scene;
 use crate::study::errors::{self, Errors};
 use crate::study::file::{Combination, load_scenes};
 use crate::study::truth::TruthRecord;
-use crate::study::{machine, read_record, to_json};
+use crate::study::{claim_folder, machine, read_record, to_json};
 use cpu_time::ProcessTime;
 use file::{Objective, TuningFile};
 use indexmap::IndexMap;
@@ -178,7 +178,7 @@ impl Tuning {
 
     /// Renders truths, searches, and judges; what is in the folder already is not made again.
     pub fn run(&self, folder: &Path, progress: Progress<'_>) -> Result<Outcome> {
-        check_folder(folder, &self.file)?;
+        open_folder(folder, &self.file)?;
         let _lock = files::Lock::take(folder)?;
         let count = self.train.len() + self.held_out.len();
         let mut views = Vec::with_capacity(count);
@@ -260,17 +260,42 @@ impl Tuning {
         self.score(folder, views, "tuned-finer", &self.file.engine.light, values, conversation)
     }
 
-    /// The picture of a view by a light model with values of parameters.
-    fn picture(&self, view: &mut View, light: &str, values: &IndexMap<String, f64>) -> Result<Image> {
-        let settings = self.combination(&view.scene).picture_settings();
+    /// The picture of a view by a light model with values of parameters, and the processor seconds of `repeats` further ones, sorted.
+    fn pictures(
+        &self,
+        view: &mut View,
+        light: &str,
+        values: &IndexMap<String, f64>,
+        repeats: usize,
+    ) -> Result<(Image, Vec<f64>)> {
+        let combination = self.combination(&view.scene);
         let changed = preset::of_medium(values);
-        if changed.is_empty() {
+        let own;
+        let (scene, engine) = if changed.is_empty() {
             view.engine.light = preset::lit(&view.own_light, light, values)?;
-            return engine::render(&view.scene, &view.engine, &settings, Backend::Cpu, &|_, _| ());
+            (&view.scene, &view.engine)
+        } else {
+            let (scene, mut engine) = preset::build(&view.scene, &combination, &changed)?;
+            engine.light = preset::lit(&engine.light, light, values)?;
+            own = (scene, engine);
+            (&own.0, &own.1)
+        };
+        let renderer = EngineRenderer::new(scene, engine, None)?;
+        let picture = || renderer.picture(&combination.picture_settings(), &|_, _| ());
+        let image = picture()?;
+        let mut seconds = Vec::with_capacity(repeats);
+        for _ in 0..repeats {
+            let begin = ProcessTime::now();
+            picture()?;
+            seconds.push(begin.elapsed().as_secs_f64());
         }
-        let (scene, mut engine) = preset::build(&view.scene, &self.combination(&view.scene), &changed)?;
-        engine.light = preset::lit(&engine.light, light, values)?;
-        engine::render(&scene, &engine, &settings, Backend::Cpu, &|_, _| ())
+        seconds.sort_by(f64::total_cmp);
+        Ok((image, seconds))
+    }
+
+    /// The picture alone.
+    fn picture(&self, view: &mut View, light: &str, values: &IndexMap<String, f64>) -> Result<Image> {
+        Ok(self.pictures(view, light, values, 0)?.0)
     }
 
     /// Lowers the objective; the best parameters, and how they were found.
@@ -405,20 +430,7 @@ impl Tuning {
         let (mut files, mut seconds, mut found) = (Vec::new(), 0.0, Vec::new());
         let count = views.len();
         for (index, view) in views.iter_mut().enumerate() {
-            let image = self.picture(view, light, values)?;
-            let mut times = Vec::with_capacity(REPEATS);
-            for _ in 0..REPEATS {
-                let begin = ProcessTime::now();
-                engine::render(
-                    &view.scene,
-                    &view.engine,
-                    &self.combination(&view.scene).picture_settings(),
-                    Backend::Cpu,
-                    &|_, _| (),
-                )?;
-                times.push(begin.elapsed().as_secs_f64());
-            }
-            times.sort_by(f64::total_cmp);
+            let (image, times) = self.pictures(view, light, values, REPEATS)?;
             seconds += times[REPEATS / 2] / count as f64;
             let picture = format!("pictures/{name}-{index}.exr");
             image.write_exr(&folder.join(&picture), false)?;
@@ -525,26 +537,10 @@ fn check_same(kept: &Generation, candidates: &[Vec<f64>], path: &Path) -> Result
     ))
 }
 
-/// Makes the folders, or refuses one that belongs to another tuning.
-fn check_folder(folder: &Path, file: &TuningFile) -> Result<()> {
-    let path = folder.join("tune.json");
+/// Makes a tuning's folders, or refuses one that belongs to another tuning.
+fn open_folder(folder: &Path, file: &TuningFile) -> Result<()> {
     let ours = json!({"format": FORMAT, "version": env!("CARGO_PKG_VERSION"), "file": file});
-    match read_record::<Json>(&path)? {
-        Some(found) if found != ours => Err(Error::new(
-            path.display().to_string(),
-            "another tuning file or version",
-            "that of this tuning",
-            "Take another folder; what two tunings found is not mixed.",
-        )),
-        Some(_) => Ok(()),
-        None => {
-            for name in ["search", "truth", "pictures"] {
-                let path = folder.join(name);
-                std::fs::create_dir_all(&path).map_err(|cause| Error::io(&path, "a folder for results", &cause))?;
-            }
-            files::write_atomically(&path, to_json(&ours).as_bytes())
-        }
-    }
+    claim_folder(folder, "tune.json", &ours, &["search", "truth", "pictures"])
 }
 
 impl file::TunedEngine {
