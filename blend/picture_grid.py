@@ -11,15 +11,18 @@ import display_picture
 import false_colour
 import image_metrics
 
-LARGEST_FLIP = 0.4  # of the maps' scale
 FRAME = "#D55E00"  # around what a window shows
 
 
 class Grid:
-    """Rows of axes: the truth, `count` pictures, and their maps. `image` is the last map."""
+    """Rows of axes: the truth, `count` pictures, and their maps. `largest_flip`: of the maps' scale.
 
-    def __init__(self, count):
+    `image` is the last map, for a colour bar.
+    """
+
+    def __init__(self, count, largest_flip):
         self._count = count
+        self._largest = largest_flip
         self._display = display_picture.Display("AgX", "None", 0.0, 1.0)
         self._colours = matplotlib.colors.ListedColormap(false_colour.SEQUENTIAL / 255.0)
         self.image = None
@@ -42,7 +45,7 @@ class Grid:
             figures, errors = image_metrics.hdr_flip(picture, truth)
             maps.append(errors)
             self.image = axis.imshow(
-                errors[part], cmap=self._colours, vmin=0, vmax=LARGEST_FLIP, interpolation="nearest"
+                errors[part], cmap=self._colours, vmin=0, vmax=self._largest, interpolation="nearest"
             )
             if window is None:
                 axis.set_xlabel(f"mean {figures['mean']:.3f}", fontsize=6, labelpad=1)

@@ -49,7 +49,9 @@ def plain_ticks(axis):
     low, high = axis.get_view_interval()
     if high < 1000 * low:
         axis.set_major_locator(ticker.LogLocator(subs=(1, 2, 5)))
-    axis.set_major_formatter(ticker.FormatStrFormatter("%g"))
+    # Long numbers would run into each other.
+    long = high >= 2e5 or low <= 5e-6
+    axis.set_major_formatter(ticker.LogFormatterMathtext() if long else ticker.FormatStrFormatter("%g"))
     axis.set_minor_formatter(ticker.NullFormatter())
 
 

@@ -7,7 +7,7 @@ and `figures`: for each of `time`, `convergence` and `pictures` the files `svg`,
 `time`: a log-log panel per group. A point is a run; colour and marker tell light models apart. The line is
 the front: what no other run beats in time and error. Bars are standard errors from the truth's noise.
 Errors that noise drove below 0 stand on the lower edge as triangles. A curve counts its preparation, which
-every render pays; the dotted one beside it leaves it out.
+every render pays; the dotted one beside it leaves it out, where the samples have a time of their own.
 
 `convergence`: error by steps of the view ray, a line per light model, at the most light steps (solid) and
 the fewest (dotted), other settings at their first value: where a line is level, steps are not what is wrong.
@@ -27,6 +27,7 @@ COLOURS = (plots.BLUE, plots.ORANGE, plots.GREEN, plots.PURPLE, plots.BLACK, "#5
 MARKERS = "os^Dv<>"
 COLUMNS = 2
 SHOWN = 3  # runs of a group whose pictures are shown
+LARGEST_FLIP = 0.8  # of the maps' scale: the fastest runs are far off
 LABELS = 6  # of a front: more would cover each other
 CURVES = {
     "path": ("path tracing", "#882255", "P"),
@@ -126,7 +127,7 @@ def _convergence(title, groups):
         axis.set_xticks(steps, [str(number) for number in steps])
         axis.minorticks_off()
         plots.plain_ticks(axis.yaxis)
-        axis.set_title(f"{group['density']} in {group['scene']}", fontsize=8)
+        axis.set_title(_name(group), fontsize=8)
         axis.set_xlabel("steps of a view ray")
         axis.set_ylabel("relMSE against path tracing")
         axis.grid(True, which="major", linewidth=0.3, color="0.85")
@@ -140,7 +141,7 @@ def _convergence(title, groups):
 
 def _pictures(title, groups, folder):
     pyplot = plots.pyplot()
-    grid = picture_grid.Grid(SHOWN)
+    grid = picture_grid.Grid(SHOWN, LARGEST_FLIP)
     shown = [
         (
             group,
@@ -152,6 +153,7 @@ def _pictures(title, groups, folder):
     aspect = shown[0][1].shape[0] / shown[0][1].shape[1]
     height = 2 * (2 * plots.WIDTH / grid.columns * aspect + 0.22)
     figure = pyplot.figure(figsize=(2.2 * plots.WIDTH, height * len(shown) + 0.7), layout="constrained")
+    figure.get_layout_engine().set(h_pad=0.01, w_pad=0.01, hspace=0, wspace=0)
     axes = figure.subplots(2 * len(shown), grid.columns, squeeze=False)
     for number, (group, truth, runs) in enumerate(shown):
         pictures = [optimiser.read_mean([f"{folder}/{run['picture']}"]) for run in runs]
@@ -161,7 +163,7 @@ def _pictures(title, groups, folder):
         grid.fill(part, truth, pictures, window)
         for axis in whole:
             picture_grid.outline(axis, window)
-        whole[0].set_xlabel(f"{group['density']} in {group['scene']}", fontsize=6, labelpad=1)
+        whole[0].set_xlabel(_name(group), fontsize=5, labelpad=1)
         for axis, run in zip(whole[1:], runs, strict=False):
             milliseconds = 1e3 * run["seconds"]["median"]
             axis.set_xlabel(f"{_label(run['combination'])}, {milliseconds:.3g} ms", fontsize=5, labelpad=1)
@@ -186,7 +188,8 @@ def _shown(group):
 
 def _panel(axis, group, lights, clock):
     runs = group["runs"]
-    positive = [error for run in runs if (error := run["errors"]["relmse"]["value"]) > 0]
+    measured = (*runs, *group.get("curves", ()))
+    positive = [error for one in measured if (error := one["errors"]["relmse"]["value"]) > 0]
     floor = 0.5 * min(positive, default=1e-6)
     axis.set_xscale("log")
     axis.set_yscale("log")
@@ -229,7 +232,7 @@ def _panel(axis, group, lights, clock):
     axis.set_xlim(left / (right / left) ** 0.25, right)
     plots.plain_ticks(axis.xaxis)
     plots.plain_ticks(axis.yaxis)
-    axis.set_title(f"{group['density']} in {group['scene']}", fontsize=8)
+    axis.set_title(_name(group), fontsize=8)
     axis.set_xlabel(f"{clock}, ms a picture")
     axis.set_ylabel("relMSE against path tracing")
     axis.grid(True, which="major", linewidth=0.3, color="0.85")
@@ -241,13 +244,17 @@ def _curves(axis, points, floor):
             (point for point in points if point["renderer"] == name), key=lambda one: one["samples"]
         )
         errors = [max(point["errors"]["relmse"]["value"], floor) for point in here]
-        times = [1e3 * point["seconds"] for point in here]
-        whole = [1e3 * (point["seconds"] + point["prepare_seconds"]) for point in here]
+        whole = [1e3 * ((point["seconds"] or 0.0) + point["prepare_seconds"]) for point in here]
         axis.plot(whole, errors, "-", color=colour, marker=marker, markersize=4, linewidth=0.9)
-        axis.plot(times, errors, ":", color=colour, linewidth=0.9)
+        if all(point["seconds"] for point in here):
+            axis.plot([1e3 * point["seconds"] for point in here], errors, ":", color=colour, linewidth=0.9)
         for point, x, y in zip(here, whole, errors, strict=True):
             text = str(point["samples"])
             axis.annotate(text, (x, y), xytext=(4, 3), textcoords="offset points", fontsize=5)
+
+
+def _name(group):
+    return f"{group['density']}, {group['scene']}"
 
 
 def _label(combination):

@@ -13,6 +13,8 @@ import picture_grid
 import plots
 import protocol
 
+LARGEST_FLIP = 0.4  # of the maps' scale
+
 
 def draw(request, messages):
     """Draw the figure and write it as SVG, PNG and PDF; return the names of the files."""
@@ -28,7 +30,7 @@ def _figure(request):
     height = 2 * plots.WIDTH / 5 * first.shape[0] / first.shape[1] + 0.25
     figure = pyplot.figure(figsize=(2 * plots.WIDTH, height * len(views) + 2.4), layout="constrained")
     top, bottom = figure.subfigures(2, 1, height_ratios=[height * len(views) + 0.3, 2.0])
-    grid = picture_grid.Grid(2)
+    grid = picture_grid.Grid(2, LARGEST_FLIP)
     axes = top.subplots(len(views), grid.columns, squeeze=False)
     for row, view in zip(axes, views, strict=True):
         pictures = [optimiser.read_mean([view[name]]) for name in ("before", "after")]

@@ -168,7 +168,7 @@ fn light_models_are_the_same_on_both_backends() {
 }
 
 #[test]
-fn what_surrounds_a_place_is_the_same_on_both_backends() {
+fn surroundings_and_compressed_depths_are_the_same_on_both_backends() {
     let mut scene = with_sun_from(scene(), DVec3::new(0.3, -0.5, 0.8));
     scene.world.color = [0.2, 0.3, 0.5];
     let plain = picture(&scene, &engine(Variant::Fixed, &["light_steps=3"]), &SETTINGS, Backend::Cpu);
@@ -176,6 +176,7 @@ fn what_surrounds_a_place_is_the_same_on_both_backends() {
     for settings in [
         &[("body_strength", 0.8), ("body_length", 0.02)][..],
         &[("coarse_shadow", 1.0)],
+        &[("depth_compression", 2.0), ("octaves", 4.0)],
         &[
             ("body_strength", 0.5),
             ("coarse_shadow", 1.0),

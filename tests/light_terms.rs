@@ -6,7 +6,7 @@ use cloudparity::density::perlin_fbm::settings;
 use cloudparity::density::schema::Values;
 use cloudparity::integrate::Integration;
 use cloudparity::integrate::transfer::step_weight;
-use cloudparity::lighting::terms::{Octaves, Powder, SilverLining};
+use cloudparity::lighting::terms::{Octaves, Powder, SilverLining, Terms};
 use cloudparity::lighting::{LightModel, TwoLobes, Variant};
 use serde_json::Value;
 
@@ -43,7 +43,7 @@ fn eight_octaves_are_those_of_takram() {
     let Some(golden) = published("takram_octaves") else { return };
     let phase = TwoLobes { anisotropy: [0.7, -0.2], second: 0.5 };
     let (depths, cosines) = (numbers(&golden["tau"]), numbers(&golden["mu"]));
-    let octaves = |count| Octaves { count, contribution: 0.5, attenuation: 0.5, eccentricity: 0.5 };
+    let octaves = |count| Octaves { count, contribution: 0.5, attenuation: 0.5, eccentricity: 0.5, compression: 0.0 };
     for (depth, row) in depths.iter().zip(golden["value"].as_array().expect("rows")) {
         for (&cosine, expected) in cosines.iter().zip(numbers(row)) {
             let light = light(octaves(8), phase);
@@ -64,7 +64,7 @@ fn eight_octaves_are_those_of_takram() {
 #[test]
 fn four_octaves_are_those_of_bestclouds() {
     let Some(golden) = published("multiple_octaves") else { return };
-    let octaves = Octaves { count: 4, contribution: 0.5, attenuation: 0.25, eccentricity: 0.5 };
+    let octaves = Octaves { count: 4, contribution: 0.5, attenuation: 0.25, eccentricity: 0.5, compression: 0.0 };
     let light = light(octaves, TwoLobes { anisotropy: [-0.1, 0.3], second: 0.7 });
     let (extinctions, cosines, steps) =
         (numbers(&golden["extinction"]), numbers(&golden["mu"]), numbers(&golden["step"]));
@@ -126,20 +126,23 @@ fn steps_are_the_published_ones() {
 #[test]
 fn octaves_have_their_limits() {
     let phase = TwoLobes { anisotropy: [0.6, -0.2], second: 0.3 };
-    let single = light(Octaves { count: 1, contribution: 0.5, attenuation: 0.5, eccentricity: 0.5 }, phase);
+    let single =
+        light(Octaves { count: 1, contribution: 0.5, attenuation: 0.5, eccentricity: 0.5, compression: 0.0 }, phase);
     for (depth, cosine) in [(0.0, 0.3), (1.5, -0.8), (50.0, 1.0)] {
         let found = single.terms.octaves.sum(&single.weights(cosine), depth);
         close(found, phase.evaluate(cosine) * f64::exp(-depth), ROUNDING, "one octave is single scattering");
     }
     // Octaves of equal weight, depth and shape are as many times single scattering; without depth the weights alone count.
-    let same = light(Octaves { count: 5, contribution: 1.0, attenuation: 1.0, eccentricity: 1.0 }, phase);
+    let same =
+        light(Octaves { count: 5, contribution: 1.0, attenuation: 1.0, eccentricity: 1.0, compression: 0.0 }, phase);
     close(
         same.terms.octaves.sum(&same.weights(0.2), 2.0),
         5.0 * phase.evaluate(0.2) * (-2.0_f64).exp(),
         ROUNDING,
         "five",
     );
-    let halves = light(Octaves { count: 16, contribution: 0.5, attenuation: 0.5, eccentricity: 1.0 }, phase);
+    let halves =
+        light(Octaves { count: 16, contribution: 0.5, attenuation: 0.5, eccentricity: 1.0, compression: 0.0 }, phase);
     let geometric = 2.0 * (1.0 - 0.5_f64.powi(16));
     close(
         halves.terms.octaves.sum(&halves.weights(0.2), 0.0),
@@ -147,4 +150,21 @@ fn octaves_have_their_limits() {
         ROUNDING,
         "a geometric series",
     );
+}
+
+#[test]
+fn compressed_depths_are_as_they_are_when_small_and_roots_when_large() {
+    let octaves = |compression| Octaves { compression, ..Terms::NONE.octaves };
+    for depth in [0.0, 1e-6, 0.7, 1e6] {
+        close(octaves(0.0).compressed(depth), depth, ROUNDING, "no compression");
+        // t - r t^2 / 2 to second order; r t is at most 1e-4 here.
+        close(octaves(1e-10).compressed(depth), depth * (1.0 - 5e-11 * depth), 1e-8, "little compression");
+    }
+    close(octaves(0.5).compressed(1e12), 2e6, 1e-5, "the root of 2 t / r");
+    // What is compressed solves d + r d^2 / 2 = t.
+    for (compression, depth) in [(0.3, 2.0), (4.0, 0.1), (1.0, 50.0)] {
+        let found = octaves(compression).compressed(depth);
+        close(found + compression * found * found / 2.0, depth, ROUNDING, "its equation");
+    }
+    assert_eq!(octaves(1e300).compressed(f64::INFINITY), f64::INFINITY);
 }

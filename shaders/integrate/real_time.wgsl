@@ -2,7 +2,7 @@
 //
 // Conditions: PLAIN (else energy-conserving), EXIT_FADE, SHADOW_TO_EXIT (else of fixed length), SHADOW_VIEW (dimmed as the view
 // ray, else by the density), SOURCE_DENSITY (else extinction times albedo), and the terms of src/lighting/terms.rs: OCTAVES (else one),
-// SILVER, POWDER, AMBIENT_GRADIENT, BODY, COARSE_SHADOW (both read averages of the density).
+// COMPRESSION, SILVER, POWDER, AMBIENT_GRADIENT, BODY, COARSE_SHADOW (both read averages of the density).
 #import cloudparity::density_model
 #import cloudparity::coarse
 #import cloudparity::phase
@@ -18,7 +18,7 @@ struct March {
     ambient: vec3f,
     shadow_length: f32,
     to_sun: vec3f,
-    padding: u32,
+    depth_compression: f32,
     anisotropy: vec2f,
     second: f32,
     least_density: f32,
@@ -104,9 +104,14 @@ fn shadow_depth(place: vec3f) -> vec3f {
 #endif
     }
 #ifdef SHADOW_VIEW
-    return march.extinction * (sum * step);
+    let depth = march.extinction * (sum * step);
 #else
-    return vec3f(sum * step);
+    let depth = vec3f(sum * step);
+#endif
+#ifdef COMPRESSION
+    return terms::compressed(march.depth_compression, depth);
+#else
+    return depth;
 #endif
 }
 

@@ -13,6 +13,12 @@ fn octaves(weights: ptr<private, array<f32, 16>>, count: u32, attenuation: f32, 
     return sum;
 }
 
+// The depth that counts: as it is where compression times depth is small, its root where that is large.
+fn compressed(compression: f32, depth: vec3f) -> vec3f {
+    let bent = min(2.0 * compression * depth, vec3f(1e38));
+    return 2.0 * depth / (1.0 + sqrt(1.0 + bent));
+}
+
 // 1 - strength exp(-length extinction), of thin parts without the difference of nearly equal numbers.
 fn powder(strength: f32, length: f32, extinction: f32) -> f32 {
     return (1.0 - strength) + strength * transfer::absorbed(vec3f(length * extinction)).x;

@@ -33,6 +33,7 @@ fn value(input: vec4f) -> f32 {
             }
             return terms::octaves(&weights, 16u, input.z, vec3f(input.x)).x;
         }
+        case 9u: { return terms::compressed(input.y, vec3f(input.x)).x; }
         default: { return bitcast<f32>(0x7fc00000u + request.padding.x); }
     }
 }

@@ -213,7 +213,7 @@ fn march_together(
     ways.into_iter().map(|way| way.pixel).collect()
 }
 
-/// Optical depth towards the sun at each place, per channel.
+/// Optical depth towards the sun at each place, per channel, as it counts for the octaves.
 fn shadow_depths(
     density: &dyn DensityModel,
     coarse: Option<&CoarseDensity>,
@@ -253,7 +253,9 @@ fn shadow_depths(
     for (owner, found) in owners.into_iter().zip(found) {
         sums[owner] += found;
     }
-    sums.iter().zip(&lengths).map(|(sum, length)| scale.map(|scale| scale * sum * length / f64::from(steps))).collect()
+    let octaves = &light.terms.octaves;
+    let depths = sums.iter().zip(&lengths).map(|(sum, length)| sum * length / f64::from(steps));
+    depths.map(|depth| scale.map(|scale| octaves.compressed(scale * depth))).collect()
 }
 
 impl Way {

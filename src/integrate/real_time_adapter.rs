@@ -26,7 +26,7 @@ struct MarchUniform {
     ambient: [f32; 3],
     shadow_length: f32,
     to_sun: [f32; 3],
-    padding: u32,
+    depth_compression: f32,
     anisotropy: [f32; 2],
     second: f32,
     least_density: f32,
@@ -108,6 +108,7 @@ impl<'a> RealTimeKernel<'a> {
         define(light.source == SourceFactor::Density, "SOURCE_DENSITY");
         let terms = &light.terms;
         define(terms.octaves.count > 1, "OCTAVES");
+        define(terms.octaves.compression > 0.0, "COMPRESSION");
         define(terms.powder.strength > 0.0, "POWDER");
         define(terms.silver.strength > 0.0, "SILVER");
         define(terms.ambient != [1.0; 2], "AMBIENT_GRADIENT");
@@ -154,7 +155,7 @@ impl<'a> RealTimeKernel<'a> {
             body_strength: terms.body.strength as f32,
             body_length: terms.body.length as f32,
             powder_ambient: terms.powder.ambient as f32,
-            padding: 0,
+            depth_compression: terms.octaves.compression as f32,
         };
         let together = match gpu.adapter().is_software() {
             true => steps_together(uniform.shadow_steps, uniform.octaves),

@@ -65,6 +65,14 @@ pub const PARAMETERS: &[Parameter] = &[
         usual: [0.1, 1.0],
     },
     Parameter {
+        name: "depth_compression",
+        about: "how much great depths towards the sun count less, in all octaves",
+        unit: "",
+        range: Range::NotNegative,
+        default: Terms::NONE.octaves.compression,
+        usual: [0.0, 2.0],
+    },
+    Parameter {
         name: "powder_strength",
         about: "what a part without extinction loses of its light",
         unit: "",
@@ -245,6 +253,7 @@ pub fn set(light: &mut LightModel, name: &str, value: f64, place: &str) -> Resul
         "contribution" => light.terms.octaves.contribution = value,
         "attenuation" => light.terms.octaves.attenuation = value,
         "eccentricity" => light.terms.octaves.eccentricity = value,
+        "depth_compression" => light.terms.octaves.compression = value,
         "powder_strength" => light.terms.powder.strength = value,
         "powder_length" => light.terms.powder.length = value,
         "powder_ambient" => light.terms.powder.ambient = value,

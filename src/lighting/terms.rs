@@ -4,12 +4,14 @@
 //! mean cosines that can be scaled, the sun's irradiance E and the ambient radiance A, a light model gives per unit of scattering
 //!
 //! ```text
-//! L = E P B ( sum_n b^n p(c; g^n) exp(-a^n t) + s max(c, 0)^k exp(-t) ) + A (d + (u - d) h) ( 1 + q (P - 1) )
-//! P = 1 - w exp(-l e)      B = 1 - v exp(-m f)
+//! L = E P B ( sum_n b^n p(c; g^n) exp(-a^n D) + s max(c, 0)^k exp(-D) ) + A (d + (u - d) h) ( 1 + q (P - 1) )
+//! P = 1 - w exp(-l e)      B = 1 - v exp(-m f)      D = 2 t / (1 + sqrt(1 + 2 r t))
 //! ```
 //!
 //! - octaves n = 0..N with contribution b, attenuation a and eccentricity g: Wrenninge, Kulla and Lundqvist 2013, "Oz: The Great and
 //!   Volumetric"; one octave is single scattering;
+//! - compression r of the depth: scattered light falls more slowly than exp(-t), D grows as t where r t is far below 1 and as sqrt(2 t / r)
+//!   far above; 0 is none (a form of ours: any that bends so would serve, and this one loses no digits in f32);
 //! - a silver lining of strength s and exponent k, added to the phase function of single scattering;
 //! - an ambient light that falls from u at the top of the box (height h = 1) to d at its bottom;
 //! - powder of strength w and length l, with the extinction e (mean of the channels): thin parts scatter less because less light has
@@ -25,6 +27,9 @@ use serde::{Deserialize, Serialize};
 /// Most octaves; the kernel holds a weight of each.
 pub const MOST_OCTAVES: u32 = 16;
 
+/// Most that compression times depth counts: far above it nothing is left of the light, and f32 would not hold it.
+const LARGEST_COMPRESSED: f64 = 1e38;
+
 /// Octaves of dimmed and widened single scattering.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Octaves {
@@ -36,6 +41,8 @@ pub struct Octaves {
     pub attenuation: f64,
     /// Mean cosines of an octave's phase function over those of the one before.
     pub eccentricity: f64,
+    /// How much great depths count less, in all octaves; 0: each as it is.
+    pub compression: f64,
 }
 
 /// Less light from thin parts.
@@ -91,7 +98,7 @@ impl Terms {
     /// Single scattering and a constant ambient light.
     pub const NONE: Self = Self {
         exposure: 1.0,
-        octaves: Octaves { count: 1, contribution: 0.5, attenuation: 0.5, eccentricity: 0.5 },
+        octaves: Octaves { count: 1, contribution: 0.5, attenuation: 0.5, eccentricity: 0.5, compression: 0.0 },
         powder: Powder { strength: 0.0, length: 0.1, ambient: 1.0 },
         body: Body { strength: 0.0, length: 0.1, shadow: false },
         silver: SilverLining { strength: 0.0, exponent: 8.0 },
@@ -110,6 +117,11 @@ impl Octaves {
     /// The sum over octaves of their weights, which hold the phase functions, each dimmed by its part of an optical depth.
     pub fn sum(&self, weights: &[f64], depth: f64) -> f64 {
         octaves(weights, self.attenuation, depth)
+    }
+
+    /// The depth towards the sun that counts.
+    pub fn compressed(&self, depth: f64) -> f64 {
+        compressed(self.compression, depth)
     }
 }
 
@@ -142,6 +154,13 @@ pub fn octaves<T: Float>(weights: &[T], attenuation: T, depth: T) -> T {
         dimmed = dimmed * attenuation;
     }
     sum
+}
+
+/// [`Octaves::compressed`] in f32 or f64: nothing is subtracted, so that each rounding counts once.
+pub fn compressed<T: Float>(compression: T, depth: T) -> T {
+    let two = T::one() + T::one();
+    let bent = (two * compression * depth).min(T::from(LARGEST_COMPRESSED).expect("f32 holds it"));
+    two * depth / (T::one() + (T::one() + bent).sqrt())
 }
 
 /// [`Powder::factor`] in f32 or f64: of thin parts without the difference of nearly equal numbers.

@@ -82,14 +82,14 @@ pub struct StudyTable<'a> {
 
 /// A point of an unbiased renderer: where, renderer and samples, seconds of preparation and samples, relMSE, its standard error, bias,
 /// HDR-FLIP.
-pub type CurveRow = (String, String, [f64; 2], f64, f64, f64, Option<f64>);
+pub type CurveRow = (String, String, (f64, Option<f64>), f64, f64, f64, Option<f64>);
 
 fn curve_row(point: &CurvePoint) -> CurveRow {
     let relmse = point.errors.relmse;
     (
         format!("{} in {}", point.density, point.scene),
         format!("{}, {} samples", point.renderer.label(), point.samples),
-        [point.prepare_seconds, point.seconds],
+        (point.prepare_seconds, point.seconds),
         relmse.value,
         relmse.standard_error,
         point.errors.bias.value,
@@ -374,10 +374,10 @@ pub fn csv(inputs: &Inputs) -> String {
         study("flip", run.flip, "");
     }
     for point in inputs.study.iter().flat_map(|study| &study.curves) {
-        let (subject, words, [before, after], relmse, deviation, bias, flip) = curve_row(point);
+        let (subject, words, (before, after), relmse, deviation, bias, flip) = curve_row(point);
         let mut curve = |quantity, value, unit| add("curve", &subject, &words, quantity, value, unit);
         curve("prepare_seconds", Some(before), "s");
-        curve("seconds", Some(after), "s");
+        curve("seconds", after, "s");
         curve("relmse", Some(relmse), "");
         curve("relmse_standard_error", Some(deviation), "");
         curve("bias", Some(bias), "share");
@@ -565,8 +565,8 @@ pub fn document(inputs: &Inputs, summary: &Summary) -> Document {
     if let Some(study) = &inputs.study {
         document.heading("Unbiased renderers");
         let rows =
-            study.curves.iter().map(curve_row).map(|(place, words, [before, after], error, deviation, bias, flip)| {
-                let shown = [seconds(Some(before)), seconds(Some(after)), figure(Some(error)), figure(Some(deviation))];
+            study.curves.iter().map(curve_row).map(|(place, words, (before, after), error, deviation, bias, flip)| {
+                let shown = [seconds(Some(before)), seconds(after), figure(Some(error)), figure(Some(deviation))];
                 [vec![words, place], shown.to_vec(), vec![signed_percent(Some(bias)), figure(flip)]].concat()
             });
         let columns = ["Renderer", "Scene", "Preparation", "Samples", "relMSE", "Standard error", "Bias", "FLIP"];

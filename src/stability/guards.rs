@@ -94,6 +94,15 @@ pub const GUARDS: &[Guard] = &[
         test: ("src/integrate/phase.rs", "sampled_cosines_stay_within_one_for_every_eccentricity"),
     },
     Guard {
+        name: "compressed-depth",
+        keeps: "a compressed depth by a quotient without differences, of a root whose base stays within f32",
+        places: &[
+            ("src/lighting/terms.rs", "const LARGEST_COMPRESSED"),
+            ("shaders/lighting/terms.wgsl", "min(2.0 * compression * depth, vec3f(1e38))"),
+        ],
+        test: ("tests/light_terms.rs", "compressed_depths_are_as_they_are_when_small_and_roots_when_large"),
+    },
+    Guard {
         name: "silver-lining",
         keeps: "a power is taken of positive cosines only",
         places: &[

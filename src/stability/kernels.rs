@@ -12,7 +12,7 @@ use crate::graph::wgsl::Linker;
 use crate::integrate::Integration;
 use crate::integrate::phase::{henyey_greenstein_by_lack, sample_henyey_greenstein};
 use crate::integrate::transfer::{absorbed, mean_transmittance, step_weight, transmittance};
-use crate::lighting::terms::{MOST_OCTAVES, octaves, powder, silver};
+use crate::lighting::terms::{MOST_OCTAVES, compressed, octaves, powder, silver};
 use num_traits::Float;
 use std::ops::RangeInclusive;
 
@@ -65,11 +65,12 @@ pub enum Kernel {
     Powder,
     Silver,
     Octaves,
+    Compressed,
 }
 
 impl Kernel {
     /// All of them, in the order of their numbers in the shader.
-    pub const ALL: [Self; 9] = [
+    pub const ALL: [Self; 10] = [
         Self::Transmittance,
         Self::Absorbed,
         Self::MeanTransmittance,
@@ -79,6 +80,7 @@ impl Kernel {
         Self::Powder,
         Self::Silver,
         Self::Octaves,
+        Self::Compressed,
     ];
 
     /// Its value, in f32 or f64.
@@ -98,6 +100,7 @@ impl Kernel {
                 let weights: Vec<T> = std::iter::successors(Some(T::one()), next).take(MOST_OCTAVES as usize).collect();
                 octaves(&weights, c, a)
             }
+            Self::Compressed => compressed(b, a),
         }
     }
 
@@ -112,6 +115,7 @@ impl Kernel {
             Self::Powder => "powder",
             Self::Silver => "silver-lining",
             Self::Octaves => "octaves",
+            Self::Compressed => "compressed-depth",
         }
     }
 
@@ -126,6 +130,7 @@ impl Kernel {
             Self::Powder => "strength 0 to 1, length 1e-3 to 1e3, extinction 0 to 1e8",
             Self::Silver => "exponent 0.5 to 64, cosine -1 to 1",
             Self::Octaves => "16 octaves, optical depth 0 and 1e-6 to 1e6, contribution and attenuation 0 to 1",
+            Self::Compressed => "optical depth 0 and 1e-6 to 1e6, compression 1e-8 to 1e8",
         }
     }
 
@@ -139,6 +144,7 @@ impl Kernel {
             Self::Powder => vec!["absorbed"],
             Self::Silver => vec!["silver-lining"],
             Self::Octaves => vec!["exponential"],
+            Self::Compressed => vec!["compressed-depth"],
         }
     }
 
@@ -151,7 +157,7 @@ impl Kernel {
                 "yes: within 5e-5 of Cycles for delta lights, the same limits |g| >= 0.001 and <= 0.999 (measured)"
             }
             Self::SampleHenyeyGreenstein => "not to compare: a picture does not show single samples",
-            Self::Powder | Self::Silver | Self::Octaves => "no such term in Cycles",
+            Self::Powder | Self::Silver | Self::Octaves | Self::Compressed => "no such term in Cycles",
         }
     }
 
@@ -188,6 +194,7 @@ impl Kernel {
                 of(&[1.0], &[0.5, 1.0, 8.0, 64.0], &cosines)
             }
             Self::Octaves => of(&depths(), &[0.0, 0.5, 1.0], &[0.0, 0.25, 0.5, 1.0]),
+            Self::Compressed => of(&depths(), &[0.0, 1e-8, 1e-3, 0.1, 1.0, 10.0, 1e8], &[0.0]),
         }
     }
 
@@ -257,6 +264,8 @@ impl Kernel {
                 }
                 sum
             }
+            // Below the root two roundings, of which it halves what counts; two sums, a quotient.
+            Self::Compressed => (2.0 * ROUNDING + root + division + 2.0 * ROUNDING) * truth,
         };
         // Every term of the octaves may be lost.
         let flushed = if self == Self::Octaves { f64::from(MOST_OCTAVES) } else { 1.0 };
@@ -271,6 +280,7 @@ impl Kernel {
             Self::Absorbed | Self::MeanTransmittance | Self::StepWeight | Self::Powder => {
                 "limit: 10 ulp; bound: above a depth of 0.05 the error of WGSL's exponential stands beside a difference that is small there"
             }
+            Self::Compressed => "limit: 10 ulp; bound: root, quotient and 4 roundings",
             Self::HenyeyGreenstein => "limit: 10 ulp; bound: root, quotient and 14 roundings",
             Self::SampleHenyeyGreenstein => {
                 "limit: 10 ulp of 1; bound: the quotient's error times its square over the eccentricity, 3 at most"

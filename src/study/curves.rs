@@ -5,7 +5,8 @@
 //! part of the pixel in which it lies, a pixel's samples are those of its [`CELLS`]^2 parts. A picture of n samples draws n parts in
 //! each pixel, without putting back, seeded; so its samples lie anywhere in the pixel, as those of a render of n samples do. The parts
 //! give several such pictures, which share no sample: their mean error is given, with its spread over them in the standard error. Time is
-//! what the render took before its first sample, and the share n / [`CELLS`]^2 of what it took from there on.
+//! what the render took until its first sample per part was done, and the share n / [`CELLS`]^2 of what it took from there on; with one
+//! sample per part the two are not told apart.
 
 use super::errors::{self, Errors, Uncertain};
 use super::truth::TruthRecord;
@@ -79,8 +80,8 @@ pub struct CurvePoint {
     pub errors: Errors,
     /// HDR-FLIP of the picture against the mean of the truth, where it could be computed.
     pub flip: Option<f64>,
-    /// Processor seconds of the samples.
-    pub seconds: f64,
+    /// Processor seconds of the samples; none where the render does not tell them from its preparation: Cycles with one sample per part.
+    pub seconds: Option<f64>,
     /// Processor seconds before the first sample, which every render pays.
     pub prepare_seconds: f64,
     /// relMSE times all seconds.
@@ -129,8 +130,13 @@ impl Study {
             let medium = self.file.truth.medium(place.scene, place.density)?;
             let settings = PathSettings { samples, seed: SEED, ..PathSettings::default() };
             let (image, [prepare_seconds, seconds]) = timed_picture(&medium, &settings)?;
-            let made =
-                Made { samples, seconds, prepare_seconds, errors: errors::measure(&image, &truth()?)?, pictures: 1 };
+            let made = Made {
+                samples,
+                seconds: Some(seconds),
+                prepare_seconds,
+                errors: errors::measure(&image, &truth()?)?,
+                pictures: 1,
+            };
             points.push(keep(folder, id, Renderer::Path, place, &made, &image)?);
         }
         Ok(points)
@@ -159,6 +165,8 @@ impl Study {
         let file = self.cycles_picture(place.scene, place.density, progress)?;
         let large = Image::read_exr(&file)?;
         let [prepare_seconds, sampling] = cycles_seconds(&large, &file)?;
+        // Cycles says when its first sample is done: with a single one nothing is left to be measured.
+        let sampling = (most > PARTS).then_some(sampling);
         let replicas = truth()?;
         let mut points = Vec::new();
         for (level, &samples) in levels.iter().enumerate() {
@@ -167,7 +175,7 @@ impl Study {
                 pictures.iter().map(|picture| errors::measure(picture, &replicas)).collect::<Result<_>>()?;
             let made = Made {
                 samples,
-                seconds: sampling * f64::from(samples) / f64::from(most),
+                seconds: sampling.map(|seconds| seconds * f64::from(samples) / f64::from(most)),
                 prepare_seconds,
                 errors: mean_of(&found),
                 pictures: pictures.len() as u32,
@@ -259,7 +267,7 @@ fn mean_of(found: &[Errors]) -> Errors {
 /// What a point's picture came to.
 struct Made {
     samples: u32,
-    seconds: f64,
+    seconds: Option<f64>,
     prepare_seconds: f64,
     errors: Errors,
     pictures: u32,
@@ -286,7 +294,7 @@ fn keep(
         flip: None,
         seconds: made.seconds,
         prepare_seconds: made.prepare_seconds,
-        cost: made.errors.relmse.value * (made.seconds + made.prepare_seconds),
+        cost: made.errors.relmse.value * (made.seconds.unwrap_or(0.0) + made.prepare_seconds),
         picture,
         truth: place.truth.id.clone(),
         id,
@@ -299,13 +307,13 @@ impl CurvePoint {
     /// Renderer, samples, time and errors in a line.
     pub fn describe(&self) -> String {
         format!(
-            "{} in {}: {}, {} samples: {:.1} + {:.2} s, relMSE {:.4} ({:.4}), bias {:+.2} %",
+            "{} in {}: {}, {} samples: {:.1} + {} s, relMSE {:.4} ({:.4}), bias {:+.2} %",
             self.density,
             self.scene,
             self.renderer.label(),
             self.samples,
             self.prepare_seconds,
-            self.seconds,
+            self.seconds.map_or("(no time of their own)".into(), |seconds| format!("{seconds:.2}")),
             self.errors.relmse.value,
             self.errors.relmse.standard_error,
             100.0 * self.errors.bias.value,

@@ -80,7 +80,7 @@ def test_every_group_has_a_panel_with_its_front(tmp_path):
         assert (tmp_path / f"{name}.pdf").read_bytes().startswith(b"%PDF")
     figure = study_plot._figure("test", groups, "processor time")
     panels = [axis for axis in figure.axes if axis.get_title()]
-    assert [panel.get_title() for panel in panels] == ["graph in one", "graph in two", "graph in three"]
+    assert [panel.get_title() for panel in panels] == ["graph, one", "graph, two", "graph, three"]
     front = [line for line in panels[0].lines if line.get_linestyle() == "-" and len(line.get_xdata()) > 1]
     # The last of the front is below 0: half of the smallest error above it stands for it.
     assert np.allclose(front[0].get_xdata(), [1, 2, 8]) and np.allclose(
