@@ -275,13 +275,25 @@ impl Study {
                 runs.push(found);
                 continue;
             }
+            let mut skip = |error: Error| {
+                skipped.push(Skipped { combination: combination.clone(), reason: error.to_string() });
+            };
             let (engine, engine_seconds) = match self.engine(scene, combination) {
                 Ok(engine) => engine,
                 Err(error) => {
-                    skipped.push(Skipped { combination: combination.clone(), reason: error.to_string() });
+                    skip(error);
                     continue;
                 }
             };
+            let begin = ProcessTime::now();
+            let renderer = match EngineRenderer::new(scene, &engine, gpu.as_ref()) {
+                Ok(renderer) => renderer,
+                Err(error) => {
+                    skip(error);
+                    continue;
+                }
+            };
+            let prepare_seconds = engine_seconds + begin.elapsed().as_secs_f64();
             let entry = match truths.remove(&truth_id) {
                 Some((record, Some(images))) => (record, images),
                 _ => {
@@ -290,9 +302,6 @@ impl Study {
                 }
             };
             progress(done, &format!("run {} of {}", index + 1, self.wanted.len()));
-            let begin = ProcessTime::now();
-            let renderer = EngineRenderer::new(scene, &engine, gpu.as_ref())?;
-            let prepare_seconds = engine_seconds + begin.elapsed().as_secs_f64();
             let (image, seconds, wall_seconds) = self.time(&renderer, gpu.as_ref(), combination)?;
             let picture = format!("pictures/{id}.exr");
             image.write_exr(&folder.join(&picture), false)?;
