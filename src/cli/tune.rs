@@ -57,10 +57,11 @@ fn summary(outcome: &Outcome) -> String {
         text += &format!("  {name} = {value:.6}\n");
     }
     text += &format!(
-        "{} evaluations (stopped by {}), held-out FLIP {:.1} % lower than {}; noise of the truths {:.4}\n",
+        "{} evaluations (stopped by {}), held-out FLIP {:.1} % {} than {}; noise of the truths {:.4}\n",
         outcome.evaluations,
         outcome.stopped.join(", "),
-        100.0 * outcome.improvement(),
+        100.0 * outcome.improvement().abs(),
+        if outcome.improvement() < 0.0 { "higher" } else { "lower" },
         outcome.published[0].name,
         outcome.noise_flip,
     );
