@@ -4,6 +4,7 @@ mod support;
 
 use assert_cmd::cargo::cargo_bin_cmd;
 use cloudparity::image::Image;
+use cloudparity::tuning::preset::Preset;
 use cloudparity::tuning::{Outcome, Scored, Tuning};
 use std::path::{Path, PathBuf};
 
@@ -153,4 +154,22 @@ fn what_does_not_fit_is_refused() {
         let error = said(&arguments);
         assert!(error.contains(place), "{error}");
     }
+}
+
+#[test]
+fn committed_presets_make_engines_of_their_scenes() {
+    let scene = support::scene("clouds-in-daylight");
+    let mut count = 0;
+    for entry in std::fs::read_dir(support::project("parity/presets")).expect("a folder") {
+        let path = entry.expect("an entry").path();
+        let preset = Preset::load(&path).expect("a preset");
+        let (_, engine, _) = preset.build(&scene).expect("an engine");
+        assert!(
+            engine.light.terms.needs_coarse() && engine.light.terms.octaves.compression > 0.0,
+            "{}",
+            path.display()
+        );
+        count += 1;
+    }
+    assert_eq!(count, 2);
 }
