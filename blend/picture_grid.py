@@ -10,8 +10,7 @@ import scipy.ndimage
 import display_picture
 import false_colour
 import image_metrics
-
-FRAME = "#D55E00"  # around what a window shows
+import plots
 
 
 class Grid:
@@ -32,24 +31,26 @@ class Grid:
         """Axes of a row."""
         return 1 + 2 * self._count
 
-    def fill(self, row, truth, pictures, window=None):
-        """Draw a row; with `window` (slices of lines and columns) that part alone. Whole maps come back."""
-        maps = []
-        for axis in row:
+    def fill(self, row, truth, pictures, below=None):
+        """Draw a row; in the row `below` the window where the last picture errs most, framed in this one."""
+        shown = [(self._display.apply(picture), {}) for picture in (truth, *pictures)]
+        maps = [image_metrics.hdr_flip(picture, truth) for picture in pictures]
+        scale = {"cmap": self._colours, "vmin": 0, "vmax": self._largest}
+        shown += [(errors, scale) for _, errors in maps]
+        self._draw(row, shown)
+        for axis, (figures, _) in zip(row[1 + self._count :], maps, strict=True):
+            axis.set_xlabel(f"mean {figures['mean']:.3f}", fontsize=6, labelpad=1)
+        if below is not None:
+            window = worst_window(maps[-1][1])
+            self._draw(below, [(values[window], options) for values, options in shown])
+            for axis in row:
+                outline(axis, window)
+
+    def _draw(self, row, shown):
+        for axis, (values, options) in zip(row, shown, strict=True):
+            self.image = axis.imshow(values, interpolation="nearest", **options)
             axis.set_xticks([])
             axis.set_yticks([])
-        part = window or (slice(None), slice(None))
-        for axis, picture in zip(row[: 1 + self._count], (truth, *pictures), strict=True):
-            axis.imshow(self._display.apply(picture)[part], interpolation="nearest")
-        for axis, picture in zip(row[1 + self._count :], pictures, strict=True):
-            figures, errors = image_metrics.hdr_flip(picture, truth)
-            maps.append(errors)
-            self.image = axis.imshow(
-                errors[part], cmap=self._colours, vmin=0, vmax=self._largest, interpolation="nearest"
-            )
-            if window is None:
-                axis.set_xlabel(f"mean {figures['mean']:.3f}", fontsize=6, labelpad=1)
-        return maps
 
 
 def worst_window(errors, share=0.3):
@@ -72,4 +73,6 @@ def outline(axis, window):
     lines, columns = window
     place = (columns.start - 0.5, lines.start - 0.5)
     size = (columns.stop - columns.start, lines.stop - lines.start)
-    axis.add_patch(matplotlib.patches.Rectangle(place, *size, fill=False, edgecolor=FRAME, linewidth=0.8))
+    axis.add_patch(
+        matplotlib.patches.Rectangle(place, *size, fill=False, edgecolor=plots.ORANGE, linewidth=0.8)
+    )

@@ -158,11 +158,7 @@ def _pictures(title, groups, folder):
     for number, (group, truth, runs) in enumerate(shown):
         pictures = [optimiser.read_mean([f"{folder}/{run['picture']}"]) for run in runs]
         whole, part = axes[2 * number], axes[2 * number + 1]
-        maps = grid.fill(whole, truth, pictures)
-        window = picture_grid.worst_window(maps[-1])
-        grid.fill(part, truth, pictures, window)
-        for axis in whole:
-            picture_grid.outline(axis, window)
+        grid.fill(whole, truth, pictures, part)
         whole[0].set_xlabel(_name(group), fontsize=5, labelpad=1)
         for axis, run in zip(whole[1:], runs, strict=False):
             milliseconds = 1e3 * run["seconds"]["median"]
