@@ -9,6 +9,7 @@ import re
 import bpy
 
 from graph_reader import is_available
+from node_data import BUILT_PROPERTIES, build_node_data
 from protocol import InputError
 from rna import set_value
 
@@ -127,15 +128,31 @@ class _GraphBuilder:
         elif entry["type"] == "NodeReroute":
             node.socket_idname = INTERFACE_TYPES[entry["socket_type"]]
         for name, value in entry.get("properties", {}).items():
+            where = f"{place}.properties.{name}"
+            if name == "texture_mapping":
+                _build_texture_mapping(node, value, where)
+                continue
+            if name in BUILT_PROPERTIES:
+                build_node_data(node, name, value, where)
+                continue
             if isinstance(value, dict):
                 value = self._object_for(value)
-            set_value(node, name, value, f"{place}.properties.{name}")
+            set_value(node, name, value, where)
         node.mute = entry.get("muted", False)
         built = _Node(node, sockets)
         for name, value in entry.get("outputs", {}).items():
             where = f"{place}.outputs[{name}]"
             set_value(built.output(name, where), "default_value", value, where)
         return built
+
+
+def _build_texture_mapping(node, entry, place):
+    if not hasattr(node, "texture_mapping"):
+        raise InputError(
+            place, f"this on a {node.bl_idname}", "a texture node that has a mapping", "remove the property"
+        )
+    for field, value in entry.items():
+        set_value(node.texture_mapping, field, value, f"{place}.{field}")
 
 
 class _Identifiers:

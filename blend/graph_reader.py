@@ -2,11 +2,13 @@
 
 Sockets and properties are read by reflection, so a node type that is new to this module needs no line here.
 Special cases are the things that are no plain value: groups, group inputs and outputs, reroutes, frames, the
-object of Texture Coordinate, `texture_mapping`, and the three nodes that keep a value in an output socket.
+object of Texture Coordinate, `texture_mapping`, color ramps and curves (node_data.py), and the three nodes
+that keep a value in an output socket.
 """
 
 import bpy
 
+from node_data import is_node_data, read_node_data, reason_against
 from protocol import InputError
 from scene_io import matrix_rows, shortest, shortest_list
 
@@ -31,6 +33,14 @@ INTERFACE_TYPES = {
 VALUELESS_SOCKET_TYPES = {"STRING", "CUSTOM"}
 OUTPUT_VALUE_NODES = {"ShaderNodeValue", "ShaderNodeRGB", "ShaderNodeNormal"}
 LAYOUT_NODES = {"NodeFrame", "NodeGroupInput"}
+IDENTITY_MAPPING = {
+    "translation": [0.0, 0.0, 0.0],
+    "rotation": [0.0, 0.0, 0.0],
+    "scale": [1.0, 1.0, 1.0],
+    "mapping_x": "X",
+    "mapping_y": "Y",
+    "mapping_z": "Z",
+}
 
 
 class Inexpressible(Exception):
@@ -253,9 +263,18 @@ class _GraphReader:
                 inputs[socket.identifier] = _link_source(link)
             elif socket.type == "SHADER" or socket.type in VALUELESS_SOCKET_TYPES:
                 continue
-            elif node.bl_idname == "ShaderNodeGroup" or not socket.hide_value:
+            elif node.bl_idname == "ShaderNodeGroup" or not socket.hide_value or _has_hidden_value(socket):
                 inputs[socket.identifier] = _socket_value(socket, f'{place}, input "{socket.identifier}"')
         return inputs
+
+
+def _has_hidden_value(socket):
+    """Whether an unlinked input whose value the interface hides has one that matters. The vector of a texture
+    has none: it reads Generated coordinates."""
+    value = socket.default_value
+    if hasattr(socket.node, "texture_mapping"):
+        return False
+    return any(value) if hasattr(value, "__len__") else bool(value)
 
 
 def _link_source(link):
@@ -310,8 +329,8 @@ def _read_properties(node, place):
 def _read_pointer(node, name, value, place):
     """The entry of a pointer property, if it needs one."""
     if name == "texture_mapping":
-        require_identity(value)
-        return {}
+        mapping = _read_texture_mapping(value, place)
+        return {name: mapping} if _changes_coordinates(mapping) else {}
     if node.bl_idname == "ShaderNodeTexCoord" and name == "object":
         if value is None:
             return {name: None}
@@ -319,6 +338,11 @@ def _read_pointer(node, name, value, place):
         return {name: {"name": value.name, "matrix_world": matrix_rows(evaluated.matrix_world, place)}}
     if value is None:
         return {}
+    if is_node_data(value):
+        reason = reason_against(value)
+        if reason is not None:
+            raise Inexpressible(*reason)
+        return {name: read_node_data(value, f"{place}, {name}")}
     raise Inexpressible(
         f'property "{name}", a pointer to {type(value).__name__}',
         "a node whose settings are numbers, booleans and enumerations",
@@ -326,23 +350,28 @@ def _read_pointer(node, name, value, place):
     )
 
 
+def _read_texture_mapping(mapping, place):
+    """A texture's own mapping as a JSON object. Its limits and its flat, cube or tube mode do nothing."""
+    vectors = {
+        name: shortest_list(getattr(mapping, name), f"{place}, texture_mapping.{name}")
+        for name in ("translation", "rotation", "scale")
+    }
+    axes = {name: getattr(mapping, name) for name in ("mapping_x", "mapping_y", "mapping_z")}
+    return {"vector_type": mapping.vector_type, **vectors, **axes}
+
+
+def _changes_coordinates(mapping):
+    """Whether a mapping as `_read_texture_mapping` returns it has an effect. That of type NORMAL makes unit
+    vectors, but Cycles leaves out even that one where nothing else is set."""
+    return any(mapping[name] != value for name, value in IDENTITY_MAPPING.items())
+
+
 def require_identity(mapping):
     """Refuse a texture's own mapping unless it changes nothing."""
-    found = {
-        "translation": tuple(mapping.translation),
-        "rotation": tuple(mapping.rotation),
-        "scale": tuple(mapping.scale),
-        "mapping": (mapping.mapping_x, mapping.mapping_y, mapping.mapping_z),
-    }
-    identity = {
-        "translation": (0.0, 0.0, 0.0),
-        "rotation": (0.0, 0.0, 0.0),
-        "scale": (1.0, 1.0, 1.0),
-        "mapping": ("X", "Y", "Z"),
-    }
-    if found != identity or mapping.vector_type == "NORMAL":
+    found = _read_texture_mapping(mapping, "texture_mapping")
+    if _changes_coordinates(found):
         raise Inexpressible(
-            f"texture_mapping {found}, type {mapping.vector_type}",
+            f"texture_mapping {found}",
             "the identity",
             "reset the texture mapping and put a Mapping node before the texture",
         )

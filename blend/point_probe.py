@@ -20,13 +20,16 @@ from blender_file import open_empty
 from cycles_settings import apply_exr, apply_settings
 from probe_graph import RESERVED_PREFIX, ProbeMaterial, aov_name
 from protocol import InputError
-from scene_io import check_format, replaced_file
+from scene_builder import set_object_info
+from scene_io import check_format, matrix_array, replaced_file
 
 LARGEST_SIDE = 1024
 SMALLEST_SIDE = 4  # Blender renders no smaller image.
 MAX_AOVS = 30
 # From the middle of a face, where the diagonal passes that splits it into triangles. In faces.
 PIXEL_SHIFT = (0.171, -0.093)
+# How far a corner of the grid may be from its place when the grid has the volume's matrix. In faces.
+LARGEST_MISPLACEMENT = 0.02
 
 
 class PointProbe:
@@ -38,6 +41,8 @@ class PointProbe:
         self._warn = warn
         self._scene = bpy.context.scene
         self._camera = _add_camera(self._scene)
+        self._anchor = bpy.data.objects.new("probe anchor", None)
+        self._scene.collection.objects.link(self._anchor)
         self._grids = {}
         apply_settings(self._scene, samples=1, seed=0, threads=threads)
         apply_exr(self._scene.render.image_settings, multilayer=True, codec="NONE")
@@ -63,7 +68,7 @@ class PointProbe:
             targets = [output["target"] for output in outputs[start : start + MAX_AOVS]]
             with ProbeMaterial(scene["graph"], targets, self._warn) as material:
                 inputs = attributes | material.coordinates(points, scene["volume"])
-                values += self._evaluate(material, inputs, len(points), seconds)
+                values += self._evaluate(material, inputs, len(points), scene["volume"], seconds)
         for output, value in zip(outputs, values, strict=True):
             with replaced_file(output["file"]) as temporary, open(temporary, "wb") as stream:
                 np.save(stream, value)
@@ -72,16 +77,16 @@ class PointProbe:
             "render_seconds": seconds.tolist(),
         }
 
-    def _evaluate(self, material, inputs, count, seconds):
+    def _evaluate(self, material, inputs, count, volume, seconds):
         """Render `inputs` {attribute name: f32 [count, 3]} and add the times to `seconds` [repeats].
 
-        Returns f32 [count] or [count, 3] for each AOV of the material.
+        Returns f32 [count] or [count, 3] for each AOV of the material. `volume` describes the shaded object.
         """
         _declare_aovs(self._scene.view_layers[0], material.components)
         values = [np.empty(count if size == 1 else (count, size), np.float32) for size in material.components]
         for start in range(0, count, LARGEST_SIDE**2):
             chunk = slice(start, min(start + LARGEST_SIDE**2, count))
-            grid = self._show_grid(chunk.stop - chunk.start, material.material)
+            grid = self._show_grid(chunk.stop - chunk.start, material, volume)
             grid.fill({name: data[chunk] for name, data in inputs.items()})
             for repeat in range(len(seconds)):
                 begin = time.perf_counter()
@@ -91,14 +96,18 @@ class PointProbe:
                 value[chunk] = image[: chunk.stop - chunk.start]
         return values
 
-    def _show_grid(self, count, material):
+    def _show_grid(self, count, material, volume):
         """Make the grid for `count` points the only thing in view."""
         side = min(max(math.ceil(math.sqrt(count)), SMALLEST_SIDE), LARGEST_SIDE)
         if side not in self._grids:
-            self._grids[side] = _Grid(side, self._scene)
+            self._grids[side] = _Grid(side, self._scene, self._anchor)
         for grid in self._grids.values():
             grid.item.hide_render = grid.side != side
-        self._grids[side].set_material(material)
+        self._grids[side].set_material(material.material)
+        if material.sees_object:
+            self._grids[side].stand_for(volume, material.material)
+        else:
+            self._grids[side].stand_still()
         self._scene.render.resolution_x = self._scene.render.resolution_y = side
         self._camera.data.ortho_scale = side
         middle = side / 2
@@ -114,9 +123,12 @@ class PointProbe:
 
 
 class _Grid:
-    """A square of side x side unit faces in the XZ plane, face 0 at the origin, X first."""
+    """A square of side x side unit faces in the XZ plane, face 0 at the origin, X first.
 
-    def __init__(self, side, scene):
+    `anchor` is an object at the origin.
+    """
+
+    def __init__(self, side, scene, anchor):
         self.side = side
         mesh = bpy.data.meshes.new(f"grid {side}")
         corners = np.arange((side + 1) ** 2, dtype=np.int32).reshape(side + 1, side + 1)
@@ -124,19 +136,62 @@ class _Grid:
         places = np.zeros((side + 1, side + 1, 3), np.float32)
         places[..., 0] = np.arange(side + 1)
         places[..., 2] = np.arange(side + 1)[:, None]
+        self._places = places.reshape(-1, 3)
         mesh.vertices.add((side + 1) ** 2)
-        mesh.vertices.foreach_set("co", places.ravel())
+        mesh.vertices.foreach_set("co", self._places.ravel())
         mesh.loops.add(4 * side**2)
         mesh.loops.foreach_set("vertex_index", quads.ravel())
         mesh.polygons.add(side**2)
         mesh.polygons.foreach_set("loop_start", np.arange(0, 4 * side**2, 4, dtype=np.int32))
         mesh.update(calc_edges=True)
         self.item = bpy.data.objects.new(mesh.name, mesh)
+        # The inverse matrix towards a parent is kept bit for bit, an object's own matrix is not.
+        self.item.parent = anchor
+        self._rows = np.eye(4)
         scene.collection.objects.link(self.item)
 
     def set_material(self, material):
         self.item.data.materials.clear()
         self.item.data.materials.append(material)
+
+    def stand_for(self, volume, material):
+        """Take the name, the matrix and all else that Object Info shows of a volume; the picture stays."""
+        self._place(matrix_array(volume["matrix_world"]), f"{volume.place}.matrix_world")
+        name = volume["object"]
+        self.item.rename(name, mode="ALWAYS")
+        if self.item.name != name:
+            raise InputError(
+                f"{volume.place}.object",
+                repr(name),
+                f"a name that Blender keeps ({self.item.name!r})",
+                "rename it",
+            )
+        set_object_info(self.item, material, volume)
+
+    def stand_still(self):
+        """Take the place at the origin again."""
+        self._place(np.eye(4), "the origin")
+
+    def _place(self, rows, where):
+        """Give the object the matrix `rows` f64 [4, 4] and keep the corners where they are in the world."""
+        if np.array_equal(rows, self._rows):
+            return
+        corners = self._places
+        if not np.array_equal(rows, np.eye(4)):
+            inverse = np.linalg.inv(rows)
+            corners = (self._places @ inverse[:3, :3].T + inverse[:3, 3]).astype(np.float32)
+            single = rows.astype(np.float32)
+            error = np.abs(corners @ single[:3, :3].T + single[:3, 3] - self._places).max()
+            if not error <= LARGEST_MISPLACEMENT:
+                raise InputError(
+                    where,
+                    f"a matrix that misplaces the probe's grid by {error:.3g} of its faces",
+                    f"at most {LARGEST_MISPLACEMENT}: f32 places near the origin",
+                    "probe a copy of the scene with the object near the origin and of a size like 1",
+                )
+        self.item.matrix_parent_inverse = Matrix(rows)
+        self.item.data.vertices.foreach_set("co", corners.ravel())
+        self._rows = rows
 
     def fill(self, inputs):
         """Replace the face attributes by `inputs` {name: f32 [n, 3]}; the last point fills the rest."""

@@ -2,8 +2,8 @@
 
 Only the sources of coordinates are replaced, by attributes: `Object`, `Generated` (also where a texture node
 reads it without a link) and the `Position` of Geometry. Constants stay constants, so Blender folds the same
-nodes as in the volume. Nodes whose value depends on the shaded object or the ray in another way would see the
-probe's grid instead of the volume and are refused.
+nodes as in the volume. Object Info and Vector Transform see the probe's grid, which point_probe.py gives the
+volume's name, colour, indices and matrix then. What depends on the ray, the camera or the surface is refused.
 """
 
 import bpy
@@ -24,12 +24,8 @@ COORDINATE_ATTRIBUTES = {
     ("ShaderNodeTexCoord", "Generated"): GENERATED_ATTRIBUTE,
     ("ShaderNodeNewGeometry", "Position"): WORLD_ATTRIBUTE,
 }
-GRID_DEPENDENT_NODES = {
-    "ShaderNodeTexCoord",
-    "ShaderNodeNewGeometry",
-    "ShaderNodeObjectInfo",
-    "ShaderNodeVectorTransform",
-}
+GRID_DEPENDENT_NODES = {"ShaderNodeTexCoord", "ShaderNodeNewGeometry"}
+OBJECT_DEPENDENT_NODES = {"ShaderNodeObjectInfo", "ShaderNodeVectorTransform"}
 FLOAT_TYPES = {"float", "integer", "boolean"}
 
 
@@ -41,10 +37,12 @@ def aov_name(index):
 class ProbeMaterial:
     """A material with one AOV for each target. Close it to remove everything that it created.
 
-    `components` holds 1 (float) or 3 (vector, colour) for each target.
+    `components` holds 1 (float) or 3 (vector, colour) for each target. `sees_object` says that values may
+    depend on the object that has the material.
     """
 
     def __init__(self, graph, targets, warn):
+        self._empties = []
         self._matrices = {}
         self._needed = set()
         try:
@@ -54,7 +52,11 @@ class ProbeMaterial:
                 _link_implicit_generated(tree)
             self.components = [self._expose(index, target) for index, target in enumerate(targets)]
             for tree in trees:
+                _refuse_camera_space(tree)
                 self._replace_coordinates(tree)
+            self.sees_object = any(
+                node.bl_idname in OBJECT_DEPENDENT_NODES for tree in trees for node in tree.nodes
+            )
             _close_with_black_surface(self.material.node_tree)
         except Exception:
             self.close()
@@ -67,9 +69,9 @@ class ProbeMaterial:
         self.close()
 
     def close(self):
-        """Remove all materials, node groups and empties of the open file."""
-        empties = [item for item in bpy.data.objects if item.type == "EMPTY"]
-        bpy.data.batch_remove([*bpy.data.materials, *bpy.data.node_groups, *empties])
+        """Remove all materials and node groups of the open file, and the empties of this one."""
+        bpy.data.batch_remove([*bpy.data.materials, *bpy.data.node_groups, *self._empties])
+        self._empties = []
 
     def coordinates(self, points, volume):
         """Return {attribute name: f32 [n, 3]} for the coordinates that the material reads.
@@ -93,6 +95,7 @@ class ProbeMaterial:
 
     def _object_for(self, pointer):
         item = bpy.data.objects.new(pointer["name"], None)
+        self._empties.append(item)
         self._matrices[item.name] = pointer["matrix_world"]
         return item
 
@@ -147,6 +150,22 @@ class ProbeMaterial:
                 attributes[name].attribute_name = name
                 self._needed.add(name)
             tree.links.new(link.to_socket, attributes[name].outputs["Vector"])
+
+
+def _refuse_camera_space(tree):
+    """Refuse to transform to or from the space of the camera: that of the probe is not that of the scene."""
+    for link in tree.links:
+        node = link.from_node
+        if node.bl_idname != "ShaderNodeVectorTransform" or node.mute:
+            continue
+        spaces = (node.convert_from, node.convert_to)
+        if "CAMERA" in spaces and spaces[0] != spaces[1]:
+            raise InputError(
+                f'tree "{tree.name}", node "{node.name}" ({node.bl_idname})',
+                f"a transform from {spaces[0]} to {spaces[1]}, which depends on the camera",
+                "WORLD and OBJECT",
+                "probe the nodes behind it with an attribute in its place",
+            )
 
 
 def generated_coordinates(points, texture_space):

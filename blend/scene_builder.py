@@ -21,6 +21,7 @@ from scene_reader import (
     LIGHT_TYPE_FIELDS,
     LIGHT_TYPES,
     NAME_PROPERTY,
+    OBJECT_INFO_DEFAULTS,
     PANORAMA_FIELDS,
     PROJECTIONS,
 )
@@ -206,7 +207,24 @@ def _build_volume(objects, entry, materials, folder):
         )
     material.cycles.volume_step_rate = entry["volume_step_rate"]
     data.materials.append(material)
+    set_object_info(item, material, entry)
     return item
+
+
+def set_object_info(item, material, entry):
+    """Give an object and its material what the Object Info node shows of them, as `entry` (a volume) says."""
+    values = OBJECT_INFO_DEFAULTS | {key: entry[key] for key in OBJECT_INFO_DEFAULTS if key in entry}
+    set_value(item, "color", values["color"], f"{entry.place}.color")
+    set_value(item, "pass_index", values["pass_index"], f"{entry.place}.pass_index")
+    where = f"{entry.place}.material_pass_index"
+    if material.users > 1 and material.pass_index != values["material_pass_index"]:
+        raise InputError(
+            where,
+            f"{values['material_pass_index']} beside {material.pass_index}",
+            "one number for each material",
+            "mend the value: it belongs to the material",
+        )
+    set_value(material, "pass_index", values["material_pass_index"], where)
 
 
 def _mesh(entry):

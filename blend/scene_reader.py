@@ -38,6 +38,8 @@ LIGHT_TYPE_FIELDS = {
     "SPOT": {"radius": "shadow_soft_size", "spot_size": "spot_size", "blend": "spot_blend"},
     "AREA": {"shape": "shape"},
 }
+# Of volumes. Left out of the file where they are just that.
+OBJECT_INFO_DEFAULTS = {"color": [1.0, 1.0, 1.0, 1.0], "pass_index": 0, "material_pass_index": 0}
 # Settings of a light that the scene format has no words for, with the only value that can be exported.
 FIXED_LIGHT_SETTINGS = {
     "use_temperature": False,
@@ -400,7 +402,18 @@ def _read_volume(item, material):
         },
         "material": material.name,
         "volume_step_rate": shortest(material.cycles.volume_step_rate, place),
+        **_read_object_info(evaluated, material, place),
     }
+
+
+def _read_object_info(item, material, place):
+    """What the Object Info node shows of the object and its material, where it is not Blender's default."""
+    found = {
+        "color": shortest_list(item.color, f"{place}, color"),
+        "pass_index": item.pass_index,
+        "material_pass_index": material.pass_index,
+    }
+    return {key: value for key, value in found.items() if value != OBJECT_INFO_DEFAULTS[key]}
 
 
 def is_box(vertices, triangles):

@@ -3,13 +3,19 @@
 
 mod support;
 
+use cloudparity::blender::Message;
+use cloudparity::error::Result;
+use cloudparity::field::random_graphs::{Cycles, Judge, Kind, Reference, Trial, Values};
+use cloudparity::field::statistics::equal;
 use cloudparity::field::suite::Selection;
 use cloudparity::field::{self, Domain, Evaluator, Figures, suite};
 use cloudparity::field::{domain, random_graphs, settings};
 use cloudparity::graph::{Program, Target, target};
+use cloudparity::nodes::{Column, Evaluate, Interval, Nudge, Real};
 use cloudparity::scene::{Input, Scene};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
+use serde_json::json;
 
 /// Points per comparison of the cloud: a second of Cycles.
 const POINTS: usize = 16384;
@@ -172,11 +178,166 @@ fn random_graphs_equal_cycles() {
     if !support::require("bpy") {
         return;
     }
-    let graphs: Vec<_> = (0..100).map(|seed| random_graphs::generate(seed, 64).expect("a graph")).collect();
-    let folder = std::env::temp_dir().join("cloudparity-failed-graphs");
-    let outcomes = random_graphs::run(&graphs, &folder, |_| {}).expect("Cycles answers");
-    let wrong: Vec<String> =
-        outcomes.iter().filter(|outcome| !outcome.pass).map(|outcome| format!("{outcome:?}")).collect();
+    let graphs: Vec<_> = (0..48).map(|seed| random_graphs::generate(seed, 64).expect("a graph")).collect();
+    let judge = Judge { gpu: None, compile: &random_graphs::compile };
+    let outcomes = random_graphs::run(&graphs, &judge, &mut Cycles(|_: Message| ()));
+    let wrong: Vec<String> = outcomes
+        .iter()
+        .filter(|outcome| !outcome.failures.is_empty())
+        .map(|outcome| format!("seed {}: {:?}", outcome.seed, outcome.failures))
+        .collect();
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
-    assert!(outcomes.iter().filter(|outcome| !outcome.library).count() >= 40, "the bit-exact class is not empty");
+    let figures = || outcomes.iter().filter_map(|outcome| outcome.cpu.as_ref());
+    let outputs: usize = figures().map(|found| found.outputs).sum();
+    let of_library: usize = figures().map(|found| found.outputs_of_library).sum();
+    assert!(of_library > 0 && of_library + 100 < outputs, "{of_library} of {outputs} outputs call the C library");
+    let (values, equal) = figures().fold((0, 0), |(a, b), found| (a + found.values, b + found.equal));
+    assert!(100 * equal > 90 * values, "{equal} of {values} values are equal");
+}
+
+#[test]
+fn random_graphs_agree_with_their_shaders() {
+    if !support::require("vulkan") {
+        return;
+    }
+    let gpu = cloudparity::gpu::Gpu::open().expect("an adapter");
+    let graphs: Vec<_> = (200..206).map(|seed| random_graphs::generate(seed, 64).expect("a graph")).collect();
+    let judge = Judge { gpu: Some(&gpu), compile: &random_graphs::compile };
+    let outcomes = random_graphs::run(&graphs, &judge, &mut Ours);
+    let wrong: Vec<String> = outcomes
+        .iter()
+        .filter(|outcome| !outcome.failures.is_empty())
+        .map(|outcome| format!("seed {}: {:?}", outcome.seed, outcome.failures))
+        .collect();
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+    let compared: usize = outcomes.iter().filter_map(|outcome| Some(outcome.wgsl.as_ref()?.values)).sum();
+    assert!(compared > 1000, "{compared} ordinary values");
+}
+
+#[test]
+fn a_nudge_moves_what_the_library_computes_and_nothing_else() {
+    let (mut still, mut moving) = (0, 0);
+    for seed in 0..24 {
+        let trial = random_graphs::generate(seed, 64).expect("a graph").trial;
+        let program = Program::compile(&trial.scene, &trial.targets).expect("the graph compiles");
+        let plain = program.evaluate_single(trial.points()).expect("values");
+        // The generic text, nothing nudged, has the bits of the fast one.
+        let same = program.evaluate_nudged(trial.points(), Nudge::Nothing).expect("values");
+        assert!(plain.iter().zip(&same).all(|(a, b)| equal(*a, *b)), "seed {seed}");
+        let up = program.evaluate_nudged(trial.points(), Nudge::Library(1)).expect("values");
+        let of_library = program.outputs_of_library(trial.points()).expect("values");
+        let widths: Vec<usize> = program.outputs.iter().map(|output| output.operands.len()).collect();
+        let width: usize = widths.iter().sum();
+        let mut first = 0;
+        for (components, of_library) in widths.into_iter().zip(of_library) {
+            let component = |values: &[f32], point: usize| values[point * width + first..][..components].to_vec();
+            let moves = (0..trial.positions.len())
+                .any(|point| component(&plain, point).iter().zip(component(&up, point)).any(|(a, b)| !equal(*a, b)));
+            assert!(of_library || !moves, "seed {seed}: an output moves without the library");
+            still += usize::from(!of_library);
+            moving += usize::from(moves);
+            first += components;
+        }
+    }
+    assert!(still > 100 && moving > 20, "{still} outputs without the library, {moving} that move");
+}
+
+#[test]
+fn constants_that_are_folded_are_nudged_too() {
+    let graph = json!({"material": "Material", "groups": [], "nodes": [
+        {"name": "Value", "type": "ShaderNodeValue", "outputs": {"Value": 0.7}},
+        {"name": "Sine", "type": "ShaderNodeMath", "properties": {"operation": "SINE"},
+         "inputs": {"Value": {"node": "Value", "socket": "Value"}}},
+    ]});
+    let scene = suite::bare_scene("folded", graph).expect("a scene");
+    let constant = |nudge| {
+        let program = Program::compile_nudged(&scene, &[Target::output("Sine", "Value")], nudge).expect("it compiles");
+        assert!(program.instructions.is_empty());
+        let points = cloudparity::graph::evaluate::Points::new(&[[0.0; 3]]);
+        program.evaluate_single(points).expect("a value")[0]
+    };
+    let plain = constant(Nudge::Nothing);
+    assert_eq!(plain, 0.7_f32.sin());
+    assert_eq!(constant(Nudge::Library(1)), plain.next_up());
+    assert_eq!(constant(Nudge::Library(2)), plain.next_down());
+}
+
+/// Our own values in the place of Cycles'.
+struct Ours;
+
+impl Reference for Ours {
+    fn values(&mut self, trials: &[&Trial]) -> Vec<Result<Values>> {
+        let of_trial = |trial: &&Trial| -> Result<Values> {
+            let program = Program::compile(&trial.scene, &trial.targets)?;
+            let values = program.evaluate_single(trial.points())?;
+            let width = program.output_components();
+            let mut first = 0;
+            let of_output = |components: usize| -> Vec<f32> {
+                let found = values.chunks(width).flat_map(|point| point[first..first + components].to_vec()).collect();
+                first += components;
+                found
+            };
+            Ok(program.outputs.iter().map(|output| output.operands.len()).map(of_output).collect())
+        };
+        trials.iter().map(of_trial).collect()
+    }
+}
+
+/// Clamp with a mistake: above the upper end, a value one part in a million too large.
+struct WrongClamp;
+
+impl Evaluate for WrongClamp {
+    fn evaluate<R: Real>(&self, inputs: &[Column<'_, R>], outputs: &mut [&mut [R]]) {
+        for index in 0..outputs[0].len() {
+            let [value, low, high] = [0, 1, 2].map(|column| inputs[column].values[index]);
+            let clamped = value.clamped(low, high);
+            outputs[0][index] = if value > high { clamped * R::of(1.000_001) } else { clamped };
+        }
+    }
+
+    fn enclose(&self, _inputs: &[Interval], outputs: &mut [Interval]) {
+        outputs.fill(Interval::EVERYTHING);
+    }
+}
+
+/// The compiler with the mistake planted.
+fn planted(scene: &Scene, targets: &[Target], nudge: Option<Nudge>) -> Result<Program> {
+    let mut program = random_graphs::compile(scene, targets, nudge)?;
+    for instruction in &mut program.instructions {
+        let properties_are_plain = instruction.mode.words().contains(&"MINMAX".to_owned());
+        if instruction.node_type.type_name == "ShaderNodeClamp" && properties_are_plain {
+            instruction.kernel = Box::new(WrongClamp);
+        }
+    }
+    Ok(program)
+}
+
+#[test]
+fn a_wrong_kernel_is_found_and_its_graph_becomes_small() {
+    let judge = Judge { gpu: None, compile: &planted };
+    let folder = tempfile::tempdir().expect("a folder");
+    let mut kept = 0;
+    for seed in 0..120 {
+        let graph = random_graphs::generate(seed, 32).expect("a graph");
+        let mut outcome = random_graphs::run(std::slice::from_ref(&graph), &judge, &mut Ours).remove(0);
+        if outcome.failures.is_empty() {
+            continue;
+        }
+        assert!(outcome.nodes > 8, "the graph is not small already");
+        random_graphs::keep(&graph, &mut outcome, &judge, &mut Ours, folder.path()).expect("a folder to write to");
+        for saved in &outcome.saved {
+            assert_eq!(saved.failure.kind, Kind::Cpu, "seed {seed}: {:?}", saved.failure);
+            assert!(saved.nodes <= 5, "seed {seed}: {} nodes are left", saved.nodes);
+            let scene = Scene::load(&saved.path).expect("a scene file");
+            assert!(scene.graph().nodes.iter().any(|node| node.kind == "ShaderNodeClamp"));
+            let record = saved.path.to_string_lossy().replace(".scene.json", ".failure.json");
+            let record = std::fs::read_to_string(record).expect("a record beside it");
+            assert!(record.contains("\"position\": [") && record.contains("\"target\": \""), "{record}");
+        }
+        kept += outcome.saved.len();
+        if kept >= 2 {
+            return;
+        }
+    }
+    panic!("the mistake was found in {kept} of 120 graphs");
 }

@@ -35,6 +35,7 @@ pub const SCRIPTS: &[(&str, &str)] = scripts!(
     "graph_reader.py",
     "image_metrics.py",
     "model_comparison_plot.py",
+    "node_data.py",
     "optimiser.py",
     "picture_grid.py",
     "plots.py",

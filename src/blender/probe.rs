@@ -39,8 +39,13 @@ pub struct Answers {
     pub blender: String,
 }
 
-/// Evaluates the jobs in one Blender process.
+/// Evaluates the jobs in one Blender process, on all cores.
 pub fn ask(jobs: &[Job<'_>], kernel: Kernel, receive: impl FnMut(Message)) -> Result<Answers> {
+    ask_on(jobs, kernel, 0, receive)
+}
+
+/// [`ask`] on this many threads of rendering (0 for all).
+pub fn ask_on(jobs: &[Job<'_>], kernel: Kernel, threads: u32, receive: impl FnMut(Message)) -> Result<Answers> {
     let folder = tempfile::tempdir()
         .map_err(|cause| Error::io(&std::env::temp_dir(), "a folder for temporary files", &cause))?;
     let mut requests = Vec::new();
@@ -67,7 +72,7 @@ pub fn ask(jobs: &[Job<'_>], kernel: Kernel, receive: impl FnMut(Message)) -> Re
             "scene": job.scene, "points": points, "attributes": attributes, "outputs": outputs, "repeat": job.repeat,
         }));
     }
-    let request = json!({"jobs": requests, "kernel": kernel.name(), "threads": 0});
+    let request = json!({"jobs": requests, "kernel": kernel.name(), "threads": threads});
     let result = run_script("probe.py", &request, kernel, receive)?;
     let broken = || Error::new("script probe.py", result.to_string(), "an answer per job", "Run cloudparity doctor.");
     let mut answers = Vec::new();

@@ -190,8 +190,15 @@ fn request_key(scene: &Scene, settings: &ReferenceSettings, blender: &str) -> St
 }
 
 /// The scripts whose text decides what is rendered.
-const RENDER_SCRIPTS: [&str; 6] =
-    ["reference.py", "reference_render.py", "cycles_settings.py", "scene_builder.py", "graph_builder.py", "rna.py"];
+const RENDER_SCRIPTS: [&str; 7] = [
+    "reference.py",
+    "reference_render.py",
+    "cycles_settings.py",
+    "scene_builder.py",
+    "graph_builder.py",
+    "node_data.py",
+    "rna.py",
+];
 
 /// `CLOUDPARITY_CACHE`, else `~/.cache/cloudparity`.
 pub fn cache_folder() -> Result<PathBuf> {

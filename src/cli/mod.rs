@@ -5,6 +5,8 @@
 
 mod bench;
 mod bench_bake;
+mod bench_compile;
+mod bench_nodes;
 mod bounds;
 mod build;
 mod compare_models;
@@ -22,6 +24,7 @@ mod lights;
 mod march;
 mod models;
 mod modes;
+mod nodes;
 mod parity;
 mod picture;
 mod probe;
@@ -52,6 +55,8 @@ struct CommandLine {
 enum Command {
     Bench(bench::Arguments),
     BenchBake(bench_bake::Arguments),
+    BenchCompile(bench_compile::Arguments),
+    BenchNodes(bench_nodes::Arguments),
     Bounds(bounds::Arguments),
     Build(build::Arguments),
     CompareModels(Box<compare_models::Arguments>),
@@ -68,6 +73,7 @@ enum Command {
     Lights(lights::Arguments),
     Models(models::Arguments),
     Modes(modes::Arguments),
+    Nodes(nodes::Arguments),
     Parity(parity::Arguments),
     Probe(probe::Arguments),
     Recommend(study::RecommendArguments),
@@ -91,6 +97,8 @@ pub fn run() -> ExitCode {
     let result = match command_line.command {
         Command::Bench(arguments) => bench::run(&arguments),
         Command::BenchBake(arguments) => bench_bake::run(&arguments),
+        Command::BenchCompile(arguments) => bench_compile::run(&arguments),
+        Command::BenchNodes(arguments) => bench_nodes::run(&arguments),
         Command::Bounds(arguments) => bounds::run(&arguments),
         Command::Build(arguments) => build::run(&arguments),
         Command::CompareModels(arguments) => compare_models::run(&arguments),
@@ -107,6 +115,7 @@ pub fn run() -> ExitCode {
         Command::Lights(arguments) => lights::run(&arguments),
         Command::Models(arguments) => models::run(&arguments),
         Command::Modes(arguments) => modes::run(&arguments),
+        Command::Nodes(arguments) => nodes::run(&arguments),
         Command::Parity(arguments) => parity::run(&arguments),
         Command::Probe(arguments) => probe::run(&arguments),
         Command::Recommend(arguments) => study::recommend(&arguments),

@@ -1,7 +1,9 @@
 //! `cloudparity modes`: every node in every mode against live Cycles.
 
+mod graphs;
+
 use crate::error::Result;
-use crate::field::random_graphs;
+use crate::field::node_measurements::NodeErrors;
 use crate::field::suite::{self, Row, Selection};
 use crate::files;
 use crate::gpu::Gpu;
@@ -32,21 +34,28 @@ pub(super) struct Arguments {
     /// Leave the WGSL out.
     #[arg(long)]
     cpu_only: bool,
-    /// Instead compare this many random graphs of 4 to 20 nodes, on the CPU.
-    #[arg(long, value_name = "N")]
+    /// Instead compare this many random graphs of 4 to 40 nodes: the CPU with Cycles, WGSL with the CPU, samples with bounds.
+    /// Failing graphs are made small and saved.
+    #[arg(long, value_name = "N", conflicts_with_all = ["node", "jumping", "avx2"])]
     graphs: Option<u64>,
+    /// Stop the random graphs when this many have failed.
+    #[arg(long, value_name = "K", requires = "graphs")]
+    first: Option<usize>,
     /// JSON instead of text.
     #[arg(long)]
     json: bool,
-    /// Also write the JSON to this file.
+    /// Also write the JSON to this file; with --graphs a folder, for graphs.json and for failing graphs.
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
+    /// Also write a line per mode to this file, as `parity/node-errors.json` holds them; with --node, only its lines change.
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["graphs", "jumping"])]
+    summary: Option<PathBuf>,
 }
 
 pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
     super::need_bpy("the nodes are")?;
     if let Some(count) = arguments.graphs {
-        return run_graphs(arguments, count);
+        return graphs::run(arguments, count);
     }
     let selection = if arguments.jumping { Selection::Jumping } else { Selection::Everything };
     let cases = suite::cases(arguments.points, arguments.seed, arguments.node.as_deref(), selection)?;
@@ -64,6 +73,18 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
     if let Some(path) = &arguments.output {
         files::write_atomically(path, json.as_bytes())?;
     }
+    if let Some(path) = &arguments.summary {
+        let adapter = opened.map(|gpu| format!("{} ({})", gpu.adapter().name, gpu.adapter().driver));
+        let found = NodeErrors::of_rows(&outcome.rows, &outcome.blender, arguments.points, adapter);
+        let summary = if arguments.node.is_some() && path.exists() {
+            let mut known = NodeErrors::load(path)?;
+            known.replace(found, &path.display().to_string())?;
+            known
+        } else {
+            found
+        };
+        files::write_atomically(path, summary.to_text().as_bytes())?;
+    }
     super::print(&if arguments.json { json } else { describe(&outcome.rows, &outcome.blender) })?;
     if let Some(Err(error)) = &gpu {
         eprintln!("left out: WGSL: {error}");
@@ -77,44 +98,6 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
 
 /// Points of all modes that one Blender process evaluates: bounds its memory.
 const POINTS_TOGETHER: usize = 2_000_000;
-
-/// Points per random graph.
-const GRAPH_POINTS: usize = 256;
-
-fn run_graphs(arguments: &Arguments, count: u64) -> Result<ExitCode> {
-    let seeds = arguments.seed..arguments.seed.saturating_add(count);
-    let graphs = seeds.map(|seed| random_graphs::generate(seed, GRAPH_POINTS)).collect::<Result<Vec<_>>>()?;
-    let bar = super::progress_bar(1000);
-    let folder = PathBuf::from("failed-graphs");
-    let outcomes = random_graphs::run(&graphs, &folder, crate::blender::report_to(&bar))?;
-    bar.finish_and_clear();
-    let json = serde_json::to_string_pretty(&outcomes).expect("outcomes serialise") + "\n";
-    if let Some(path) = &arguments.output {
-        files::write_atomically(path, json.as_bytes())?;
-    }
-    let failed: Vec<_> = outcomes.iter().filter(|outcome| !outcome.pass).collect();
-    let exact = outcomes.iter().filter(|outcome| outcome.differing == 0).count();
-    let library = outcomes.iter().filter(|outcome| outcome.library).count();
-    let mut text = format!(
-        "{} random graphs ({library} call the C library): {exact} equal at every point, {} beyond their limits\n",
-        outcomes.len(),
-        failed.len()
-    );
-    for outcome in &failed {
-        writeln!(
-            text,
-            "  FAIL seed {}: {} of {} values differ; {}; saved as {}",
-            outcome.seed,
-            outcome.differing,
-            outcome.values,
-            outcome.first.as_deref().unwrap_or_default(),
-            outcome.saved.as_deref().unwrap_or(&folder).display()
-        )
-        .expect("writing to a string cannot fail");
-    }
-    super::print(if arguments.json { &json } else { &text })?;
-    Ok(if failed.is_empty() { ExitCode::SUCCESS } else { ExitCode::FAILURE })
-}
 
 /// The rows that fail or are not equal, and the counts of the rest.
 fn describe(rows: &[Row], blender: &str) -> String {

@@ -81,7 +81,7 @@ impl Limit {
 const LIBRARY: &str = "C library function: 1 ulp between builds";
 
 /// The limit of f32 on the CPU.
-pub fn cpu(node_type: &NodeType, mode: &Mode, _output: &str) -> Limit {
+pub fn cpu(node_type: &NodeType, mode: &Mode, output: &str) -> Limit {
     match node_type.module {
         "math" => match mode.choice("operation") {
             "LOGARITHM" | "EXPONENT" | "TANGENT" => limit(1.1e-7, LIBRARY),
@@ -92,6 +92,32 @@ pub fn cpu(node_type: &NodeType, mode: &Mode, _output: &str) -> Limit {
         "vector_math" => match mode.choice("operation") {
             "POWER" | "SINE" | "COSINE" | "TANGENT" => limit(1.2e-7, LIBRARY),
             _ => EQUAL,
+        },
+        // Sines and cosines of the angles; a division by a small scale magnifies them.
+        "mapping" => match mode.choice("vector_type") {
+            "TEXTURE" => limit(3.0e-5, LIBRARY),
+            _ => limit(9.5e-7, LIBRARY),
+        },
+        "vector_rotate" => limit(4.0e-7, LIBRARY),
+        "gamma" => limit(1.2e-7, LIBRARY),
+        "gradient_texture" if mode.choice("gradient_type") == "RADIAL" => limit(1.2e-7, LIBRARY),
+        "wave_texture" if mode.choice("wave_profile") == "SIN" => limit(6.0e-8, LIBRARY),
+        // At Distortions up to 2.7: an ulp of the library in every sine, amplified once per step. (The specification measured
+        // 7.2e-7, 1.1e-5 and 2.5e-4 at depths 2, 5 and 10; these are the largest of 4608 points with nudged sines.)
+        "magic_texture" => limit(
+            match mode.integer("turbulence_depth") {
+                0..=2 => 2.6e-6,
+                3..=5 => 1.6e-5,
+                6..=7 => 9.0e-5,
+                8..=9 => 5.1e-4,
+                _ => 1.9e-3,
+            },
+            "C library's sine, amplified with Distortion^depth",
+        ),
+        "gabor_texture" => match output {
+            // Jumps from 1 to 0 on the negative real axis.
+            "Phase" => jumping(1.6e-6, LIBRARY),
+            _ => limit(1.5e-7, LIBRARY),
         },
         "voronoi_texture" if is_minkowski(mode) => {
             limit(4.8e-7, "C library's pow, twice per cell: measured at exponents 0.5 and 2.7")
@@ -105,7 +131,10 @@ fn is_minkowski(mode: &Mode) -> bool {
 }
 
 const EXACT: &str = "exact in WGSL";
+/// Of nodes without an entry: those that a program adds at run time are held to equality.
+const NO_ENTRY: &str = "no entry: equal values";
 const DIVISION: &str = "WGSL divides with 2.5 ulp and takes square roots through inverseSqrt";
+const HUE: &str = "WGSL divides with 2.5 ulp, which a hue of six sixths multiplies";
 const TRANSCENDENTAL: &str = "own elementary functions of the shader modules";
 const KERNELS: &str = "what Cycles' SSE4.2 and AVX2 kernels differ by: fused operations";
 
@@ -127,7 +156,65 @@ pub fn wgsl(node_type: &NodeType, mode: &Mode, output: &str, distorted: bool) ->
             (true, _) => limit(6.7e-5, KERNELS),
         },
         "voronoi_texture" => voronoi(mode, output),
-        _ => limit(0.0, EXACT),
+        "mix" if mode.choice("data_type") != "RGBA" => limit(2.3e-6, KERNELS),
+        "mix" | "mix_rgb" => match mode.choice("blend_type") {
+            // Near the pole of the quotient.
+            "DODGE" => limit(1.3e-4, KERNELS),
+            _ => limit(4.3e-6, KERNELS),
+        },
+        "separate_color" => match (mode.choice("mode"), output) {
+            ("HSV", "Red") => jumping(4.8e-7, HUE),
+            ("HSL", "Red") => limit(4.8e-7, HUE),
+            ("HSV" | "HSL", "Green") => ulps(4, DIVISION),
+            _ => limit(0.0, EXACT),
+        },
+        "combine_color" => match mode.choice("mode") {
+            "RGB" => limit(0.0, EXACT),
+            _ => limit(2.4e-7, KERNELS),
+        },
+        "invert" | "bright_contrast" => limit(3.6e-7, KERNELS),
+        "gamma" => ulps(16, TRANSCENDENTAL),
+        "hue_saturation" => limit(1.2e-6, HUE),
+        "rgb_to_bw" => CONVERSION,
+        "blackbody" => limit(7.2e-7, DIVISION),
+        "gradient_texture" => match mode.choice("gradient_type") {
+            "LINEAR" => limit(0.0, EXACT),
+            // Distances up to 1: 4.5 ulp of the square root, which the square doubles.
+            "SPHERICAL" => limit(2.7e-7, DIVISION),
+            "QUADRATIC_SPHERE" => limit(5.4e-7, DIVISION),
+            // 5 ulp of pi, over 2 pi, and two roundings.
+            "RADIAL" => limit(2.6e-7, TRANSCENDENTAL),
+            _ => limit(1.2e-7, KERNELS),
+        },
+        "wave_texture" => match mode.choice("wave_profile") {
+            "SAW" => jumping(1.1e-5, KERNELS),
+            _ => limit(1.1e-5, KERNELS),
+        },
+        // At Distortions from 0.5 to 1: 2 ulp per sine.
+        "magic_texture" => limit(if mode.integer("turbulence_depth") <= 2 { 6.0e-7 } else { 1.5e-6 }, TRANSCENDENTAL),
+        // A fused product may put a point on the other side of a face (Cycles' kernels do not differ).
+        "checker_texture" => jumping(0.0, KERNELS),
+        // Continuous across faces while there is mortar on both sides.
+        "brick_texture" => match output {
+            "Color" => limit(8.9e-6, KERNELS),
+            _ => limit(4.2e-6, KERNELS),
+        },
+        "gabor_texture" => match output {
+            "Phase" => jumping(2.6e-5, KERNELS),
+            _ => limit(1.9e-7, KERNELS),
+        },
+        "mapping" => match mode.choice("vector_type") {
+            "TEXTURE" => limit(3.0e-5, TRANSCENDENTAL),
+            _ => limit(1.1e-6, TRANSCENDENTAL),
+        },
+        "vector_rotate" => limit(1.1e-6, TRANSCENDENTAL),
+        "vector_transform" => limit(1.7e-6, KERNELS),
+        "normal" => limit(2.4e-7, DIVISION),
+        "color_ramp" => limit(1.2e-7, KERNELS),
+        "float_curve" | "rgb_curve" | "vector_curve" => limit(2.4e-7, KERNELS),
+        "affine" | "clamp" | "combine_xyz" | "separate_xyz" | "white_noise_texture" => limit(0.0, EXACT),
+        "conversion" => CONVERSION,
+        _ => limit(0.0, NO_ENTRY),
     }
 }
 

@@ -5,8 +5,12 @@
 //! inputs, [`slices`] samples planes for pictures, [`suite`] does the same for every mode of every node,
 //! [`random_graphs`] for graphs of many nodes.
 
+pub mod constants;
+pub mod costs;
 pub mod domain;
 pub mod limits;
+pub mod node_measurements;
+pub mod node_table;
 pub mod random_graphs;
 pub mod settings;
 pub mod slices;

@@ -1,71 +1,123 @@
-//! Random graphs of many nodes against Cycles: conversions, groups, muted nodes, reroutes, folding and
+//! Random graphs of many nodes against Cycles: every node in any mode, conversions, groups, muted nodes, reroutes, folding and
 //! simplification together.
+//!
+//! [`generate`] makes a graph from a seed; [`run`] compares graphs, and [`shrink::shrink`] makes a failing one small. What is
+//! compared:
+//!
+//! * f32 on the CPU with Cycles' SSE4.2 kernel: equal bits. Where the C library takes part, two builds of it may differ; the
+//!   value of Cycles must then lie among those that ours takes when results of the library move by a unit in the last place
+//!   ([`Nudge::Library`]), through all that comes after. Nothing is added to that.
+//! * WGSL with the CPU, where all that a value is made from is an ordinary number: 99.9 % of the differences of all graphs must be
+//!   below [`WGSL_LIMIT`]. Values that f32 does not determine to that (they move as much when rounding does) are counted.
+//! * Bounds over random boxes with samples in them.
 
-use super::statistics::{equal, ulp_distance};
-use super::suite::{attribute_name, attribute_nodes, bare_scene, modes, normal, special_or_normal};
+mod compare;
+mod generate;
+pub mod shrink;
+
+pub use compare::{BoundsFigures, CpuFigures, Differences, WgslFigures};
+pub use generate::generate;
+
 use crate::blender::{Kernel, Message, probe};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::files;
+use crate::gpu::Gpu;
 use crate::graph::evaluate::Points;
 use crate::graph::{Program, Target};
-use crate::nodes::{self, InputSocket, Mode, NodeType, Role};
-use crate::scene::{Scene, SocketType};
-use rand::seq::IndexedRandom;
-use rand::{Rng, SeedableRng};
-use rand_chacha::ChaCha8Rng;
+use crate::nodes::Nudge;
+use crate::scene::{Input, Node, Scene};
 use serde::Serialize;
 use serde_json::{Map, Value as Json, json};
 use std::path::{Path, PathBuf};
 
-/// Attributes that a graph reads; the position comes besides.
-const ATTRIBUTES: usize = 2;
+/// Largest difference between WGSL and the CPU, relative to an output's magnitude, that 99.9 % of the values may have.
+pub const WGSL_LIMIT: f64 = 5e-5;
 
-/// Share of special values among the attributes' components: in long chains more of them would
-/// turn nearly every value into NaN.
-const SPECIAL_SHARE: f64 = 0.03;
+/// A graph, what is compared of it, and where.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Trial {
+    /// The graph in a scene.
+    pub scene: Scene,
+    /// What is compared: every output of every node of the material's tree, in the order of their making, so that the first
+    /// difference is where it is born.
+    pub targets: Vec<Target>,
+    /// Object-space positions.
+    pub positions: Vec<[f32; 3]>,
+    /// Values of the attributes.
+    pub attributes: Vec<(String, Vec<[f32; 3]>)>,
+}
 
-/// Largest distance of a value behind a C library function. Builds of the library are within 1 ulp of
-/// each other, and the arithmetic behind one may magnify that.
-const LIBRARY_ULPS: u32 = 64;
+impl Trial {
+    /// The points as evaluators want them.
+    pub fn points(&self) -> Points<'_> {
+        Points { positions: &self.positions, attributes: &self.attributes }
+    }
 
-/// Share of points that may be farther off behind a C library function: cancellation and jumps.
-const LIBRARY_SHARE: f64 = 0.01;
-
-/// Operations that call the C library.
-const LIBRARY: &[&str] = &[
-    "POWER",
-    "LOGARITHM",
-    "EXPONENT",
-    "SINE",
-    "COSINE",
-    "TANGENT",
-    "ARCSINE",
-    "ARCCOSINE",
-    "ARCTANGENT",
-    "ARCTAN2",
-    "SINH",
-    "COSH",
-    "TANH",
-    "MINKOWSKI",
-];
-
-/// Constants that evaluators and simplifications treat specially.
-const CONSTANTS: [f32; 10] = [0.0, 1.0, -1.0, 0.5, 2.0, -3.0, 1e-6, 1e3, 4.0, 0.333_333_34];
+    /// The same at these points alone.
+    pub fn at(&self, indices: &[usize]) -> Self {
+        let at = |values: &[[f32; 3]]| indices.iter().map(|&index| values[index]).collect();
+        Self {
+            scene: self.scene.clone(),
+            targets: self.targets.clone(),
+            positions: at(&self.positions),
+            attributes: self.attributes.iter().map(|(name, values)| (name.clone(), at(values))).collect(),
+        }
+    }
+}
 
 /// A random graph.
 pub struct RandomGraph {
     /// What it was made from.
     pub seed: u64,
-    /// The graph in a scene.
-    pub scene: Scene,
-    /// What is compared: every output of every node, so that the first difference is where it is born.
-    pub targets: Vec<Target>,
-    /// Calls the C library somewhere.
-    pub library: bool,
-    /// Object-space positions.
-    pub positions: Vec<[f32; 3]>,
-    /// Values of the attributes.
-    pub attributes: Vec<(String, Vec<[f32; 3]>)>,
+    /// The graph with its points; those of even numbers hold ordinary values only.
+    pub trial: Trial,
+}
+
+/// What can go wrong.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Kind {
+    /// Ours does not compile the graph.
+    Compiler,
+    /// Blender does not build the graph.
+    Blender,
+    /// f32 on the CPU is not what Cycles computes.
+    Cpu,
+    /// The shader does not compose, or the adapter refuses it.
+    Shader,
+    /// WGSL is not what the CPU computes.
+    Wgsl,
+    /// A value lies outside of its bounds.
+    Bounds,
+}
+
+impl Kind {
+    /// In words.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Compiler => "does not compile",
+            Self::Blender => "Blender refuses it",
+            Self::Cpu => "CPU against Cycles",
+            Self::Shader => "no shader",
+            Self::Wgsl => "WGSL against CPU",
+            Self::Bounds => "bounds",
+        }
+    }
+}
+
+/// One failure of a graph.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Failure {
+    /// What went wrong.
+    pub kind: Kind,
+    /// Number of the target, where one output is to blame.
+    #[serde(skip)]
+    pub target: Option<usize>,
+    /// Number of the point, where one is to blame.
+    #[serde(skip)]
+    pub point: Option<usize>,
+    /// In words: where, ours, theirs.
+    pub detail: String,
 }
 
 /// What was found for one graph.
@@ -73,385 +125,309 @@ pub struct RandomGraph {
 pub struct Outcome {
     /// Seed of the graph.
     pub seed: u64,
-    /// Nodes that are evaluated after all passes.
+    /// Nodes of the graph, those of groups once.
     pub nodes: usize,
-    /// Calls the C library somewhere.
-    pub library: bool,
-    /// Values compared.
-    pub values: usize,
-    /// Values that are not equal.
-    pub differing: usize,
-    /// Whether that is allowed: none without the C library.
-    pub pass: bool,
-    /// The first difference: target, ours, Cycles'.
-    pub first: Option<String>,
-    /// Where a failing graph was saved.
-    pub saved: Option<PathBuf>,
+    /// Nodes that are evaluated after all passes.
+    pub instructions: usize,
+    /// Against Cycles.
+    pub cpu: Option<CpuFigures>,
+    /// Against the CPU; none without an adapter or without a shader.
+    pub wgsl: Option<WgslFigures>,
+    /// Why there is no shader: WGSL has no infinite constants.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub no_wgsl: Option<String>,
+    /// Samples against bounds.
+    pub bounds: Option<BoundsFigures>,
+    /// What went wrong, one of each kind.
+    pub failures: Vec<Failure>,
+    /// What is left of the graph for each failure, and where it was saved.
+    pub saved: Vec<Saved>,
+    /// All differences of WGSL.
+    #[serde(skip)]
+    pub differences: Differences,
 }
 
-/// An output that later nodes may read.
-#[derive(Clone)]
-struct Value {
-    node: String,
-    socket: String,
-    kind: SocketType,
-    /// Depends on the point.
-    varies: bool,
+/// A failing graph made small.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Saved {
+    /// How it fails.
+    pub failure: Failure,
+    /// Nodes that are left in the material's tree.
+    pub nodes: usize,
+    /// The scene file.
+    pub path: PathBuf,
 }
 
-impl Value {
-    fn link(&self) -> Json {
-        json!({"node": self.node, "socket": self.socket})
+/// Compiles a graph, its folded constants under a nudge where there is one. Tests plant errors here.
+pub type Compile = dyn Fn(&Scene, &[Target], Option<Nudge>) -> Result<Program> + Sync;
+
+/// The compiler.
+pub fn compile(scene: &Scene, targets: &[Target], nudge: Option<Nudge>) -> Result<Program> {
+    match nudge {
+        None => Program::compile(scene, targets),
+        Some(nudge) => Program::compile_nudged(scene, targets, nudge),
     }
 }
 
-struct Builder {
-    random: ChaCha8Rng,
-    nodes: Vec<Json>,
-    groups: Vec<Json>,
-    values: Vec<Value>,
-    targets: Vec<Target>,
-    library: bool,
+/// Per target, its components point by point.
+pub type Values = Vec<Vec<f32>>;
+
+/// What ours are compared with.
+pub trait Reference {
+    /// Values of every trial, or why there are none.
+    fn values(&mut self, trials: &[&Trial]) -> Vec<Result<Values>>;
 }
 
-/// The graph of a seed, with `points` points.
-pub fn generate(seed: u64, points: usize) -> Result<RandomGraph> {
-    let mut builder = Builder {
-        random: ChaCha8Rng::seed_from_u64(seed),
-        nodes: vec![json!({"name": "Coordinates", "type": "ShaderNodeTexCoord"})],
-        groups: Vec::new(),
-        values: vec![Value {
-            node: "Coordinates".into(),
-            socket: "Object".into(),
-            kind: SocketType::Vector,
-            varies: true,
-        }],
-        targets: Vec::new(),
-        library: false,
-    };
-    for number in 0..ATTRIBUTES {
-        builder.nodes.extend(attribute_nodes(number));
-        let value = |node: &str, socket: &str, kind: SocketType| Value {
-            node: format!("{node} {number}"),
-            socket: socket.into(),
-            kind,
-            varies: true,
-        };
-        builder.values.push(value("Attribute", "Vector", SocketType::Vector));
-        builder.values.extend(["X", "Y", "Z"].map(|axis| value("Separate", axis, SocketType::Float)));
-    }
-    let count = builder.random.random_range(4..=20);
-    for number in 0..count {
-        builder.add(number)?;
-    }
-    let random = &mut builder.random;
-    let mut draw = || {
-        let row: [f32; 3] = std::array::from_fn(|_| {
-            if random.random_bool(SPECIAL_SHARE) { special_or_normal(random) } else { normal(random, 3.0) }
-        });
-        row
-    };
-    let positions = (0..points).map(|_| draw()).collect();
-    let attributes =
-        (0..ATTRIBUTES).map(|number| (attribute_name(number), (0..points).map(|_| draw()).collect())).collect();
-    let graph = json!({"material": "Material", "nodes": builder.nodes, "groups": builder.groups});
-    let scene = bare_scene(&format!("random-graph-{seed}"), graph)?;
-    Ok(RandomGraph { seed, scene, targets: builder.targets, library: builder.library, positions, attributes })
-}
+/// Live Cycles. The function hears how far Blender is.
+pub struct Cycles<F>(pub F);
 
-impl Builder {
-    fn add(&mut self, number: usize) -> Result<()> {
-        match self.random.random_range(0..10) {
-            0 => {
-                self.reroute(number);
-                Ok(())
-            }
-            1 => {
-                self.constant(number);
-                Ok(())
-            }
-            _ => self.node(number),
-        }
-    }
-
-    fn pick(&mut self, varies: bool) -> Value {
-        let candidates: Vec<&Value> = self.values.iter().filter(|value| value.varies || !varies).collect();
-        // Later values more often: longer chains.
-        let first = self.random.random_range(0..candidates.len());
-        let second = self.random.random_range(0..candidates.len());
-        candidates[first.max(second)].clone()
-    }
-
-    fn number(&mut self) -> f32 {
-        if self.random.random() {
-            CONSTANTS[self.random.random_range(0..CONSTANTS.len())]
-        } else {
-            normal(&mut self.random, 2.0)
-        }
-    }
-
-    fn reroute(&mut self, number: usize) {
-        let source = self.pick(false);
-        let node = format!("Reroute {number}");
-        // A reroute has the type of what it is linked to.
-        self.nodes.push(json!({
-            "name": node, "type": "NodeReroute", "socket_type": source.kind, "inputs": {"Input": source.link()},
-        }));
-        self.values.push(Value { node, socket: "Output".into(), ..source });
-    }
-
-    fn constant(&mut self, number: usize) {
-        let node = format!("Value {number}");
-        let value = self.number();
-        self.nodes.push(json!({"name": node, "type": "ShaderNodeValue", "outputs": {"Value": value}}));
-        self.values.push(Value { node, socket: "Value".into(), kind: SocketType::Float, varies: false });
-    }
-
-    fn node(&mut self, number: usize) -> Result<()> {
-        let types: Vec<&'static NodeType> = nodes::registry()
+impl<F: FnMut(Message)> Reference for Cycles<F> {
+    fn values(&mut self, trials: &[&Trial]) -> Vec<Result<Values>> {
+        let jobs: Vec<probe::Job<'_>> = trials
             .iter()
-            .copied()
-            .filter(|node| matches!(node.role, Role::Evaluated(_)) && node.type_name.starts_with("ShaderNode"))
-            .collect();
-        let node_type = types[self.random.random_range(0..types.len())];
-        let properties = modes(node_type).choose(&mut self.random).cloned().unwrap_or_default();
-        let mode = Mode::read(node_type, &properties, node_type.label)?;
-        self.library |= mode.words().iter().any(|word| LIBRARY.contains(&word.as_str()));
-        let texture = node_type.inputs.iter().any(|socket| socket.generated_when_unlinked);
-        let mut inputs = Map::new();
-        let mut varies = false;
-        for (index, socket) in node_type.inputs_of(&mode).enumerate() {
-            // Textures with constant inputs only are folded by Blender with another evaluation, equal to
-            // 5e-7; here they vary, so that all must be equal. Their coordinate is always linked.
-            let must_vary = texture && index == 0;
-            if must_vary || self.random.random_bool(0.6) && !is_expensive(socket) {
-                let source = self.pick(must_vary);
-                varies |= source.varies;
-                inputs.insert(socket.identifier.into(), source.link());
-            } else {
-                inputs.insert(socket.identifier.into(), self.stored(socket));
-            }
-        }
-        let name = format!("{} {number}", node_type.label);
-        let outputs: Vec<(String, SocketType)> =
-            node_type.outputs_of(&mode).map(|output| (output.identifier.to_owned(), output.kind)).collect();
-        let entry = json!({"name": name, "type": node_type.type_name, "properties": properties, "inputs": inputs});
-        match self.random.random_range(0..10) {
-            0 if !texture && can_be_muted(node_type, &mode) => self.mute(node_type, &mode, entry, name, varies),
-            1 | 2 => self.group(number, entry, &outputs, varies),
-            _ => {
-                self.nodes.push(entry);
-                self.publish(name, &outputs, varies);
-            }
-        }
-        Ok(())
-    }
-
-    /// A stored value within the socket's limits.
-    fn stored(&mut self, socket: &InputSocket) -> Json {
-        if socket.kind.components() == 3 {
-            return json!([self.number(), self.number(), self.number()]);
-        }
-        let random = &mut self.random;
-        let mut uniform = |low: f32, high: f32| low + (high - low) * random.random::<f32>();
-        let value = match socket.identifier {
-            "Detail" => uniform(0.0, 4.0),
-            "Roughness" | "Randomness" | "Smoothness" => uniform(0.0, 1.0),
-            "Lacunarity" => uniform(0.0, 4.0),
-            "Exponent" => uniform(0.1, 8.0),
-            "Scale" | "Offset" | "Gain" | "Distortion" => uniform(-2.0, 5.0),
-            _ => self.number(),
-        };
-        json!(value)
-    }
-
-    fn publish(&mut self, node: String, outputs: &[(String, SocketType)], varies: bool) {
-        for (socket, kind) in outputs {
-            self.values.push(Value { node: node.clone(), socket: socket.clone(), kind: *kind, varies });
-            self.targets.push(Target::output(&node, socket));
-        }
-    }
-
-    /// Mutes a node whose inputs and output have one type: it passes its first linked input, else
-    /// its first.
-    fn mute(&mut self, node_type: &'static NodeType, mode: &Mode, mut entry: Json, name: String, varies: bool) {
-        let Some(output) = node_type.outputs_of(mode).next() else { return };
-        let existing: Vec<&str> = node_type.inputs_of(mode).map(|socket| socket.identifier).collect();
-        let linked = existing.iter().find(|identifier| entry["inputs"][**identifier].is_object());
-        let through = linked.or(existing.first()).copied().unwrap_or_default();
-        entry["muted"] = true.into();
-        entry["bypass"] = json!({output.identifier: through});
-        self.nodes.push(entry);
-        // What passes may be a constant; nothing that must vary may read it.
-        let varies = varies && linked.is_some() && node_type.inputs_of(mode).count() == 1;
-        self.values.push(Value { node: name, socket: output.identifier.into(), kind: output.kind, varies });
-    }
-
-    /// Puts a node into a group, sometimes that group into another. Interfaces of other types than
-    /// the links change nothing: Blender inlines groups before it converts.
-    fn group(&mut self, number: usize, entry: Json, outputs: &[(String, SocketType)], varies: bool) {
-        let levels = self.random.random_range(1..=2);
-        let inner_name = entry["name"].as_str().unwrap_or_default().to_owned();
-        let outer_inputs: Vec<(String, Json)> = entry["inputs"]
-            .as_object()
-            .map(|map| map.iter().map(|(k, v)| (k.clone(), v.clone())).collect())
-            .unwrap_or_default();
-        let links: Vec<(usize, &(String, Json))> =
-            outer_inputs.iter().enumerate().filter(|(_, (_, value))| value.is_object()).collect();
-        let kinds = [SocketType::Float, SocketType::Vector, SocketType::Color];
-        let input_sockets: Vec<Json> = links
-            .iter()
-            .map(|(index, _)| {
-                let kind = kinds[self.random.random_range(0..kinds.len())];
-                interface_socket(format!("Socket_{}", index + 20), format!("In {index}"), kind)
+            .map(|trial| probe::Job {
+                scene: &trial.scene,
+                positions: &trial.positions,
+                attributes: &trial.attributes,
+                targets: trial.targets.clone(),
+                repeat: 1,
             })
             .collect();
-        let output_sockets: Vec<Json> = outputs
-            .iter()
-            .enumerate()
-            .map(|(index, (_, kind))| interface_socket(format!("Socket_{index}"), format!("Out {index}"), *kind))
-            .collect();
-        let mut inner = entry;
-        for (index, (identifier, _)) in &links {
-            inner["inputs"][identifier.as_str()] = json!({"group_input": format!("Socket_{}", index + 20)});
-        }
-        let mut inner_outputs: Vec<String> = outputs.iter().map(|(identifier, _)| identifier.clone()).collect();
-        let mut inner_name = inner_name;
-        for level in 0..levels {
-            let name = format!("Group {number} {level}");
-            let ends: Map<String, Json> = inner_outputs
-                .iter()
-                .enumerate()
-                .map(|(index, socket)| (format!("Socket_{index}"), json!({"node": inner_name, "socket": socket})))
-                .collect();
-            self.groups.push(json!({
-                "name": name, "inputs": input_sockets, "outputs": output_sockets,
-                "nodes": [inner, {
-                    "name": "Group Output", "type": "NodeGroupOutput",
-                    "properties": {"is_active_output": true}, "inputs": ends,
-                }],
-            }));
-            let last = level + 1 == levels;
-            let inputs: Map<String, Json> = links
-                .iter()
-                .map(|(index, (_, link))| {
-                    let socket = format!("Socket_{}", index + 20);
-                    (socket.clone(), if last { link.clone() } else { json!({"group_input": socket}) })
-                })
-                .collect();
-            inner_name = format!("Use {number} {level}");
-            inner = json!({"name": inner_name, "type": "ShaderNodeGroup", "group": name, "inputs": inputs});
-            inner_outputs = (0..outputs.len()).map(|index| format!("Socket_{index}")).collect();
-        }
-        self.nodes.push(inner);
-        let outputs: Vec<(String, SocketType)> =
-            inner_outputs.into_iter().zip(outputs).map(|(socket, (_, kind))| (socket, *kind)).collect();
-        self.publish(inner_name, &outputs, varies);
-    }
-}
-
-/// A socket of a group's interface; what reads it has the default where a link leads to nothing.
-fn interface_socket(identifier: String, name: String, kind: SocketType) -> Json {
-    let default = match kind {
-        SocketType::Color => json!([0.25, 0.5, 0.75, 1.0]),
-        SocketType::Vector => json!([0.25, 0.5, 0.75]),
-        _ => json!(0.25),
-    };
-    json!({"identifier": identifier, "name": name, "type": kind, "default": default})
-}
-
-/// Linked Details of hundreds would cost minutes and say no more.
-fn is_expensive(socket: &InputSocket) -> bool {
-    socket.identifier == "Detail"
-}
-
-/// Whether all sockets of the mode have one type, so that Blender's internal link is the first
-/// linked input.
-fn can_be_muted(node_type: &'static NodeType, mode: &Mode) -> bool {
-    let mut outputs = node_type.outputs_of(mode);
-    match (outputs.next(), outputs.next()) {
-        (Some(output), None) => node_type.inputs_of(mode).all(|socket| socket.kind == output.kind),
-        _ => false,
-    }
-}
-
-/// Compares the graphs, in one Blender process; graphs that fail are saved in `folder`.
-pub fn run(graphs: &[RandomGraph], folder: &Path, receive: impl FnMut(Message)) -> Result<Vec<Outcome>> {
-    let jobs: Vec<probe::Job<'_>> = graphs
-        .iter()
-        .map(|graph| probe::Job {
-            scene: &graph.scene,
-            positions: &graph.positions,
-            attributes: &graph.attributes,
-            targets: graph.targets.clone(),
-            repeat: 1,
-        })
-        .collect();
-    let answers = probe::ask(&jobs, Kernel::Sse42, receive)?;
-    graphs.iter().zip(&answers.jobs).map(|(graph, answer)| graph.compare(&answer.values, folder)).collect()
-}
-
-impl RandomGraph {
-    fn compare(&self, theirs: &[Vec<f32>], folder: &Path) -> Result<Outcome> {
-        let program = Program::compile(&self.scene, &self.targets)?;
-        let points = Points { positions: &self.positions, attributes: &self.attributes };
-        let ours = program.evaluate_single(points)?;
-        let width = program.output_components();
-        let mut outcome = Outcome {
-            seed: self.seed,
-            nodes: program.instructions.len(),
-            library: self.library,
-            values: 0,
-            differing: 0,
-            pass: true,
-            first: None,
-            saved: None,
-        };
-        let mut far = 0;
-        let mut first = 0;
-        for (target, theirs) in self.targets.iter().zip(theirs) {
-            let components = theirs.len() / self.positions.len();
-            for (index, row) in theirs.chunks(components).enumerate() {
-                let ours = &ours[index * width + first..index * width + first + components];
-                for (a, b) in ours.iter().zip(row) {
-                    outcome.values += 1;
-                    if equal(*a, *b) {
-                        continue;
-                    }
-                    outcome.differing += 1;
-                    let near = a.is_finite() && b.is_finite() && ulp_distance(*a, *b) <= LIBRARY_ULPS;
-                    far += usize::from(!near);
-                    outcome
-                        .first
-                        .get_or_insert_with(|| format!("{} at point {index}: ours {a}, Cycles {b}", target.name()));
-                }
+        match probe::ask(&jobs, Kernel::Sse42, &mut self.0) {
+            Ok(answers) => answers.jobs.into_iter().map(|answer| Ok(answer.values)).collect(),
+            // One graph that Blender refuses ends the process for all: halves find out which.
+            Err(_) if trials.len() > 1 => {
+                let (first, second) = trials.split_at(trials.len() / 2);
+                let mut found = self.values(first);
+                found.extend(self.values(second));
+                found
             }
-            first += components;
+            Err(cause) => vec![Err(cause)],
         }
-        outcome.pass = match self.library {
-            false => outcome.differing == 0,
-            true => far as f64 <= LIBRARY_SHARE * outcome.values as f64,
-        };
-        if !outcome.pass {
-            let path = folder.join(format!("{}.scene.json", self.scene.name));
-            let text = serde_json::to_string_pretty(&self.scene).expect("scene types serialise") + "\n";
-            files::write_atomically(&path, text.as_bytes())?;
-            outcome.saved = Some(path);
-        }
-        Ok(outcome)
     }
+}
+
+/// How graphs are judged.
+pub struct Judge<'a> {
+    /// The adapter, where WGSL is compared.
+    pub gpu: Option<&'a Gpu>,
+    /// The compiler.
+    pub compile: &'a Compile,
+}
+
+/// Compares the graphs; all of them are handed to the reference together.
+pub fn run(graphs: &[RandomGraph], judge: &Judge<'_>, reference: &mut dyn Reference) -> Vec<Outcome> {
+    let trials: Vec<&Trial> = graphs.iter().map(|graph| &graph.trial).collect();
+    let theirs = reference.values(&trials);
+    graphs.iter().zip(theirs).map(|(graph, theirs)| judge.outcome(graph, theirs)).collect()
+}
+
+/// Makes a failing graph small and saves what is left of it, once for each of its failures.
+pub fn keep(
+    graph: &RandomGraph,
+    outcome: &mut Outcome,
+    judge: &Judge<'_>,
+    reference: &mut dyn Reference,
+    folder: &Path,
+) -> Result<()> {
+    for failure in &outcome.failures {
+        let left = match failure.kind {
+            // What does not compile says where.
+            Kind::Compiler => shrink::Shrunk { trial: graph.trial.clone(), failure: failure.clone() },
+            _ => shrink::shrink(&graph.trial, failure, judge, reference),
+        };
+        let kind = files::word(&failure.kind);
+        let path = save(&left.trial, &left.failure, &format!("random-graph-{}-{kind}", graph.seed), folder)?;
+        outcome.saved.push(Saved { failure: left.failure, nodes: left.trial.scene.graph().nodes.len(), path });
+    }
+    Ok(())
+}
+
+impl Judge<'_> {
+    fn outcome(&self, graph: &RandomGraph, theirs: Result<Values>) -> Outcome {
+        let trial = &graph.trial;
+        let content = trial.scene.graph();
+        let mut outcome = Outcome {
+            seed: graph.seed,
+            nodes: content.nodes.len() + content.groups.iter().map(|group| group.nodes.len()).sum::<usize>(),
+            instructions: 0,
+            cpu: None,
+            wgsl: None,
+            no_wgsl: None,
+            bounds: None,
+            failures: Vec::new(),
+            saved: Vec::new(),
+            differences: Differences::default(),
+        };
+        let program = match (self.compile)(&trial.scene, &trial.targets, None) {
+            Ok(program) => program,
+            Err(cause) => {
+                outcome.failures.push(Failure::of(Kind::Compiler, &cause));
+                return outcome;
+            }
+        };
+        outcome.instructions = program.instructions.len();
+        match theirs.and_then(|theirs| compare::with_cycles(trial, self.compile, &program, &theirs)) {
+            Ok((figures, failure)) => {
+                outcome.cpu = Some(figures);
+                outcome.failures.extend(failure);
+            }
+            Err(cause) => outcome.failures.push(Failure::of(Kind::Blender, &cause)),
+        }
+        if let Some(gpu) = self.gpu {
+            match compare::with_wgsl(trial, &program, gpu) {
+                compare::Wgsl::Compared(figures, differences, failure) => {
+                    outcome.wgsl = Some(figures);
+                    outcome.differences = differences;
+                    outcome.failures.extend(failure);
+                }
+                compare::Wgsl::Impossible(reason) => outcome.no_wgsl = Some(reason),
+                compare::Wgsl::Refused(failure) => outcome.failures.push(failure),
+            }
+        }
+        match compare::with_bounds(trial, self.compile, graph.seed) {
+            Ok((figures, failure)) => {
+                outcome.bounds = Some(figures);
+                outcome.failures.extend(failure);
+            }
+            Err(cause) => outcome.failures.push(Failure::of(Kind::Compiler, &cause)),
+        }
+        outcome
+    }
+
+    /// The failure of this kind that each trial has, if it has one.
+    fn failures(&self, trials: &[&Trial], kind: Kind, reference: &mut dyn Reference) -> Vec<Option<Failure>> {
+        let theirs: Vec<Option<Result<Values>>> = match kind {
+            Kind::Cpu | Kind::Blender => reference.values(trials).into_iter().map(Some).collect(),
+            _ => trials.iter().map(|_| None).collect(),
+        };
+        trials.iter().zip(theirs).map(|(trial, theirs)| self.failure(trial, kind, theirs)).collect()
+    }
+
+    fn failure(&self, trial: &Trial, kind: Kind, theirs: Option<Result<Values>>) -> Option<Failure> {
+        let program = match (self.compile)(&trial.scene, &trial.targets, None) {
+            Ok(program) => program,
+            Err(cause) => return (kind == Kind::Compiler).then(|| Failure::of(kind, &cause)),
+        };
+        match (kind, theirs) {
+            (Kind::Blender, Some(Err(cause))) => Some(Failure::of(kind, &cause)),
+            (Kind::Cpu, Some(Ok(theirs))) => {
+                compare::with_cycles(trial, self.compile, &program, &theirs).ok().and_then(|(_, failure)| failure)
+            }
+            (Kind::Wgsl | Kind::Shader, _) => match compare::with_wgsl(trial, &program, self.gpu?) {
+                compare::Wgsl::Compared(_, _, failure) if kind == Kind::Wgsl => failure,
+                compare::Wgsl::Refused(failure) if kind == Kind::Shader => Some(failure),
+                _ => None,
+            },
+            (Kind::Bounds, _) => compare::with_bounds(trial, self.compile, 1).ok().and_then(|(_, failure)| failure),
+            _ => None,
+        }
+    }
+}
+
+impl Failure {
+    fn of(kind: Kind, cause: &Error) -> Self {
+        Self { kind, target: None, point: None, detail: cause.to_string() }
+    }
+}
+
+/// Saves a graph as `NAME.scene.json`, and beside it as `NAME.failure.json` what failed, where, and with which attributes.
+pub fn save(trial: &Trial, failure: &Failure, name: &str, folder: &Path) -> Result<PathBuf> {
+    let path = folder.join(format!("{name}.scene.json"));
+    let mut scene = trial.scene.clone();
+    name.clone_into(&mut scene.name);
+    let text = |json: &Json| serde_json::to_string_pretty(json).expect("plain values serialise") + "\n";
+    files::write_atomically(&path, text(&serde_json::to_value(&scene).expect("scene types serialise")).as_bytes())?;
+    let point = failure.point.filter(|&index| index < trial.positions.len());
+    let attributes: Map<String, Json> = trial
+        .attributes
+        .iter()
+        .map(|(name, values)| (name.clone(), point.map_or(Json::Null, |index| vector(values[index]))))
+        .collect();
+    let record = json!({
+        "scene": path.file_name().map(|name| name.to_string_lossy()),
+        "failure": failure,
+        "target": failure.target.and_then(|index| trial.targets.get(index)).map(Target::name),
+        "position": point.map(|index| vector(trial.positions[index])),
+        "attributes": attributes,
+    });
+    files::write_atomically(&folder.join(format!("{name}.failure.json")), text(&record).as_bytes())?;
+    Ok(path)
+}
+
+/// A node without inputs and properties.
+fn node(name: &str, kind: &str) -> Node {
+    Node {
+        name: name.to_owned(),
+        kind: kind.to_owned(),
+        label: None,
+        location: Some([0.0; 2]),
+        muted: false,
+        bypass: None,
+        group: None,
+        socket_type: None,
+        properties: Map::new(),
+        outputs: indexmap::IndexMap::new(),
+        inputs: indexmap::IndexMap::new(),
+    }
+}
+
+/// A link to a node's output.
+fn link(node: &str, socket: &str) -> Input {
+    Input::Link { node: node.to_owned(), socket: socket.to_owned() }
+}
+
+/// Three components; what JSON has no number for as text.
+fn vector(values: [f32; 3]) -> Json {
+    values
+        .map(|value| if value.is_finite() { super::suite::json_number(value) } else { value.to_string().into() })
+        .into()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::nodes::{self, Role};
+    use std::collections::BTreeSet;
 
     #[test]
     fn graphs_compile_and_repeat() {
-        for seed in 0..200 {
+        for seed in 0..20 {
             let graph = generate(seed, 4).expect("a graph");
-            assert_eq!(graph.scene, generate(seed, 4).expect("the same graph").scene);
-            Program::compile(&graph.scene, &graph.targets).unwrap_or_else(|error| panic!("seed {seed}: {error}"));
+            // As text: there are NaNs among the attributes.
+            let again = generate(seed, 4).expect("the same graph");
+            assert_eq!(format!("{:?}", graph.trial), format!("{:?}", again.trial));
+            let program = Program::compile(&graph.trial.scene, &graph.trial.targets);
+            let program = program.unwrap_or_else(|error| panic!("seed {seed}: {error}"));
+            assert_eq!(program.outputs.len(), graph.trial.targets.len());
         }
+    }
+
+    #[test]
+    fn graphs_hold_every_node_and_all_that_a_graph_may_be() {
+        let mut found = BTreeSet::new();
+        let (mut muted_groups, mut muted_nodes, mut shared, mut nested) = (0, 0, 0, 0);
+        for seed in 0..100 {
+            let graph = generate(seed, 2).expect("a graph");
+            let content = graph.trial.scene.graph();
+            let inner = || content.groups.iter().flat_map(|group| &group.nodes);
+            for node in content.nodes.iter().chain(inner()) {
+                found.insert(node.kind.clone());
+                muted_groups += usize::from(node.muted && node.group.is_some());
+                muted_nodes += usize::from(node.muted && node.group.is_none());
+            }
+            nested += inner().filter(|node| node.group.is_some()).count();
+            let uses = |name: &str| content.nodes.iter().filter(|node| node.group.as_deref() == Some(name)).count();
+            shared += content.groups.iter().filter(|group| uses(&group.name) > 1).count();
+        }
+        for node_type in nodes::registry() {
+            let is_evaluated =
+                matches!(node_type.role, Role::Evaluated(_)) && node_type.type_name.starts_with("ShaderNode");
+            assert!(!is_evaluated || found.contains(node_type.type_name), "{} is in no graph", node_type.label);
+        }
+        for kind in ["NodeReroute", "ShaderNodeValue", "ShaderNodeGroup"] {
+            assert!(found.contains(kind), "{kind} is in no graph");
+        }
+        assert!(muted_nodes > 5 && muted_groups > 2 && shared > 5 && nested > 5);
     }
 }

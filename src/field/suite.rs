@@ -72,6 +72,22 @@ const SPECIAL: [f32; 36] = [
     f32::NAN,
 ];
 
+/// Nodes besides textures of which WGSL is judged at values as one would set them: the arithmetic of others is as accurate
+/// anywhere.
+const HAS_ORDINARY_VALUES: [&str; 11] = [
+    "mapping",
+    "mix",
+    "mix_rgb",
+    "color_ramp",
+    "float_curve",
+    "rgb_curve",
+    "vector_curve",
+    "combine_color",
+    "hue_saturation",
+    "gamma",
+    "blackbody",
+];
+
 /// Outputs of Separate XYZ.
 const AXES: [&str; 3] = ["X", "Y", "Z"];
 
@@ -160,7 +176,10 @@ pub fn modes(node_type: &NodeType) -> Vec<Map<String, Json>> {
         let values: Vec<Json> = match property.values {
             PropertyValues::Choice(names) => names.iter().map(|&name| name.into()).collect(),
             PropertyValues::Flag(_) => vec![false.into(), true.into()],
-            PropertyValues::Other => continue,
+            PropertyValues::Integer { probes, .. } => probes.iter().map(|&number| number.into()).collect(),
+            PropertyValues::Number { probes, .. } => probes.iter().map(|&number| json_number(number)).collect(),
+            PropertyValues::Data { probes, .. } => probes(),
+            PropertyValues::StoredOutput(_) | PropertyValues::Other => continue,
         };
         modes = modes
             .into_iter()
@@ -177,12 +196,37 @@ pub fn modes(node_type: &NodeType) -> Vec<Map<String, Json>> {
     modes
 }
 
-/// Whether every property of the mode has an effect on it: Voronoi's metric does nothing in one
-/// dimension and for edges and radii, nor does normalisation for radii and for noise but fBM.
+/// The shortest decimal that gives the same f32, as scene files write numbers.
+pub fn json_number(value: f32) -> Json {
+    value.to_string().parse::<f64>().map_or(Json::Null, Json::from)
+}
+
+/// Whether every property of the mode has an effect on it: Voronoi's metric does nothing in one dimension and for edges
+/// and radii, nor does normalisation for radii and for noise but fBM; blends and limits of results are for colours, factors by
+/// component for vectors; the direction of a wave that is not the active one and a frequency of a squash by 1 do nothing.
 fn is_own_mode(node_type: &NodeType, mode: &Map<String, Json>) -> bool {
     let is = |property: &str, value: &str| mode.get(property).and_then(Json::as_str) == Some(value);
     let normalizes = mode.get("normalize") == Some(&Json::Bool(true));
     match node_type.module {
+        "mix" => {
+            let clamps = mode.get("clamp_result") == Some(&Json::Bool(true));
+            (is("data_type", "VECTOR") || is("factor_mode", "UNIFORM"))
+                && (is("data_type", "RGBA") || (is("blend_type", "MIX") && !clamps))
+        }
+        // From a space to itself is the identity for every type.
+        "vector_transform" => {
+            mode.get("convert_from") != mode.get("convert_to")
+                || (is("convert_from", "WORLD") && is("vector_type", "VECTOR"))
+        }
+        "mix_rgb" => mode.get("use_alpha") != Some(&Json::Bool(true)),
+        "wave_texture" => {
+            let idle = if is("wave_type", "BANDS") { "rings_direction" } else { "bands_direction" };
+            is(idle, "X")
+        }
+        "brick_texture" => {
+            let number = |property: &str| mode.get(property).and_then(Json::as_f64);
+            number("squash") != Some(1.0) || number("squash_frequency") == Some(2.0)
+        }
         "noise_texture" => normalizes || is("noise_type", "FBM"),
         "voronoi_texture" => {
             let radius = is("feature", "N_SPHERE_RADIUS");
@@ -219,7 +263,8 @@ pub fn cases(points: usize, seed: u64, node: Option<&str>, selection: Selection)
                         continue;
                     }
                 }
-                let variants: &[bool] = if node_type.module == "noise_texture" { &[false, true] } else { &[false] };
+                let has_variants = matches!(node_type.module, "noise_texture" | "wave_texture");
+                let variants: &[bool] = if has_variants { &[false, true] } else { &[false] };
                 for &distorted in variants {
                     let seed = seed.wrapping_add(cases.len() as u64);
                     cases.push(Case::of_node(node_type, &properties, distorted, (points, seed), selection)?);
@@ -250,8 +295,9 @@ fn jumps(node_type: &NodeType, mode: &Mode, output: &str) -> bool {
     limits::wgsl(node_type, mode, output, false).jumps
 }
 
-/// A scene that holds nothing but this graph.
+/// A scene that holds nothing but this graph, in a volume that is turned, sheared and moved.
 pub fn bare_scene(name: &str, graph: Json) -> Result<Scene> {
+    let matrix_world = [[0.9, -1.1, 0.3, 2.5], [0.7, 1.3, -0.2, -1.25], [0.1, 0.4, 1.9, 3.3], [0.0, 0.0, 0.0, 1.0]];
     let identity = [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]];
     let document = json!({
         "format": crate::scene::FORMAT,
@@ -270,7 +316,7 @@ pub fn bare_scene(name: &str, graph: Json) -> Result<Scene> {
         "lights": [],
         "world": {"color": [0, 0, 0], "strength": 0.0},
         "volume": {
-            "object": "Cube", "matrix_world": identity, "shape": {"type": "box"},
+            "object": "Cube", "matrix_world": matrix_world, "shape": {"type": "box"},
             "bounds": {"min": [-1, -1, -1], "max": [1, 1, 1]},
             "texture_space": {"location": [0, 0, 0], "size": [1, 1, 1]},
             "material": "Material", "volume_step_rate": 1.0,
@@ -327,20 +373,53 @@ fn uniform(random: &mut ChaCha8Rng, low: f32, high: f32) -> f32 {
 }
 
 /// A texture's parameter far beyond its limits, or a coordinate.
-fn wild(random: &mut ChaCha8Rng, socket: &str) -> f32 {
+fn wild(random: &mut ChaCha8Rng, module: &str, socket: &str) -> f32 {
+    match (module, socket) {
+        ("blackbody", _) if random.random() => return uniform(random, 0.0, 14_000.0),
+        ("combine_color", "Red") | ("hue_saturation", "Hue") if random.random() => return uniform(random, -0.5, 1.5),
+        // Beyond, ten steps amplify the last bit of the C library's sine to the whole range.
+        ("magic_texture", "Distortion") => return uniform(random, -2.7, 2.7),
+        ("gabor_texture", "Anisotropy") => return uniform(random, -1.0, 2.0),
+        ("gabor_texture", "Frequency") => return normal(random, DEVIATION),
+        _ => {}
+    }
     match socket {
         "Detail" => uniform(random, -1.0, 17.0),
-        "Roughness" => uniform(random, -0.4, 1.5),
+        "Roughness" | "Detail Roughness" => uniform(random, -0.4, 1.5),
         "Lacunarity" => uniform(random, -1.5, 50.0),
         "Smoothness" | "Randomness" => uniform(random, -1.0, 2.0),
         "Exponent" => uniform(random, -1.0, 100.0),
-        "Scale" | "Offset" | "Gain" | "Distortion" => normal(random, DEVIATION),
+        "Scale" | "Offset" | "Gain" | "Distortion" | "Detail Scale" => normal(random, DEVIATION),
         _ => special_or_normal(random),
     }
 }
 
 /// A texture's parameter as one would set it: Detail up to 4, half of them whole.
-fn ordinary(random: &mut ChaCha8Rng, socket: &str, distorted: bool) -> f32 {
+fn ordinary(random: &mut ChaCha8Rng, module: &str, socket: &str, distorted: bool) -> f32 {
+    match (module, socket) {
+        ("mix", "Factor_Float" | "Factor_Vector") | ("mix_rgb", "Fac") => return uniform(random, -0.25, 1.25),
+        ("combine_color", _) | ("hue_saturation", "Hue" | "Fac" | "Color") => return uniform(random, 0.0, 1.0),
+        ("hue_saturation", _) => return uniform(random, 0.0, 2.0),
+        // The quotient by a scale near 0 has no relative accuracy.
+        ("mapping", "Scale") => return if random.random() { 1.0 } else { -1.0 } * uniform(random, 0.25, 4.0),
+        ("color_ramp", _) => return uniform(random, -0.2, 1.2),
+        ("float_curve", "Factor") | ("rgb_curve" | "vector_curve", "Fac") => return uniform(random, 0.0, 1.0),
+        ("float_curve" | "rgb_curve" | "vector_curve", _) => return uniform(random, -1.5, 2.0),
+        ("gamma", "Color") => return uniform(random, -0.25, 2.0),
+        ("gamma", _) => return uniform(random, -2.0, 5.0),
+        ("blackbody", _) => return uniform(random, 0.0, 14_000.0),
+        ("magic_texture", "Distortion") => return uniform(random, 0.5, 1.0),
+        ("brick_texture", "Mortar Size") => return uniform(random, 0.02, 0.1),
+        ("brick_texture", "Mortar Smooth") => return uniform(random, 0.2, 1.0),
+        ("brick_texture", "Bias") => return uniform(random, -1.0, 1.0),
+        ("brick_texture", "Brick Width") => return uniform(random, 0.3, 1.0),
+        ("brick_texture", "Row Height") => return uniform(random, 0.15, 0.5),
+        ("brick_texture", "Color1" | "Color2" | "Mortar") => return uniform(random, 0.0, 1.0),
+        ("gabor_texture", "Frequency") => return uniform(random, 0.5, 4.0),
+        // Half of them without scattered directions, which is a branch of its own.
+        ("gabor_texture", "Anisotropy") => return if random.random() { 1.0 } else { uniform(random, 0.0, 1.0) },
+        _ => {}
+    }
     match socket {
         "Detail" if random.random() && !distorted => random.random_range(0..=4) as f32,
         "Detail" => uniform(random, 0.0, 4.0),
@@ -349,7 +428,10 @@ fn ordinary(random: &mut ChaCha8Rng, socket: &str, distorted: bool) -> f32 {
         "Scale" => 5.0,
         "Distortion" if !distorted => 0.0,
         "Exponent" => uniform(random, 0.5, 2.7),
-        "Smoothness" | "Roughness" | "Randomness" | "Offset" | "Gain" | "Distortion" => uniform(random, 0.0, 1.0),
+        "Detail Scale" => uniform(random, 0.5, 2.0),
+        "Smoothness" | "Roughness" | "Detail Roughness" | "Randomness" | "Offset" | "Gain" | "Distortion" => {
+            uniform(random, 0.0, 1.0)
+        }
         _ => normal(random, DEVIATION),
     }
 }
@@ -365,6 +447,7 @@ impl Case {
         let wild_points = selection == Selection::Everything;
         let mode = Mode::read(node_type, properties, node_type.label)?;
         let texture = node_type.inputs.iter().any(|socket| socket.generated_when_unlinked);
+        let halves = texture || HAS_ORDINARY_VALUES.contains(&node_type.module);
         let points = match node_type.module {
             "voronoi_texture" if wild_points => (points * VORONOI_SHARE.0 / VORONOI_SHARE.1).max(2),
             _ => points.max(2),
@@ -397,10 +480,10 @@ impl Case {
             };
             for (index, row) in attributes[number].iter_mut().enumerate() {
                 for value in &mut row[axes.clone()] {
-                    *value = match (texture, index % 2) {
+                    *value = match (halves, index % 2) {
                         (false, _) => special_or_normal(&mut random),
-                        (true, 0) if wild_points => wild(&mut random, socket.identifier),
-                        (true, _) => ordinary(&mut random, socket.identifier, distorted),
+                        (true, 0) if wild_points => wild(&mut random, node_type.module, socket.identifier),
+                        (true, _) => ordinary(&mut random, node_type.module, socket.identifier, distorted),
                     };
                 }
             }
@@ -415,8 +498,9 @@ impl Case {
         let attributes: Vec<(String, Vec<[f32; 3]>)> =
             attributes.into_iter().enumerate().map(|(number, values)| (attribute_name(number), values)).collect();
         // WGSL promises no sign of zero. Hashed lattice cells and arctan2 depend on it.
-        let signed_zero = texture || mode.words().contains(&"ARCTAN2".to_owned());
-        let judged = judged(&attributes, points, signed_zero, |index| !(texture && wild_points) || index % 2 == 1);
+        let signed_zero =
+            texture || node_type.module == "white_noise_texture" || mode.words().contains(&"ARCTAN2".to_owned());
+        let judged = judged(&attributes, points, signed_zero, |index| !(halves && wild_points) || index % 2 == 1);
         Ok(Self {
             node: node_type.label,
             mode: words.join(" "),
@@ -602,7 +686,7 @@ fn judged(
 
 /// What is counted while points are compared.
 #[derive(Debug, Default)]
-struct Tally {
+pub(super) struct Tally {
     points: usize,
     differing: usize,
     one_sided: usize,
@@ -615,7 +699,7 @@ struct Tally {
 }
 
 impl Tally {
-    fn add(&mut self, ours: &[f32], theirs: &[f32], limit: &Limit, describe: impl Fn() -> String) {
+    pub(super) fn add(&mut self, ours: &[f32], theirs: &[f32], limit: &Limit, describe: impl Fn() -> String) {
         self.points += 1;
         let pairs = || ours.iter().copied().zip(theirs.iter().copied());
         if pairs().all(|(a, b)| equal(a, b)) {
@@ -638,6 +722,31 @@ impl Tally {
         if self.worst.is_none() || rank > self.worst_rank {
             self.worst_rank = rank;
             self.worst = Some(format!("inputs {}: ours {ours:?}, Cycles {theirs:?}", describe()));
+        }
+    }
+
+    /// A row without WGSL: node, mode and output, and the limit.
+    pub(super) fn row(self, (node, mode, output): (&str, &str, &str), limit: &Limit) -> Row {
+        Row {
+            node: node.to_owned(),
+            mode: mode.to_owned(),
+            output: output.to_owned(),
+            points: self.points,
+            cpu_max_error: self.max_error,
+            cpu_differing: self.differing,
+            cpu_one_sided_nonfinite: self.one_sided,
+            wgsl_points: None,
+            wgsl_max_error: None,
+            wgsl_max_ulp: None,
+            wgsl_beyond: None,
+            wgsl_explained: None,
+            avx2_max_error: None,
+            limit: limit.error,
+            limit_source: limit.source,
+            wgsl_limit: String::new(),
+            pass: self.passes(limit),
+            cpu_worst: self.worst,
+            wgsl_worst: None,
         }
     }
 

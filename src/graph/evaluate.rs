@@ -2,7 +2,7 @@
 
 use super::{Operand, Program};
 use crate::error::{Error, Result};
-use crate::nodes::{Column, Kernel, Oracle, Real, RunningError};
+use crate::nodes::{Column, Kernel, Nudge, Nudged, Oracle, Real, RunningError, nudged};
 use rayon::prelude::*;
 
 /// Points per batch: registers of a batch stay in the caches.
@@ -65,6 +65,12 @@ impl Evaluation for RunningError {
     }
 }
 
+impl Evaluation for Nudged {
+    fn run(kernel: &dyn Kernel, inputs: &[Column<'_, Self>], outputs: &mut [&mut [Self]]) {
+        kernel.evaluate_nudged(inputs, outputs);
+    }
+}
+
 impl Program {
     /// Evaluates every output at every point. The result holds, point by point, the components of
     /// all outputs in order, as f64 (exact for f32 arithmetic).
@@ -106,6 +112,91 @@ impl Program {
                 workspace.collect(self, count, results);
             },
         );
+        Ok(results)
+    }
+
+    /// [`Self::evaluate_single`] under a nudge, on the calling thread.
+    pub fn evaluate_nudged(&self, points: Points<'_>, nudge: Nudge) -> Result<Vec<f32>> {
+        let found = nudged::with(nudge, || self.evaluate_observed::<Nudged>(points, |_, _, _| ()))?;
+        Ok(found.into_iter().map(|value| value.0).collect())
+    }
+
+    /// Per output, whether at these points a function of the C library computes it or anything before it.
+    pub fn outputs_of_library(&self, points: Points<'_>) -> Result<Vec<bool>> {
+        let mut calling = vec![false; self.instructions.len()];
+        let mut known = nudged::calls();
+        nudged::with(Nudge::Nothing, || {
+            self.evaluate_observed::<Nudged>(points, |_, number, _| {
+                calling[number] |= nudged::calls() > known;
+                known = nudged::calls();
+            })
+        })?;
+        let mut touched = vec![false; self.registers];
+        let is_touched = |operand: &Operand, touched: &[bool]| match operand {
+            Operand::Register(register) => touched[*register],
+            _ => false,
+        };
+        for (instruction, calls) in self.instructions.iter().zip(calling) {
+            let through = calls || instruction.inputs.iter().any(|operand| is_touched(operand, &touched));
+            touched[instruction.first_register..][..instruction.components()].fill(through);
+        }
+        let any = |operands: &[Operand]| operands.iter().any(|operand| is_touched(operand, &touched));
+        Ok(self.outputs.iter().map(|output| any(&output.operands)).collect())
+    }
+
+    /// Point by point, for every output, whether `is_ordinary` holds for it and for every value that it is made from.
+    pub fn ordinary(&self, points: Points<'_>, is_ordinary: impl Fn(f32) -> bool) -> Result<Vec<bool>> {
+        // By register, then by point.
+        let mut clean = vec![vec![false; points.positions.len()]; self.registers];
+        let values = self.evaluate_observed::<f32>(points, |workspace, number, range| {
+            let instruction = &self.instructions[number];
+            let slots: Vec<usize> = instruction.inputs.iter().map(|operand| workspace.slot(operand)).collect();
+            let registers = instruction.first_register..instruction.first_register + instruction.components();
+            for (index, point) in range.enumerate() {
+                let input = |(operand, &slot): (&Operand, &usize)| match operand {
+                    Operand::Register(register) => clean[*register][point],
+                    _ => is_ordinary(workspace.columns[slot][index]),
+                };
+                let inputs = instruction.inputs.iter().zip(&slots).all(input);
+                for register in registers.clone() {
+                    let value = workspace.columns[workspace.first_register + register][index];
+                    clean[register][point] = inputs && is_ordinary(value);
+                }
+            }
+        })?;
+        let mut results = Vec::with_capacity(points.positions.len() * self.outputs.len());
+        for (point, values) in values.chunks(self.output_components().max(1)).enumerate() {
+            let mut component = 0;
+            for output in &self.outputs {
+                results.push(output.operands.iter().zip(&values[component..]).all(|(operand, &value)| match operand {
+                    Operand::Register(register) => clean[*register][point],
+                    _ => is_ordinary(value),
+                }));
+                component += output.operands.len();
+            }
+        }
+        Ok(results)
+    }
+
+    /// Evaluates on the calling thread; after each instruction `observe` is given the columns, the instruction's number
+    /// and which points they hold.
+    fn evaluate_observed<R: Evaluation>(
+        &self,
+        points: Points<'_>,
+        mut observe: impl FnMut(&Workspace<R>, usize, std::ops::Range<usize>),
+    ) -> Result<Vec<R>> {
+        let attributes = self.attribute_columns(points)?;
+        let width = self.output_components();
+        let mut results = vec![R::default(); points.positions.len() * width];
+        let mut workspace = Workspace::new(self);
+        for start in (0..points.positions.len()).step_by(BATCH) {
+            let range = start..points.positions.len().min(start + BATCH);
+            let attributes: Vec<_> = attributes.iter().map(|values| &values[range.clone()]).collect();
+            workspace.run_observed(self, &points.positions[range.clone()], &attributes, |workspace, number| {
+                observe(workspace, number, range.clone());
+            });
+            workspace.collect(self, range.len(), &mut results[start * width..range.end * width]);
+        }
         Ok(results)
     }
 
@@ -216,6 +307,17 @@ impl<R: Evaluation> Workspace<R> {
     }
 
     fn run(&mut self, program: &Program, positions: &[[f32; 3]], attributes: &[&[[f32; 3]]]) {
+        self.run_observed(program, positions, attributes, |_, _| ());
+    }
+
+    /// [`Self::run`]; `observe` is told the number of each instruction that was just done.
+    fn run_observed(
+        &mut self,
+        program: &Program,
+        positions: &[[f32; 3]],
+        attributes: &[&[[f32; 3]]],
+        mut observe: impl FnMut(&Self, usize),
+    ) {
         let count = positions.len();
         for axis in 0..3 {
             for (value, position) in self.columns[axis].iter_mut().zip(positions) {
@@ -228,7 +330,7 @@ impl<R: Evaluation> Workspace<R> {
                 }
             }
         }
-        for instruction in &program.instructions {
+        for (number, instruction) in program.instructions.iter().enumerate() {
             let slots: Vec<usize> = instruction.inputs.iter().map(|operand| self.slot(operand)).collect();
             let start = self.first_register + instruction.first_register;
             // Results stand behind everything that an instruction may read.
@@ -240,6 +342,7 @@ impl<R: Evaluation> Workspace<R> {
             let mut outputs: Vec<&mut [R]> =
                 after[..instruction.components()].iter_mut().map(|column| &mut column[..count]).collect();
             R::run(instruction.kernel.as_ref(), &inputs, &mut outputs);
+            observe(self, number);
         }
     }
 

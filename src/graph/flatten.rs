@@ -1,8 +1,9 @@
 //! Groups, reroutes, muted nodes and implicit conversions resolved into one flat list of nodes.
 
+use super::passes::affine_inputs;
 use super::{Note, Target};
 use crate::error::{Error, Result};
-use crate::nodes::{self, Mode, NodeType, Role, SourceContext, SourceValue};
+use crate::nodes::{self, Mode, NodeType, Role, SourceContext, SourceValue, refused};
 use crate::scene::{DEEPEST_NESTING, Graph, Group, Input, Node, Socket, SocketType, Volume};
 use std::collections::{HashMap, HashSet};
 
@@ -10,6 +11,8 @@ use std::collections::{HashMap, HashSet};
 #[derive(Debug, Clone, PartialEq)]
 pub(super) enum Source {
     Constant(f32),
+    /// A number that is known here and that neither Blender nor Cycles folds: it simplifies nothing.
+    Runtime(f32),
     Position(usize),
     Attribute(usize, usize),
     /// Node number, component counted over all its existing outputs.
@@ -22,8 +25,11 @@ pub(super) struct FlatNode {
     pub node_type: &'static NodeType,
     pub mode: Mode,
     pub inputs: Vec<Source>,
-    /// All inputs are constant in the file: Blender evaluates the node itself, by its own rules.
+    /// All inputs are constant for Blender, which evaluates the node itself, by its own rules.
     pub constant: bool,
+    /// First of three inputs that are a texture's linked coordinate. Where only Cycles makes it constant, the texture
+    /// reads Generated instead.
+    pub coordinate: Option<usize>,
 }
 
 /// The flat graph; `nodes` are in evaluation order.
@@ -32,6 +38,8 @@ pub(super) struct Flat {
     pub outputs: Vec<(String, SocketType, Vec<Source>)>,
     pub attributes: Vec<String>,
     pub notes: Vec<Note>,
+    /// Generated coordinates as an affine map of the position.
+    pub generated: [[f32; 4]; 3],
 }
 
 /// A resolved value and its type.
@@ -125,7 +133,13 @@ impl<'a> Flattener<'a> {
             volume,
             trees: vec![Tree::new(Vec::new(), &graph.nodes, None)],
             tree_numbers: HashMap::new(),
-            flat: Flat { nodes: Vec::new(), outputs: Vec::new(), attributes: Vec::new(), notes: Vec::new() },
+            flat: Flat {
+                nodes: Vec::new(),
+                outputs: Vec::new(),
+                attributes: Vec::new(),
+                notes: Vec::new(),
+                generated: generated_rows(&volume.texture_space),
+            },
             done: HashMap::new(),
             open: Vec::new(),
             is_open: HashSet::new(),
@@ -244,19 +258,7 @@ impl<'a> Flattener<'a> {
     }
 
     pub(super) fn node_type(&self, tree: usize, node: &Node) -> Result<&'static NodeType> {
-        nodes::find(&node.kind).ok_or_else(|| {
-            let known: Vec<_> = nodes::registry()
-                .iter()
-                .map(|node_type| node_type.label)
-                .filter(|label| !label.starts_with('('))
-                .collect();
-            Error::new(
-                self.place(tree, &node.name),
-                format!("the node type {}", node.kind),
-                format!("one of the supported nodes: {}", known.join(", ")),
-                "Replace the node; one that does not reach the volume does not matter.",
-            )
-        })
+        nodes::find(&node.kind).ok_or_else(|| nodes::refused::error(self.place(tree, &node.name), &node.kind))
     }
 
     /// The value of an output; none where a muted node or a reroute has nothing to pass on: Blender
@@ -400,7 +402,7 @@ impl<'a> Flattener<'a> {
         match source {
             Source::Constant(_) => true,
             Source::Node(number, _) => self.flat.nodes[*number].constant,
-            Source::Position(_) | Source::Attribute(..) => false,
+            Source::Runtime(_) | Source::Position(_) | Source::Attribute(..) => false,
         }
     }
 
@@ -493,7 +495,8 @@ impl<'a> Flattener<'a> {
         socket: &str,
     ) -> Result<Resolved> {
         let place = self.place(tree, &node.name);
-        let mode = Mode::read(node_type, &node.properties, &place)?;
+        refuse_settings(node_type, node, &place)?;
+        let mode = Mode::of_node(node_type, node, &place)?;
         let existing: Vec<_> = node_type.outputs_of(&mode).collect();
         let Some(position) = existing.iter().position(|output| output.identifier == socket) else {
             let names: Vec<_> = existing.iter().map(|output| output.identifier).collect();
@@ -515,6 +518,7 @@ impl<'a> Flattener<'a> {
             Role::Source(resolve) => {
                 let context = SourceContext {
                     matrix_world: &self.volume.matrix_world,
+                    volume: self.volume,
                     place: &place,
                     node,
                     has_grid: self.volume.grid.is_some(),
@@ -536,17 +540,63 @@ impl<'a> Flattener<'a> {
 
     fn evaluated(&mut self, tree: usize, node: &'a Node, node_type: &'static NodeType, mode: Mode) -> Result<usize> {
         let mut inputs = Vec::new();
+        // Where the coordinate of a texture stands among the inputs.
+        let mut coordinate = None;
         for socket in node_type.inputs_of(&mode) {
+            if socket.generated_when_unlinked {
+                coordinate = Some(inputs.len());
+            }
             inputs.extend(self.input(tree, node, socket)?);
         }
         self.check_inputs(tree, node, node_type)?;
         let outputs = node_type.outputs_of(&mode).map(|output| output.identifier).collect();
-        let number = self.flat.nodes.len();
         let label = self.label(tree, &node.name);
-        let constant = inputs.iter().all(|source| self.is_constant(source));
-        self.flat.nodes.push(FlatNode { label, node_type, mode: mode.with_wanted(outputs), inputs, constant });
+        let mut mode = mode.with_wanted(outputs);
+        if node_type.type_name == nodes::vector_transform::TYPE.type_name {
+            let place = self.place(tree, &node.name);
+            mode = mode.with_frame(nodes::vector_transform::Frame::of(&self.volume.matrix_world, &place)?);
+        }
+        let is_linked =
+            |socket: &nodes::InputSocket| matches!(node.inputs.get(socket.identifier), Some(input) if is_link(input));
+        let constant = self.folds_early(node_type, &mode, &inputs)
+            && node_type.inputs_of(&mode).all(|socket| !socket.folds_only_linked || is_linked(socket));
+        let late = |flattener: &Self, first: &usize| {
+            !inputs[*first..first + 3].iter().all(|source| flattener.is_constant(source))
+        };
+        let mut read_late = coordinate.filter(|first| late(self, first));
+        if let Some(first) = coordinate.filter(|_| !constant) {
+            // Blender ignores the texture's own mapping where it evaluates the texture itself.
+            let before = self.flat.nodes.len();
+            let mapped = self.texture_mapped(tree, node, inputs[first..first + 3].to_vec())?;
+            inputs.splice(first..first + 3, mapped);
+            if let Some(mapping) = self.flat.nodes.get_mut(before) {
+                // What the mapping reads is what Cycles replaces.
+                mapping.coordinate = read_late.take().map(|_| 0);
+            }
+        }
+        let number = self.flat.nodes.len();
+        self.flat.nodes.push(FlatNode { label, node_type, mode, inputs, constant, coordinate: read_late });
         self.done.insert((tree, node.name.as_str()), number);
         Ok(number)
+    }
+
+    /// Whether Blender itself evaluates a node with these inputs.
+    fn folds_early(&self, node_type: &NodeType, mode: &Mode, inputs: &[Source]) -> bool {
+        let Role::Evaluated(build) = node_type.role else { return false };
+        inputs.iter().all(|source| self.is_constant(source)) && build(mode).folds_early()
+    }
+
+    /// A texture's coordinate behind the mapping that the texture carries itself.
+    fn texture_mapped(&mut self, tree: usize, node: &Node, coordinate: Vec<Source>) -> Result<Vec<Source>> {
+        use nodes::texture_mapping::{PROPERTY, TYPE, TextureMapping};
+        let Some(value) = node.properties.get(PROPERTY) else { return Ok(coordinate) };
+        let place = format!("{}: property {PROPERTY}", self.place(tree, &node.name));
+        let Some(mapping) = TextureMapping::read(value, &place)? else { return Ok(coordinate) };
+        let mut properties = serde_json::Map::new();
+        properties.insert("unit".into(), mapping.unit.into());
+        let constants = mapping.columns.into_iter().flatten().map(Source::Constant);
+        let inputs = coordinate.into_iter().chain(constants).collect();
+        Ok(self.internal(tree, node, &TYPE, &properties, inputs, 3))
     }
 
     /// Refuses inputs that the node type does not have: a misspelt one would leave a default in place.
@@ -673,36 +723,29 @@ impl<'a> Flattener<'a> {
         let label = format!("{} {}", self.label(tree, &node.name), node_type.label);
         let mode = Mode::read(node_type, properties, &label).expect("the compiler's own properties are legal");
         let outputs = node_type.outputs_of(&mode).map(|output| output.identifier).collect();
-        let constant = inputs.iter().all(|source| self.is_constant(source));
-        self.flat.nodes.push(FlatNode { label, node_type, mode: mode.with_wanted(outputs), inputs, constant });
+        let mode = mode.with_wanted(outputs);
+        // A lookup has no grid yet, and no kernel; but its index varies.
+        let constant = self.folds_early(node_type, &mode, &inputs);
+        self.flat.nodes.push(FlatNode { label, node_type, mode, inputs, constant, coordinate: None });
         let number = self.flat.nodes.len() - 1;
         (0..components).map(|component| Source::Node(number, component)).collect()
     }
 
     fn source(&mut self, tree: usize, node: &Node, value: SourceValue) -> Vec<Source> {
         let affine = |flattener: &mut Self, rows: [[f32; 4]; 3]| {
-            let mut inputs: Vec<Source> = (0..3).map(Source::Position).collect();
-            for column in 0..4 {
-                inputs.extend(rows.iter().map(|row| Source::Constant(row[column])));
-            }
             let none = serde_json::Map::new();
-            flattener.internal(tree, node, &nodes::affine::TYPE, &none, inputs, 3)
+            flattener.internal(tree, node, &nodes::affine::TYPE, &none, affine_inputs(rows), 3)
         };
         match value {
             SourceValue::Constant(values) => values.into_iter().map(Source::Constant).collect(),
+            SourceValue::PerObject(values) => {
+                let inputs = (0..3).map(|axis| Source::Constant(values[axis.min(values.len() - 1)])).collect();
+                let none = serde_json::Map::new();
+                self.internal(tree, node, &nodes::object_value::TYPE, &none, inputs, values.len())
+            }
             SourceValue::Position => (0..3).map(Source::Position).collect(),
             SourceValue::Affine(rows) => affine(self, rows),
-            SourceValue::Generated => {
-                let space = &self.volume.texture_space;
-                let rows = std::array::from_fn(|axis| {
-                    let factor = if space.size[axis] != 0.0 { 0.5 / space.size[axis] } else { 0.0 };
-                    let mut row = [0.0; 4];
-                    row[axis] = factor;
-                    row[3] = -(space.location[axis] * factor - 0.5);
-                    row
-                });
-                affine(self, rows)
-            }
+            SourceValue::Generated => affine(self, self.flat.generated),
             SourceValue::Grid => {
                 let handle = self.volume.grid.clone().expect("the node asks only where there is a grid");
                 let to_index = handle.grid().grid().to_object.inverse();
@@ -743,8 +786,40 @@ impl<'a> Flattener<'a> {
     }
 }
 
+/// Generated coordinates in object space: rows of an affine map.
+fn generated_rows(space: &crate::scene::TextureSpace) -> [[f32; 4]; 3] {
+    std::array::from_fn(|axis| {
+        let factor = if space.size[axis] != 0.0 { 0.5 / space.size[axis] } else { 0.0 };
+        let mut row = [0.0; 4];
+        row[axis] = factor;
+        row[3] = -(space.location[axis] * factor - 0.5);
+        row
+    })
+}
+
 pub(super) fn is_link(input: &Input) -> bool {
     matches!(input, Input::Link { .. } | Input::GroupInput(_))
+}
+
+/// Refuses settings of a supported node that are no field.
+fn refuse_settings(node_type: &NodeType, node: &Node, place: &str) -> Result<()> {
+    for part in refused::parts(node_type.type_name) {
+        let refused::Part::Setting(property, value) = part.part else { continue };
+        let is_set = match node.properties.get(property) {
+            Some(serde_json::Value::String(found)) => found == value,
+            Some(found) => found.to_string() == value,
+            None => false,
+        };
+        if is_set {
+            return Err(Error::new(
+                format!("{place}: property {property}"),
+                format!("{value}, which {}", part.reason),
+                format!("another value of {}", node_type.label),
+                part.instead,
+            ));
+        }
+    }
+    Ok(())
 }
 
 fn unknown_input<'a>(place: &str, identifier: &str, known: impl Iterator<Item = &'a str>) -> Error {
@@ -754,4 +829,73 @@ fn unknown_input<'a>(place: &str, identifier: &str, known: impl Iterator<Item = 
         format!("one of {}", known.collect::<Vec<_>>().join(", ")),
         "Correct the identifier, or export the scene again.",
     )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::field::suite::bare_scene;
+    use serde_json::{Value as Json, json};
+
+    fn node(name: &str, kind: &str, properties: Json, inputs: Json) -> Json {
+        json!({"name": name, "type": format!("ShaderNode{kind}"), "properties": properties, "inputs": inputs})
+    }
+
+    fn link(node: &str, socket: &str) -> Json {
+        json!({"node": node, "socket": socket})
+    }
+
+    fn flat(nodes: &[Json], target: Target) -> Result<Flat> {
+        let scene = bare_scene("test", json!({"material": "Material", "nodes": nodes, "groups": []}))?;
+        flatten(scene.graph(), &scene.volume, &[target])
+    }
+
+    /// Whether Blender evaluates a Math node that reads this.
+    fn folds(nodes: &[Json], read: Json) -> bool {
+        let nodes: Vec<Json> =
+            nodes.iter().cloned().chain([node("M", "Math", json!({}), json!({"Value": read}))]).collect();
+        let flat = flat(&nodes, Target::output("M", "Value")).expect("a graph");
+        flat.nodes.iter().find(|node| node.label == "M").expect("the reader").constant
+    }
+
+    #[test]
+    fn what_blender_does_not_fold_makes_its_readers_vary() {
+        let value = json!({"name": "V", "type": "ShaderNodeValue", "outputs": {"Value": 2.0}});
+        assert!(folds(&[value], link("V", "Value")));
+        assert!(folds(&[node("R", "VectorRotate", json!({}), json!({}))], link("R", "Vector")));
+        for (kind, output) in [
+            ("Mapping", "Vector"),
+            ("VectorTransform", "Vector"),
+            ("Normal", "Dot"),
+            ("ObjectInfo", "Alpha"),
+            ("ObjectInfo", "Location"),
+        ] {
+            assert!(!folds(&[node("N", kind, json!({}), json!({}))], link("N", output)), "{kind} {output}");
+        }
+    }
+
+    #[test]
+    fn a_mapping_of_a_texture_stands_before_it_unless_blender_folds_the_texture() {
+        let mapped = |source: Json| {
+            let nodes = [
+                node("P", "TexCoord", json!({}), json!({})),
+                node("C", "CombineXYZ", json!({}), json!({"X": 0.5})),
+                node("T", "TexNoise", json!({"texture_mapping": {"scale": [2, 2, 2]}}), json!({"Vector": source})),
+            ];
+            let flat = flat(&nodes, Target::output("T", "Fac")).expect("a graph");
+            flat.nodes.iter().any(|node| node.label == "T (texture mapping)")
+        };
+        assert!(mapped(link("P", "Object")));
+        // Stored, the coordinate is not read: Generated is.
+        assert!(mapped(json!([0.0, 0.0, 0.0])));
+        assert!(!mapped(link("C", "Vector")));
+    }
+
+    #[test]
+    fn the_space_of_the_camera_is_refused() {
+        let nodes = [node("T", "VectorTransform", json!({"convert_to": "CAMERA"}), json!({}))];
+        let error = flat(&nodes, Target::output("T", "Vector")).err().expect("refused");
+        assert_eq!(error.place, "material Material: node T: property convert_to");
+        assert!(error.found.contains("camera"), "{error}");
+    }
 }

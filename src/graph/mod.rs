@@ -18,7 +18,7 @@ pub mod wgsl;
 pub use target::Target;
 
 use crate::error::Result;
-use crate::nodes::{Kernel, Mode, NodeType};
+use crate::nodes::{Kernel, Mode, NodeType, Nudge};
 use crate::scene::{Scene, SocketType};
 
 /// Where a scalar component comes from.
@@ -102,6 +102,12 @@ impl Program {
     pub fn compile(scene: &Scene, targets: &[Target]) -> Result<Self> {
         let flat = flatten::flatten(scene.graph(), &scene.volume, targets)?;
         Ok(passes::run(flat))
+    }
+
+    /// [`Self::compile`] with the constants that are folded under a nudge: for evaluation under the same.
+    pub fn compile_nudged(scene: &Scene, targets: &[Target], nudge: Nudge) -> Result<Self> {
+        let flat = flatten::flatten(scene.graph(), &scene.volume, targets)?;
+        Ok(passes::run_nudged(flat, Some(nudge)))
     }
 
     /// Compiles the density of the scene's volume.

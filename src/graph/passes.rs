@@ -3,7 +3,7 @@
 
 use super::flatten::{Flat, Source};
 use super::{Instruction, Note, Operand, Output, Program};
-use crate::nodes::{Column, Kernel, Mode, NodeType, Role, Simplified};
+use crate::nodes::{Column, Kernel, Mode, NodeType, Nudge, Nudged, Role, Simplified, affine, nudged};
 use std::collections::HashMap;
 
 /// A node after the first pass: what its output components are now.
@@ -26,13 +26,29 @@ fn components(node_type: &'static NodeType, mode: &Mode) -> usize {
 }
 
 pub(super) fn run(flat: Flat) -> Program {
-    let Flat { nodes, mut outputs, attributes, mut notes } = flat;
+    run_nudged(flat, None)
+}
+
+/// [`run`] with the constants that it folds under a nudge, where there is one.
+pub(super) fn run_nudged(flat: Flat, nudge: Option<Nudge>) -> Program {
+    let Flat { nodes, mut outputs, attributes, mut notes, generated } = flat;
     // replaced[n]: what each output component of flat node n turned into.
     let mut replaced: Vec<Vec<Source>> = Vec::with_capacity(nodes.len());
-    let mut kept: Vec<Kept> = Vec::new();
-    let mut known: HashMap<String, usize> = HashMap::new();
+    let mut folded: Vec<Kept> = Vec::new();
     for node in nodes {
-        let inputs: Vec<Source> = node.inputs.iter().map(|source| follow(&replaced, source)).collect();
+        let mut inputs: Vec<Source> = node.inputs.iter().map(|source| follow(&replaced, source)).collect();
+        if let Some(first) = node.coordinate
+            && inputs[first..first + 3].iter().all(|source| as_constant(source).is_some())
+        {
+            // Cycles forgets that the coordinate was linked: it counts as unlinked, whatever its value.
+            folded.push(Kept {
+                label: format!("{} Generated", node.label),
+                node_type: &affine::TYPE,
+                mode: generated_mode(),
+                inputs: affine_inputs(generated),
+            });
+            inputs.splice(first..first + 3, (0..3).map(|axis| Source::Node(folded.len() - 1, axis)));
+        }
         let mut note = |action: &'static str, reason: String| {
             notes.push(Note {
                 node: node.label.clone(),
@@ -44,38 +60,71 @@ pub(super) fn run(flat: Flat) -> Program {
         let kernel = kernel_of(node.node_type, &node.mode);
         let constants: Vec<Option<f32>> = inputs.iter().map(as_constant).collect();
         let count = components(node.node_type, &node.mode);
-        if let Some(values) = constants.iter().copied().collect::<Option<Vec<f32>>>() {
-            // What only a simplification made constant, Blender has not folded: Cycles evaluates it.
-            let own_rule = if node.constant { kernel.fold(&values) } else { None };
-            let values = own_rule.unwrap_or_else(|| evaluate(kernel.as_ref(), &values, count));
+        if let Some(values) = inputs.iter().map(as_known).collect::<Option<Vec<f32>>>() {
+            let folds_late = constants.iter().all(Option::is_some) && kernel.folds_late();
+            // What Blender has not folded (a simplification made it constant, or a node that Blender cannot
+            // evaluate stands before it) Cycles folds by rules of its own, if it can.
+            let own_rule = match (node.constant, folds_late) {
+                (true, _) => kernel.fold(&values),
+                (false, true) => kernel.fold_late(&values),
+                (false, false) => None,
+            };
+            let values = match nudge {
+                Some(nudge) => nudged::with(nudge, || evaluate_nudged(kernel.as_ref(), &values, count, own_rule)),
+                None => own_rule.unwrap_or_else(|| evaluate(kernel.as_ref(), &values, count)),
+            };
             note("folded", format!("constant inputs: {}", list(&values)));
-            replaced.push(values.into_iter().map(Source::Constant).collect());
+            let source = if node.constant || folds_late { Source::Constant } else { Source::Runtime };
+            replaced.push(values.into_iter().map(source).collect());
             continue;
         }
-        match kernel.simplify(&constants) {
+        let equal = |first: usize, second: usize| as_known(&inputs[first]).is_none() && inputs[first] == inputs[second];
+        match kernel.simplify(&constants).or_else(|| kernel.simplify_links(&constants, &equal)) {
             Some(Simplified::Inputs(indices)) => {
                 if !node.node_type.properties.is_empty() {
-                    note("simplified", "a neutral constant: passes its other input on".into());
+                    note("simplified", "passes an input on".into());
                 }
                 replaced.push(indices.into_iter().map(|index| inputs[index].clone()).collect());
                 continue;
             }
             Some(Simplified::Constant(values)) => {
-                note("simplified", format!("an absorbing constant: {}", list(&values)));
+                note("simplified", format!("constant whatever the other inputs are: {}", list(&values)));
                 replaced.push(values.into_iter().map(Source::Constant).collect());
                 continue;
             }
             None => {}
         }
-        let key = format!("{} {:?} {}", node.node_type.type_name, node.mode, bits(&inputs));
-        let number = *known.entry(key).or_insert_with(|| {
-            kept.push(Kept { label: node.label.clone(), node_type: node.node_type, mode: node.mode, inputs });
-            kept.len() - 1
-        });
-        if kept[number].label != node.label {
-            note("merged", format!("equal to {}", kept[number].label));
+        folded.push(Kept { label: node.label, node_type: node.node_type, mode: node.mode, inputs });
+        replaced.push((0..count).map(|component| Source::Node(folded.len() - 1, component)).collect());
+    }
+    // Merging comes last, as in Cycles: that two links lead to equal nodes simplifies nothing.
+    let mut merged: Vec<Vec<Source>> = Vec::with_capacity(folded.len());
+    let mut kept: Vec<Kept> = Vec::new();
+    let mut known: HashMap<String, usize> = HashMap::new();
+    for mut node in folded {
+        node.inputs = node.inputs.iter().map(|source| follow(&merged, source)).collect();
+        let count = components(node.node_type, &node.mode);
+        let key = format!("{} {:?} {}", node.node_type.type_name, node.mode, bits(&node.inputs));
+        let number = known.get(&key).copied().unwrap_or(kept.len());
+        if let Some(first) = kept.get(number) {
+            if first.label != node.label {
+                notes.push(Note {
+                    node: node.label,
+                    node_type: node.node_type.type_name.to_owned(),
+                    action: "merged",
+                    reason: format!("equal to {}", first.label),
+                });
+            }
+        } else {
+            known.insert(key, number);
+            kept.push(node);
         }
-        replaced.push((0..count).map(|component| Source::Node(number, component)).collect());
+        merged.push((0..count).map(|component| Source::Node(number, component)).collect());
+    }
+    for sources in &mut replaced {
+        for source in sources {
+            *source = follow(&merged, source);
+        }
     }
     for (_, _, sources) in &mut outputs {
         for source in sources {
@@ -169,9 +218,32 @@ fn as_constant(source: &Source) -> Option<f32> {
     }
 }
 
+/// The value of what is known before any point is.
+fn as_known(source: &Source) -> Option<f32> {
+    match source {
+        Source::Constant(value) | Source::Runtime(value) => Some(*value),
+        _ => None,
+    }
+}
+
+/// Inputs of an affine map of the position with these rows.
+pub(super) fn affine_inputs(rows: [[f32; 4]; 3]) -> Vec<Source> {
+    let mut inputs: Vec<Source> = (0..3).map(Source::Position).collect();
+    for column in 0..4 {
+        inputs.extend(rows.iter().map(|row| Source::Constant(row[column])));
+    }
+    inputs
+}
+
+fn generated_mode() -> Mode {
+    let mode = Mode::read(&affine::TYPE, &serde_json::Map::new(), affine::TYPE.label).expect("no properties");
+    let outputs = affine::TYPE.outputs_of(&mode).map(|output| output.identifier).collect();
+    mode.with_wanted(outputs)
+}
+
 fn operand(register_of: &[Vec<Option<usize>>], source: &Source) -> Operand {
     match source {
-        Source::Constant(value) => Operand::Constant(*value),
+        Source::Constant(value) | Source::Runtime(value) => Operand::Constant(*value),
         Source::Position(axis) => Operand::Position(*axis),
         Source::Attribute(number, axis) => Operand::Attribute(*number, *axis),
         Source::Node(node, component) => {
@@ -190,6 +262,23 @@ fn evaluate(kernel: &dyn Kernel, values: &[f32], count: usize) -> Vec<f32> {
     result
 }
 
+/// [`evaluate`] under the thread's nudge. A value by the node's own rule is no generic arithmetic: where the node calls the C
+/// library, the value itself is nudged.
+fn evaluate_nudged(kernel: &dyn Kernel, values: &[f32], count: usize, own_rule: Option<Vec<f32>>) -> Vec<f32> {
+    let calls = nudged::calls();
+    let values: Vec<Nudged> = values.iter().map(|&value| Nudged(value)).collect();
+    let columns: Vec<Column<'_, Nudged>> =
+        values.iter().map(|value| Column { values: std::slice::from_ref(value), uniform: true }).collect();
+    let mut result = vec![Nudged(0.0); count];
+    let mut slices: Vec<&mut [Nudged]> = result.iter_mut().map(std::slice::from_mut).collect();
+    kernel.evaluate_nudged(&columns, &mut slices);
+    match own_rule {
+        Some(own) if nudged::calls() > calls => own.into_iter().map(nudged::folded).collect(),
+        Some(own) => own,
+        None => result.into_iter().map(|value| value.0).collect(),
+    }
+}
+
 fn list(values: &[f32]) -> String {
     values.iter().map(ToString::to_string).collect::<Vec<_>>().join(", ")
 }
@@ -199,7 +288,7 @@ fn bits(inputs: &[Source]) -> String {
     inputs
         .iter()
         .map(|source| match source {
-            Source::Constant(value) => format!("c{:08x} ", value.to_bits()),
+            Source::Constant(value) | Source::Runtime(value) => format!("c{:08x} ", value.to_bits()),
             other => format!("{other:?} "),
         })
         .collect()

@@ -20,6 +20,8 @@ use std::fmt::Write;
 /// Modules that node modules import, in dependency order.
 const SHARED: &[(&str, &str)] = &[
     ("nodes/shared/numeric.wgsl", include_str!("../../shaders/nodes/shared/numeric.wgsl")),
+    ("nodes/shared/color_space.wgsl", include_str!("../../shaders/nodes/shared/color_space.wgsl")),
+    ("nodes/shared/blend.wgsl", include_str!("../../shaders/nodes/shared/blend.wgsl")),
     ("nodes/shared/hash.wgsl", include_str!("../../shaders/nodes/shared/hash.wgsl")),
     ("nodes/shared/gradient_noise.wgsl", include_str!("../../shaders/nodes/shared/gradient_noise.wgsl")),
 ];
@@ -195,7 +197,8 @@ impl Linker {
                 arguments.push(expression(operands, &names, &instruction.label)?);
             }
             let module = instruction.node_type.module;
-            let key = format!("{module} {}", definitions.join(" "));
+            let constants = instruction.mode.shader_constants() + &instruction.kernel.shader_constants();
+            let key = format!("{module} {} {constants}", definitions.join(" "));
             let instance = match instances.get(&key) {
                 Some(instance) => instance.clone(),
                 None => {
@@ -204,7 +207,8 @@ impl Linker {
                     // A letter last: the composer reserves names that end in a digit.
                     let instance = format!("{module}_{count}i");
                     let path = format!("nodes/{module}.wgsl");
-                    self.add_instance(&instance, &path, instruction.node_type.shader, &definitions)?;
+                    let text = with_constants(instruction.node_type.shader, &constants);
+                    self.add_instance(&instance, &path, &text, &definitions)?;
                     instances.insert(key, instance.clone());
                     instance
                 }
@@ -251,6 +255,19 @@ impl Linker {
         line(&mut text, format_args!("    return {value};\n}}"));
         Ok(text)
     }
+}
+
+/// A module's text with declarations behind its imports.
+fn with_constants(source: &str, constants: &str) -> String {
+    if constants.is_empty() {
+        return source.to_owned();
+    }
+    let is_import = |line: &str| line.trim_start().starts_with("#import");
+    let imports =
+        source.lines().collect::<Vec<_>>().iter().rposition(|line| is_import(line)).map_or(0, |last| last + 1);
+    let (head, body): (Vec<_>, Vec<_>) = source.lines().enumerate().partition(|(number, _)| *number < imports);
+    let text = |lines: Vec<(usize, &str)>| lines.into_iter().map(|(_, line)| format!("{line}\n")).collect::<String>();
+    format!("{}{constants}{}", text(head), text(body))
 }
 
 const AXES: [&str; 3] = ["x", "y", "z"];

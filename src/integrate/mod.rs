@@ -6,6 +6,7 @@
 mod adapter;
 pub mod blue_noise;
 pub mod camera;
+pub mod compile_times;
 pub mod convergence;
 pub mod density_cache;
 pub mod engine;

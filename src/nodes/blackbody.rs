@@ -1,64 +1,113 @@
-//! Radiance of a blackbody as Principled Volume emits it.
+//! Colour of a blackbody: the Blackbody node (`ShaderNodeBlackbody`), and the radiance that Principled Volume emits.
 //!
-//! With temperature T = max(Temperature, 0) and b = Blackbody Intensity, per metre:
-//! tint * B(T) * (s / pi) * 1e-6 * ((1 - b) + b T^4), s = 5.670373e-8 W/m^2/K^4 being the constant of Stefan and
+//! The colour of temperature T is linear Rec. 709 of luminance 1. Cycles computes it piece by piece: a/T + b T + c in
+//! red and green, a cubic in blue, constant below 800 K and from 12000 K on. Cool temperatures have negative channels:
+//! the node drops them, Principled Volume keeps them.
+//!
+//! Principled Volume emits, with T = max(Temperature, 0) and b = Blackbody Intensity, per metre:
+//! tint * colour(T) * (s / pi) * 1e-6 * ((1 - b) + b T^4), s = 5.670373e-8 W/m^2/K^4 being the constant of Stefan and
 //! Boltzmann. It is 0 where b is not above 0.
-//! B(T) is the colour in linear Rec. 709, scaled to luminance 1, of which negative components are kept.
-//! Cycles computes it piece by piece: a/T + b T + c in red and green, a cubic in blue, constant below 800 K and
-//! from 12000 K on. The knots and coefficients here were fitted to values that Cycles 5.0.1 rendered, every
-//! kelvin from 500 to 4595 and every second one to 12786, with residuals of at most 1.2e-6.
 
 use super::closure::{Quantity, per_channel};
+use super::color_space::fill;
+use super::real::Real;
+use super::{Column, Evaluate, InputSocket, Interval, NodeType, OutputSocket, Role, always};
+use crate::scene::SocketType;
+
+/// The node type.
+pub static TYPE: NodeType = NodeType {
+    type_name: "ShaderNodeBlackbody",
+    label: "Blackbody",
+    module: "blackbody",
+    shader: include_str!("../../shaders/nodes/blackbody.wgsl"),
+    properties: &[],
+    inputs: &[InputSocket::float("Temperature", "Temperature", &[6500.0], always)],
+    outputs: &[OutputSocket::new("Color", SocketType::Color, always)],
+    role: Role::Evaluated(|_| Box::new(Blackbody)),
+};
 
 /// Kelvins at which the pieces begin.
-const KNOTS: [f64; 8] = [800.0, 965.0, 1167.0, 1449.0, 1902.0, 3315.0, 6365.0, 12000.0];
+const KNOTS: [f32; 8] = [800.0, 965.0, 1167.0, 1449.0, 1902.0, 3315.0, 6365.0, 12000.0];
 
 /// Colour below the first knot.
-const COLDEST: [f64; 3] = [5.413_292_9, -0.203_193_85, -0.082_253_5];
+const COLDEST: [f32; 3] = [5.413_294_3, -0.203_193_9, -0.082_253_52];
 /// Colour from the last knot on.
-const HOTTEST: [f64; 3] = [0.826_295_26, 0.994_507_74, 1.566_307_2];
+const HOTTEST: [f32; 3] = [0.826_295_5, 0.994_508, 1.566_307_7];
 
 /// Red and green of each piece: factor of 1/T, factor of T, constant.
-const RED: [[f64; 3]; 7] = [
-    [1619.197, -0.002_050_101_1, 5.029_942_4],
-    [2488.4654, -0.001_113_299_3, 3.226_193_7],
-    [3341.4326, -0.000_486_550_1, 1.764_864_6],
-    [4094.6157, -0.000_127_446_86, 0.725_732_34],
-    [4670.2802, 2.912_592_6e-5, 0.126_702_68],
-    [4595.0923, 2.874_964_3e-5, 0.150_344_19],
-    [3787.1768, 9.359_109_1e-6, 0.399_075_06],
+const RED: [[f32; 3]; 7] = [
+    [1619.191, -0.002_050_109_2, 5.029_958],
+    [2488.454_6, -0.001_113_309_1, 3.226_215_4],
+    [3341.432, -0.000_486_551_2, 1.764_867_7],
+    [4094.617_4, -0.000_127_446_58, 0.725_731_6],
+    [4670.280_3, 0.000_029_125_82, 0.126_703_44],
+    [4595.092, 0.000_028_749_564, 0.150_345_03],
+    [3787.174_6, 9.359_078e-6, 0.399_075_87],
 ];
-const GREEN: [[f64; 3]; 7] = [
-    [-488.99936, 0.000_604_330_97, -0.075_581_379],
-    [-755.99467, 0.000_316_729_46, 0.478_307_17],
-    [-1023.6388, 0.000_120_223_89, 0.936_660_91],
-    [-1265.7135, 4.873_137e-6, 1.270_545_6],
-    [-1425.293, -4.011_502_9e-5, 1.439_727_4],
-    [-1175.5459, -2.163_770_4e-5, 1.304_079],
-    [-500.79624, -4.598_287_2e-6, 1.090_986_7],
+const GREEN: [[f32; 3]; 7] = [
+    [-488.999_76, 0.000_604_330_74, -0.075_580_75],
+    [-755.994_26, 0.000_316_730_1, 0.478_306_14],
+    [-1023.639_8, 0.000_120_223_47, 0.936_662_3],
+    [-1265.713_1, 4.873_409e-6, 1.270_545],
+    [-1425.293_3, -0.000_040_115_043, 1.439_727_8],
+    [-1175.548_2, -0.000_021_637_805, 1.304_080_2],
+    [-500.799_56, -4.598_32e-6, 1.090_987_7],
 ];
 /// Blue of each piece: factors of T^3, T^2, T and 1.
-const BLUE: [[f64; 4]; 7] = [
-    [5.969_020_9e-11, -4.856_287_4e-8, -9.707_221_8e-5, -0.004_076_440_9],
-    [2.404_354_2e-11, 5.550_052_3e-8, -0.000_198_502_08, 0.028_930_756],
-    [-1.409_356_6e-11, 1.898_734e-7, -0.000_356_625_5, 0.091_073_593],
-    [-3.614_592_8e-11, 2.848_212_4e-7, -0.000_493_210_08, 0.156_722_82],
-    [-1.970_757_3e-11, 1.753_593_3e-7, -0.000_250_542_83, -0.022_278_266],
-    [-1.620_071_1e-13, -1.642_145_6e-8, 0.000_386_215_47, -0.738_076_09],
-    [6.726_496_2e-13, -2.730_785_4e-8, 0.000_424_097_92, -0.752_334_66],
+const BLUE: [[f32; 4]; 7] = [
+    [5.969_453_4e-11, -4.857_429e-8, -0.000_097_062_23, -0.004_079_361_4],
+    [2.404_303_7e-11, 5.550_210_6e-8, -0.000_198_503_71, 0.028_931_286],
+    [-1.409_497_35e-11, 1.898_789_7e-7, -0.000_356_632_84, 0.091_076_78],
+    [-3.614_608_6e-11, 2.848_220_2e-7, -0.000_493_211_3, 0.156_723_44],
+    [-1.970_757_4e-11, 1.753_593_5e-7, -0.000_250_542_83, -0.022_278_327],
+    [-1.619_979_5e-13, -1.642_16e-8, 0.000_386_216_27, -0.738_077_4],
+    [6.726_503e-13, -2.730_788e-8, 0.000_424_098_25, -0.752_335_67],
 ];
+
+struct Blackbody;
+
+/// Colour of `temperature` kelvins in the order of operations of Cycles' kernels. NaN falls into the first piece.
+fn color_in_order<R: Real>(temperature: R) -> [R; 3] {
+    if temperature >= R::of(KNOTS[7]) {
+        return HOTTEST.map(R::of);
+    }
+    if temperature < R::of(KNOTS[0]) {
+        return COLDEST.map(R::of);
+    }
+    let piece = KNOTS[1..7].iter().filter(|&&knot| temperature >= R::of(knot)).count();
+    let inverse = R::of(1.0) / temperature;
+    let ratio = |[a, b, c]: [f32; 3]| (R::of(a) * inverse + R::of(b) * temperature) + R::of(c);
+    let [a, b, c, d] = BLUE[piece].map(R::of);
+    let cubic = ((a * temperature + b) * temperature + c) * temperature + d;
+    [ratio(RED[piece]), ratio(GREEN[piece]), cubic]
+}
+
+impl Evaluate for Blackbody {
+    fn evaluate<R: Real>(&self, inputs: &[Column<'_, R>], outputs: &mut [&mut [R]]) {
+        fill(outputs, |index| color_in_order(inputs[0].values[index]).map(|channel| channel.greater(R::of(0.0))));
+    }
+
+    fn enclose(&self, inputs: &[Interval], outputs: &mut [Interval]) {
+        for (output, channel) in outputs.iter_mut().zip(color(inputs[0])) {
+            let positive = channel.greater(Interval::ZERO);
+            // NaN becomes 0, also where the pieces that the numbers reach are constant.
+            *output = if inputs[0].may_be_nan { positive.hull(Interval::ZERO) } else { positive };
+        }
+    }
+}
 
 /// Colour of a blackbody of `temperature` kelvins, with luminance 1.
 pub fn color<Q: Quantity>(temperature: Q) -> [Q; 3] {
     // Piece 0 lies below the first knot, piece 8 above the last one.
-    let knots: [f64; 9] = std::array::from_fn(|piece| if piece == 0 { 0.0 } else { KNOTS[piece - 1] });
+    let knots: [f64; 9] = std::array::from_fn(|piece| if piece == 0 { 0.0 } else { f64::from(KNOTS[piece - 1]) });
+    let of = |constant: f32| Q::of(f64::from(constant));
     temperature.piecewise(&knots, |piece, t| match piece {
-        0 => COLDEST.map(Q::of),
-        8 => HOTTEST.map(Q::of),
+        0 => COLDEST.map(of),
+        8 => HOTTEST.map(of),
         _ => {
             let (red, green, blue) = (RED[piece - 1], GREEN[piece - 1], BLUE[piece - 1]);
-            let ratio = |[a, b, c]: [f64; 3]| Q::of(a) * t.reciprocal() + Q::of(b) * t + Q::of(c);
-            let cubic = ((Q::of(blue[0]) * t + Q::of(blue[1])) * t + Q::of(blue[2])) * t + Q::of(blue[3]);
+            let ratio = |[a, b, c]: [f32; 3]| of(a) * t.reciprocal() + of(b) * t + of(c);
+            let cubic = ((of(blue[0]) * t + of(blue[1])) * t + of(blue[2])) * t + of(blue[3]);
             [ratio(red), ratio(green), cubic]
         }
     })
@@ -81,11 +130,10 @@ pub fn emission<Q: Quantity>(intensity: Q, tint: [Q; 3], temperature: Q) -> [Q; 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::nodes::Interval;
 
     #[test]
     fn colours_are_those_of_cycles() {
-        // Rendered by Cycles 5.0.1 through Principled Volume. The fit's residual is at most 1.2e-6.
+        // Rendered by Cycles 5.0.1 through Principled Volume, from which some 1e-6 can be read off.
         for (temperature, expected) in [
             (500.0, [5.413_292_8, -0.203_193_85, -0.082_253_51]),
             (1000.0, [4.601_359_9, 0.039_041_93, -0.090_027_25]),
@@ -109,6 +157,42 @@ mod tests {
             let [red, green, blue] = color(f64::from(temperature));
             let luminance = 0.212_639 * red + 0.715_169 * green + 0.072_192 * blue;
             assert!((luminance - 1.0).abs() < 2e-3, "{temperature} K: {luminance}");
+        }
+    }
+
+    #[test]
+    fn both_orders_of_operations_agree() {
+        for temperature in [500.0_f32, 799.999, 800.0, 965.0, 1166.999, 1167.0, 1902.0, 3315.0, 6365.0, 11_999.0, 12e3]
+        {
+            let (single, double) = (color_in_order(temperature), color(f64::from(temperature)));
+            for (a, b) in single.iter().zip(double) {
+                assert!((f64::from(*a) - b).abs() < 1e-6, "{temperature} K: {single:?}, {double:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn the_node_drops_what_is_negative() {
+        let evaluated = |temperature: f32| {
+            let mut output = [[0.0_f32]; 3];
+            let mut outputs: Vec<&mut [f32]> = output.iter_mut().map(|values| values.as_mut_slice()).collect();
+            Blackbody.evaluate(&[Column { values: &[temperature], uniform: true }], &mut outputs);
+            output.map(|[channel]| channel)
+        };
+        assert_eq!(evaluated(0.0), [5.413_294_5, 0.0, 0.0]);
+        assert_eq!(evaluated(f32::INFINITY), HOTTEST);
+        assert_eq!(evaluated(f32::NAN), [0.0; 3]);
+        let mut bounds = [Interval::ZERO; 3];
+        Blackbody.enclose(&[Interval::new(0.0, 100.0).or_nan(true)], &mut bounds);
+        assert!(bounds.iter().all(|bound| bound.has_zero() && !bound.may_be_nan));
+        for (low, high) in [(700.0_f32, 900.0), (1000.0, 1000.0), (1890.0, 3400.0), (-1e9, 1e9)] {
+            Blackbody.enclose(&[Interval::new(low, high)], &mut bounds);
+            for step in 0..=20 {
+                let temperature = (low + (high - low) * step as f32 / 20.0).clamp(low, high);
+                let found = evaluated(temperature);
+                let holds = found.iter().zip(bounds).all(|(channel, bound)| bound.contains(f64::from(*channel)));
+                assert!(holds, "{temperature} K: {found:?} outside of {bounds:?}");
+            }
         }
     }
 

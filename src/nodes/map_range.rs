@@ -181,6 +181,10 @@ impl MapRange {
 }
 
 impl Evaluate for MapRange {
+    fn folds_late(&self) -> bool {
+        false
+    }
+
     fn evaluate<R: Real>(&self, inputs: &[Column<'_, R>], outputs: &mut [&mut [R]]) {
         let width = if self.vector { 3 } else { 1 };
         for (axis, output) in outputs.iter_mut().enumerate() {

@@ -11,40 +11,81 @@ pub mod add_shader;
 pub mod affine;
 pub mod blackbody;
 pub mod bounds;
+pub mod brick_texture;
+pub mod bright_contrast;
+pub mod checker_texture;
 pub mod clamp;
 pub mod closure;
+pub mod color_ramp;
+pub mod color_space;
+pub mod combine_color;
 pub mod combine_xyz;
 pub mod conversion;
+pub mod curve_mapping;
 pub mod emission;
+pub mod float_curve;
+pub mod gabor_texture;
+pub mod gamma;
+pub mod geometry;
 pub mod gradient_noise;
+pub mod gradient_texture;
 pub mod hash;
+pub mod hue_saturation;
+pub mod invert;
 #[cfg(test)]
 mod lane_tests;
+pub mod lookup_table;
+pub mod magic_texture;
 pub mod map_range;
+pub mod mapping;
 pub mod math;
+pub mod mix;
+pub mod mix_rgb;
 pub mod mix_shader;
 pub mod noise_texture;
+pub mod normal;
+pub mod nudged;
+pub mod object_info;
+pub mod object_property;
+pub mod object_value;
 pub mod point_attribute;
 pub mod principled_volume;
 pub mod real;
+pub mod refused;
+pub mod registration;
+pub mod rgb;
+pub mod rgb_curve;
+pub mod rgb_to_bw;
+pub mod rotation;
 pub mod running_error;
+pub mod separate_color;
 pub mod separate_xyz;
+pub mod socket_limits;
 pub mod texture_coordinate;
+pub mod texture_mapping;
 pub mod value;
+pub mod vector_curve;
 pub mod vector_math;
+pub mod vector_rotate;
+pub mod vector_transform;
 pub mod volume_absorption;
 pub mod volume_coefficients;
 pub mod volume_grid_lookup;
 pub mod volume_scatter;
 pub mod voronoi_texture;
+pub mod wave_texture;
+pub mod white_noise_texture;
 
 pub use bounds::Interval;
+pub use nudged::{Nudge, Nudged};
 pub use real::{Oracle, Real};
+pub use registration::register;
 pub use running_error::RunningError;
 
 use crate::scene::SocketType;
 use crate::volume_grid::GridHandle;
 use serde_json::Value as Json;
+use std::sync::Arc;
 
 /// A node type: everything that the compiler, the checks and the documentation need to know.
 pub struct NodeType {
@@ -81,6 +122,8 @@ pub enum Role {
 pub enum SourceValue {
     /// Constant components.
     Constant(Vec<f32>),
+    /// Components that are the same at every point, but looked up at run time: nothing that reads them is folded.
+    PerObject(Vec<f32>),
     /// Affine image of the object-space position: three rows of four.
     Affine([[f32; 4]; 3]),
     /// The object-space position itself.
@@ -97,12 +140,24 @@ pub enum SourceValue {
 pub struct SourceContext<'a> {
     /// Object to world of the shaded object.
     pub matrix_world: &'a crate::scene::Matrix,
+    /// The shaded object.
+    pub volume: &'a crate::scene::Volume,
     /// Full place of the node, for errors.
     pub place: &'a str,
     /// The node in the file.
     pub node: &'a crate::scene::Node,
     /// Whether the object has a grid of densities.
     pub has_grid: bool,
+}
+
+impl Data {
+    /// In a few words, for titles of modes.
+    pub fn describe(&self) -> String {
+        match self {
+            Self::Ramp(ramp) => ramp.describe(),
+            Self::Curves(curves) => curves.describe(),
+        }
+    }
 }
 
 /// A property of a node.
@@ -119,8 +174,44 @@ pub enum PropertyValues {
     Choice(&'static [&'static str]),
     /// On or off, with the default.
     Flag(bool),
-    /// Read by the node's own code.
+    /// A whole number.
+    Integer {
+        /// Blender's default.
+        default: i32,
+        /// Smallest and largest value of the node's interface.
+        limits: [i32; 2],
+        /// Values that comparisons try; the first is the default.
+        probes: &'static [i32],
+    },
+    /// A number that a node keeps outside of its sockets.
+    Number {
+        /// Blender's default.
+        default: f32,
+        /// Smallest and largest value of the node's interface.
+        limits: [f32; 2],
+        /// Values that comparisons try; the first is the default.
+        probes: &'static [f32],
+    },
+    /// A ramp or curves.
+    Data {
+        /// Reads what the file holds (nothing: Blender's default) at this place.
+        read: fn(Option<&Json>, &str) -> crate::error::Result<Data>,
+        /// What comparisons try.
+        probes: fn() -> Vec<Json>,
+    },
+    /// A vector that the node keeps in its output of this name, with the default.
+    StoredOutput([f32; 3]),
+    /// Read by the compiler or by the node's own code.
     Other,
+}
+
+/// A property that is neither a name nor a number.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Data {
+    /// A colour ramp.
+    Ramp(Arc<color_ramp::Ramp>),
+    /// One or several curves.
+    Curves(Arc<curve_mapping::CurveMapping>),
 }
 
 impl Property {
@@ -132,7 +223,27 @@ impl Property {
     pub const fn flag(identifier: &'static str, default: bool) -> Self {
         Self { identifier, values: PropertyValues::Flag(default) }
     }
-    /// A property that the node reads by itself.
+    /// A whole number.
+    pub const fn integer(identifier: &'static str, default: i32, limits: [i32; 2], probes: &'static [i32]) -> Self {
+        Self { identifier, values: PropertyValues::Integer { default, limits, probes } }
+    }
+    /// A number.
+    pub const fn number(identifier: &'static str, default: f32, limits: [f32; 2], probes: &'static [f32]) -> Self {
+        Self { identifier, values: PropertyValues::Number { default, limits, probes } }
+    }
+    /// A ramp or curves.
+    pub const fn data(
+        identifier: &'static str,
+        read: fn(Option<&Json>, &str) -> crate::error::Result<Data>,
+        probes: fn() -> Vec<Json>,
+    ) -> Self {
+        Self { identifier, values: PropertyValues::Data { read, probes } }
+    }
+    /// A vector that the node keeps in an output.
+    pub const fn stored_output(identifier: &'static str, default: [f32; 3]) -> Self {
+        Self { identifier, values: PropertyValues::StoredOutput(default) }
+    }
+    /// A property that the compiler or the node reads by itself.
     pub const fn other(identifier: &'static str) -> Self {
         Self { identifier, values: PropertyValues::Other }
     }
@@ -150,6 +261,8 @@ pub struct InputSocket {
     pub default: &'static [f32],
     /// Reads Generated coordinates when nothing is linked.
     pub generated_when_unlinked: bool,
+    /// Blender folds the node only where this input is linked (White Noise: its unlinked Vector counts as varying).
+    pub folds_only_linked: bool,
     /// Whether the socket exists in a mode.
     pub exists: fn(&Mode) -> bool,
 }
@@ -177,7 +290,15 @@ impl InputSocket {
         default: &'static [f32; 1],
         exists: fn(&Mode) -> bool,
     ) -> Self {
-        Self { identifier, label, kind: SocketType::Float, default, generated_when_unlinked: false, exists }
+        Self {
+            identifier,
+            label,
+            kind: SocketType::Float,
+            default,
+            generated_when_unlinked: false,
+            folds_only_linked: false,
+            exists,
+        }
     }
     /// A vector that exists where `exists` says.
     pub const fn vector(
@@ -186,11 +307,36 @@ impl InputSocket {
         default: &'static [f32; 3],
         exists: fn(&Mode) -> bool,
     ) -> Self {
-        Self { identifier, label, kind: SocketType::Vector, default, generated_when_unlinked: false, exists }
+        Self {
+            identifier,
+            label,
+            kind: SocketType::Vector,
+            default,
+            generated_when_unlinked: false,
+            folds_only_linked: false,
+            exists,
+        }
     }
     /// A colour that always exists.
     pub const fn color(identifier: &'static str, label: &'static str, default: &'static [f32; 3]) -> Self {
-        Self { identifier, label, kind: SocketType::Color, default, generated_when_unlinked: false, exists: always }
+        Self::color_when(identifier, label, default, always)
+    }
+    /// A colour that exists where `exists` says.
+    pub const fn color_when(
+        identifier: &'static str,
+        label: &'static str,
+        default: &'static [f32; 3],
+        exists: fn(&Mode) -> bool,
+    ) -> Self {
+        Self {
+            identifier,
+            label,
+            kind: SocketType::Color,
+            default,
+            generated_when_unlinked: false,
+            folds_only_linked: false,
+            exists,
+        }
     }
     /// A closure.
     pub const fn shader(identifier: &'static str) -> Self {
@@ -207,8 +353,13 @@ impl InputSocket {
             kind: SocketType::Shader,
             default: &[],
             generated_when_unlinked: false,
+            folds_only_linked: false,
             exists: always,
         }
+    }
+    /// The same input of a node that Blender folds only where it is linked.
+    pub const fn folding_only_linked(self) -> Self {
+        Self { folds_only_linked: true, ..self }
     }
     /// A texture's coordinate input.
     pub const fn coordinate(exists: fn(&Mode) -> bool) -> Self {
@@ -218,6 +369,7 @@ impl InputSocket {
             kind: SocketType::Vector,
             default: &[0.0; 3],
             generated_when_unlinked: true,
+            folds_only_linked: false,
             exists,
         }
     }
@@ -235,8 +387,18 @@ impl OutputSocket {
 pub struct Mode {
     choices: Vec<(&'static str, &'static str)>,
     flags: Vec<(&'static str, bool)>,
+    integers: Vec<(&'static str, i32)>,
+    numbers: Vec<(&'static str, f32)>,
+    data: Vec<(&'static str, Data)>,
+    stored: Vec<(&'static str, [f32; 3])>,
     wanted: Vec<&'static str>,
     grid: Option<GridHandle>,
+    frame: Option<vector_transform::Frame>,
+}
+
+/// The entry of this name, which the node type declares.
+fn declared<'a, T>(entries: &'a [(&'static str, T)], identifier: &str) -> &'a T {
+    &entries.iter().find(|(name, _)| *name == identifier).expect("a declared property of this kind").1
 }
 
 impl Mode {
@@ -248,8 +410,10 @@ impl Mode {
     ) -> crate::error::Result<Self> {
         use crate::error::Error;
         for key in properties.keys() {
-            if !node_type.properties.iter().any(|property| property.identifier == key) {
-                let known: Vec<_> = node_type.properties.iter().map(|property| property.identifier).collect();
+            let is_property = |property: &&Property| !matches!(property.values, PropertyValues::StoredOutput(_));
+            if !node_type.properties.iter().filter(is_property).any(|property| property.identifier == key) {
+                let known: Vec<_> =
+                    node_type.properties.iter().filter(is_property).map(|property| property.identifier).collect();
                 return Err(Error::new(
                     format!("{place}: property {key}"),
                     properties[key].to_string(),
@@ -258,7 +422,17 @@ impl Mode {
                 ));
             }
         }
-        let mut mode = Self { choices: Vec::new(), flags: Vec::new(), wanted: Vec::new(), grid: None };
+        let mut mode = Self {
+            choices: Vec::new(),
+            flags: Vec::new(),
+            integers: Vec::new(),
+            numbers: Vec::new(),
+            data: Vec::new(),
+            stored: Vec::new(),
+            wanted: Vec::new(),
+            grid: None,
+            frame: None,
+        };
         for property in node_type.properties {
             let given = properties.get(property.identifier);
             let wrong = |expected: String| {
@@ -287,8 +461,55 @@ impl Mode {
                     };
                     mode.flags.push((property.identifier, flag));
                 }
+                PropertyValues::Integer { default, limits: [low, high], .. } => {
+                    let number = match given {
+                        None => default,
+                        Some(value) => value
+                            .as_i64()
+                            .and_then(|number| i32::try_from(number).ok())
+                            .filter(|number| (low..=high).contains(number))
+                            .ok_or_else(|| wrong(format!("a whole number from {low} to {high}")))?,
+                    };
+                    mode.integers.push((property.identifier, number));
+                }
+                PropertyValues::Number { default, limits: [low, high], .. } => {
+                    let number = match given {
+                        None => default,
+                        Some(value) => value
+                            .as_f64()
+                            .map(|number| number as f32)
+                            .filter(|number| (low..=high).contains(number))
+                            .ok_or_else(|| wrong(format!("a number from {low} to {high}")))?,
+                    };
+                    mode.numbers.push((property.identifier, number));
+                }
+                PropertyValues::Data { read, .. } => {
+                    let place = format!("{place}: property {}", property.identifier);
+                    mode.data.push((property.identifier, read(given, &place)?));
+                }
+                PropertyValues::StoredOutput(default) => mode.stored.push((property.identifier, default)),
                 PropertyValues::Other => {}
             }
+        }
+        Ok(mode)
+    }
+
+    /// [`Self::read`] of a node of the file, with the vectors that it keeps in its outputs.
+    pub fn of_node(node_type: &NodeType, node: &crate::scene::Node, place: &str) -> crate::error::Result<Self> {
+        let mut mode = Self::read(node_type, &node.properties, place)?;
+        for (identifier, stored) in &mut mode.stored {
+            let Some(value) = node.outputs.get(*identifier) else { continue };
+            *stored = match value {
+                crate::scene::Input::List(values) if values.len() == 3 => [values[0], values[1], values[2]],
+                other => {
+                    return Err(crate::error::Error::new(
+                        format!("{place}: output {identifier}"),
+                        format!("{other:?}"),
+                        "a list of three numbers",
+                        "Correct the value, or export the scene again.",
+                    ));
+                }
+            };
         }
         Ok(mode)
     }
@@ -298,7 +519,7 @@ impl Mode {
     /// # Panics
     /// When the node type does not declare it: a mistake in the node's own file.
     pub fn choice(&self, identifier: &str) -> &'static str {
-        self.choices.iter().find(|(name, _)| *name == identifier).expect("a declared choice property").1
+        *declared(&self.choices, identifier)
     }
 
     /// The value of a flag property.
@@ -306,7 +527,39 @@ impl Mode {
     /// # Panics
     /// When the node type does not declare it: a mistake in the node's own file.
     pub fn flag(&self, identifier: &str) -> bool {
-        self.flags.iter().find(|(name, _)| *name == identifier).expect("a declared flag property").1
+        *declared(&self.flags, identifier)
+    }
+
+    /// The value of a whole-number property.
+    ///
+    /// # Panics
+    /// When the node type does not declare it: a mistake in the node's own file.
+    pub fn integer(&self, identifier: &str) -> i32 {
+        *declared(&self.integers, identifier)
+    }
+
+    /// The value of a number property.
+    ///
+    /// # Panics
+    /// When the node type does not declare it: a mistake in the node's own file.
+    pub fn number(&self, identifier: &str) -> f32 {
+        *declared(&self.numbers, identifier)
+    }
+
+    /// The ramp or the curves of a property.
+    ///
+    /// # Panics
+    /// When the node type does not declare it: a mistake in the node's own file.
+    pub fn data(&self, identifier: &str) -> &Data {
+        declared(&self.data, identifier)
+    }
+
+    /// The vector that the node keeps in an output.
+    ///
+    /// # Panics
+    /// When the node type does not declare it: a mistake in the node's own file.
+    pub fn stored_output(&self, identifier: &str) -> [f32; 3] {
+        *declared(&self.stored, identifier)
     }
 
     /// Whether an output is wanted.
@@ -334,6 +587,17 @@ impl Mode {
         self.grid.as_ref().expect("a lookup has a grid")
     }
 
+    /// The same mode with the frame of the shaded object.
+    pub fn with_frame(mut self, frame: vector_transform::Frame) -> Self {
+        self.frame = Some(frame);
+        self
+    }
+
+    /// The frame of the shaded object; that of the world where the compiler gave none.
+    pub fn frame(&self) -> vector_transform::Frame {
+        self.frame.unwrap_or_default()
+    }
+
     /// Shader definitions of this mode: `PROPERTY_VALUE` for choices, `PROPERTY` for flags that
     /// are on, `OUTPUT_NAME` for wanted outputs.
     pub fn shader_definitions(&self) -> Vec<String> {
@@ -343,10 +607,26 @@ impl Mode {
         choices.chain(flags).chain(outputs).collect()
     }
 
-    /// The choices and the flags that are on, as words: `MULTIPLY_ADD`, `use_clamp`.
+    /// The mode's numbers as WGSL constants, for the head of the module's text: `const OFFSET: f32 = 0.5f;`.
+    pub fn shader_constants(&self) -> String {
+        let integers =
+            self.integers.iter().map(|(name, value)| format!("const {}: i32 = {value}i;\n", shader_name(name)));
+        let numbers =
+            self.numbers.iter().map(|(name, value)| format!("const {}: f32 = {value:?}f;\n", shader_name(name)));
+        let stored = self.stored.iter().map(|(name, [x, y, z])| {
+            format!("const STORED_{}: vec3f = vec3f({x:?}f, {y:?}f, {z:?}f);\n", shader_name(name))
+        });
+        integers.chain(numbers).chain(stored).collect()
+    }
+
+    /// The choices, the flags that are on, numbers and data as words: `MULTIPLY_ADD`, `use_clamp`, `offset 0.5`.
     pub fn words(&self) -> Vec<String> {
         let choices = self.choices.iter().map(|(_, value)| (*value).to_owned());
-        choices.chain(self.flags.iter().filter(|(_, on)| *on).map(|(name, _)| (*name).to_owned())).collect()
+        let flags = self.flags.iter().filter(|(_, on)| *on).map(|(name, _)| (*name).to_owned());
+        let integers = self.integers.iter().map(|(name, value)| format!("{name} {value}"));
+        let numbers = self.numbers.iter().map(|(name, value)| format!("{name} {value}"));
+        let data = self.data.iter().map(|(_, data)| data.describe());
+        choices.chain(flags).chain(integers).chain(numbers).chain(data).collect()
     }
 }
 
@@ -377,14 +657,38 @@ pub trait Kernel: Send + Sync {
     fn evaluate_unrounded(&self, inputs: &[Column<'_, f64>], outputs: &mut [&mut [f64]]);
     /// Evaluates in f32 with a bound on what fusing and the like may change.
     fn evaluate_running_error(&self, inputs: &[Column<'_, RunningError>], outputs: &mut [&mut [RunningError]]);
+    /// Evaluates in f32 with the last bits of results moved, as the thread's [`Nudge`] says.
+    fn evaluate_nudged(&self, inputs: &[Column<'_, Nudged>], outputs: &mut [&mut [Nudged]]);
     /// Encloses every value that any evaluator can give for inputs within the intervals.
     fn bounds(&self, inputs: &[Interval], outputs: &mut [Interval]);
     /// Value for constant inputs by Blender's own folding, where it differs from evaluation.
     fn fold(&self, _inputs: &[f32]) -> Option<Vec<f32>> {
         None
     }
+    /// Value for constant inputs by Cycles' folding of what Blender did not fold, where it differs from evaluation.
+    fn fold_late(&self, _inputs: &[f32]) -> Option<Vec<f32>> {
+        None
+    }
+    /// Whether Blender evaluates the node by itself where all inputs are constant. What reads a node that it does not fold
+    /// is not constant for it either.
+    fn folds_early(&self) -> bool {
+        true
+    }
+    /// Whether Cycles evaluates the node beforehand where its inputs are constant and Blender has not: what reads one that it
+    /// does not fold is not simplified either.
+    fn folds_late(&self) -> bool {
+        true
+    }
+    /// WGSL declarations for the head of the instance's text: tables.
+    fn shader_constants(&self) -> String {
+        String::new()
+    }
     /// Cycles' simplification for some constant inputs (`None` marks a varying component).
     fn simplify(&self, _inputs: &[Option<f32>]) -> Option<Simplified> {
+        None
+    }
+    /// Cycles' simplification for inputs that are linked to one output: `equal` tells it of two components.
+    fn simplify_links(&self, _inputs: &[Option<f32>], _equal: &dyn Fn(usize, usize) -> bool) -> Option<Simplified> {
         None
     }
 }
@@ -408,8 +712,28 @@ pub trait Evaluate: Send + Sync {
     fn fold_constants(&self, _inputs: &[f32]) -> Option<Vec<f32>> {
         None
     }
+    /// See [`Kernel::fold_late`].
+    fn fold_constants_late(&self, _inputs: &[f32]) -> Option<Vec<f32>> {
+        None
+    }
+    /// See [`Kernel::folds_early`].
+    fn folds_early(&self) -> bool {
+        true
+    }
+    /// See [`Kernel::folds_late`].
+    fn folds_late(&self) -> bool {
+        true
+    }
+    /// See [`Kernel::shader_constants`].
+    fn shader_constants(&self) -> String {
+        String::new()
+    }
     /// See [`Kernel::simplify`].
     fn simplify_constants(&self, _inputs: &[Option<f32>]) -> Option<Simplified> {
+        None
+    }
+    /// See [`Kernel::simplify_links`].
+    fn simplify_linked(&self, _inputs: &[Option<f32>], _equal: &dyn Fn(usize, usize) -> bool) -> Option<Simplified> {
         None
     }
     /// A faster evaluation with the same bits; false where there is none for these inputs.
@@ -433,14 +757,32 @@ impl<T: Evaluate> Kernel for T {
     fn evaluate_running_error(&self, inputs: &[Column<'_, RunningError>], outputs: &mut [&mut [RunningError]]) {
         self.evaluate(inputs, outputs);
     }
+    fn evaluate_nudged(&self, inputs: &[Column<'_, Nudged>], outputs: &mut [&mut [Nudged]]) {
+        self.evaluate(inputs, outputs);
+    }
     fn bounds(&self, inputs: &[Interval], outputs: &mut [Interval]) {
         self.enclose(inputs, outputs);
     }
     fn fold(&self, inputs: &[f32]) -> Option<Vec<f32>> {
         self.fold_constants(inputs)
     }
+    fn fold_late(&self, inputs: &[f32]) -> Option<Vec<f32>> {
+        self.fold_constants_late(inputs)
+    }
+    fn folds_early(&self) -> bool {
+        Evaluate::folds_early(self)
+    }
+    fn folds_late(&self) -> bool {
+        Evaluate::folds_late(self)
+    }
+    fn shader_constants(&self) -> String {
+        Evaluate::shader_constants(self)
+    }
     fn simplify(&self, inputs: &[Option<f32>]) -> Option<Simplified> {
         self.simplify_constants(inputs)
+    }
+    fn simplify_links(&self, inputs: &[Option<f32>], equal: &dyn Fn(usize, usize) -> bool) -> Option<Simplified> {
+        self.simplify_linked(inputs, equal)
     }
 }
 
@@ -475,19 +817,47 @@ pub fn vector_at<R: Real>(inputs: &[Column<'_, R>], first: usize, index: usize) 
     [inputs[first].values[index], inputs[first + 1].values[index], inputs[first + 2].values[index]]
 }
 
-/// Every node type that this version evaluates, in the order of the documentation.
+/// Every node type that this version evaluates, in the order of the documentation, and then those that [`register`] has added.
 pub fn registry() -> &'static [&'static NodeType] {
     static REGISTRY: &[&NodeType] = &[
         &texture_coordinate::TYPE,
+        &geometry::TYPE,
+        &object_info::TYPE,
         &separate_xyz::TYPE,
         &combine_xyz::TYPE,
         &value::TYPE,
         &math::TYPE,
         &vector_math::TYPE,
+        &mapping::TYPE,
+        &vector_rotate::TYPE,
+        &vector_transform::TYPE,
+        &normal::TYPE,
         &map_range::TYPE,
         &clamp::TYPE,
+        &mix::TYPE,
+        &mix_rgb::TYPE,
         &noise_texture::TYPE,
         &voronoi_texture::TYPE,
+        &brick_texture::TYPE,
+        &gabor_texture::TYPE,
+        &white_noise_texture::TYPE,
+        &gradient_texture::TYPE,
+        &wave_texture::TYPE,
+        &magic_texture::TYPE,
+        &checker_texture::TYPE,
+        &rgb::TYPE,
+        &separate_color::TYPE,
+        &combine_color::TYPE,
+        &color_ramp::TYPE,
+        &float_curve::TYPE,
+        &rgb_curve::TYPE,
+        &vector_curve::TYPE,
+        &invert::TYPE,
+        &gamma::TYPE,
+        &bright_contrast::TYPE,
+        &hue_saturation::TYPE,
+        &rgb_to_bw::TYPE,
+        &blackbody::TYPE,
         &principled_volume::TYPE,
         &volume_scatter::TYPE,
         &volume_absorption::TYPE,
@@ -499,7 +869,7 @@ pub fn registry() -> &'static [&'static NodeType] {
         &conversion::TYPE,
         &affine::TYPE,
     ];
-    REGISTRY
+    registration::all(REGISTRY)
 }
 
 /// The node type of Blender's `bl_idname`.

@@ -11,6 +11,9 @@
 mod bounds;
 mod lanes;
 
+pub(super) use bounds::fbm as enclose_fbm;
+pub(super) use lanes::fbm_values;
+
 use super::gradient_noise::{random_offset, signed_noise};
 use super::real::Real;
 use super::{Column, Evaluate, InputSocket, Interval, Mode, NodeType, OutputSocket, Property, Role, always};
@@ -29,6 +32,7 @@ pub static TYPE: NodeType = NodeType {
             &["FBM", "MULTIFRACTAL", "RIDGED_MULTIFRACTAL", "HYBRID_MULTIFRACTAL", "HETERO_TERRAIN"],
         ),
         Property::flag("normalize", true),
+        Property::other("texture_mapping"),
     ],
     inputs: &[
         InputSocket::coordinate(|mode| mode.choice("noise_dimensions") != "1D"),
@@ -84,12 +88,12 @@ pub(super) struct NoiseTexture {
 
 /// Parameters of one point, clamped as the kernel does.
 #[derive(Clone, Copy)]
-struct Fractal<R> {
-    detail: R,
-    roughness: R,
-    lacunarity: R,
-    offset: R,
-    gain: R,
+pub(super) struct Fractal<R> {
+    pub(super) detail: R,
+    pub(super) roughness: R,
+    pub(super) lacunarity: R,
+    pub(super) offset: R,
+    pub(super) gain: R,
 }
 
 /// Multiplies a coordinate and rounds it.
@@ -103,7 +107,8 @@ impl<R: Real> Fractal<R> {
         (self.detail.to_int(), self.detail - self.detail.floor())
     }
 
-    fn fbm<const N: usize>(&self, p: [R; N], normalize: bool) -> R {
+    /// The sum of octaves and a part of one more. No octave at all (a Detail of -1 and below) normalises to NaN.
+    pub(super) fn fbm<const N: usize>(&self, p: [R; N], normalize: bool) -> R {
         let (octaves, rest) = self.octaves();
         let (half, one) = (R::of(0.5), R::of(1.0));
         let (mut sum, mut total, mut amplitude, mut scale) = (R::of(0.0), R::of(0.0), one, one);
@@ -260,6 +265,10 @@ fn add<R: Real, const N: usize>(p: [R; N], offset: [R; N]) -> [R; N] {
 }
 
 impl Evaluate for NoiseTexture {
+    fn folds_late(&self) -> bool {
+        false
+    }
+
     fn evaluate<R: Real>(&self, inputs: &[Column<'_, R>], outputs: &mut [&mut [R]]) {
         match self.dimensions {
             1 => self.evaluate_points::<R, 1>(inputs, outputs),

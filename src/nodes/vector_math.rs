@@ -3,7 +3,7 @@
 //! Inputs a = `Vector`, b = `Vector_001`, c = `Vector_002`, s = `Scale`; result `Vector`, or
 //! `Value` for dot product, distance and length. Component-wise where nothing else is said.
 
-mod bounds;
+pub(super) mod bounds;
 
 use super::math::{Kept, sign, simplify};
 use super::real::{Library, Real, dot, length, safe_unit};

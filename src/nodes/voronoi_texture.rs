@@ -28,6 +28,7 @@ pub static TYPE: NodeType = NodeType {
         Property::choice("distance", &["EUCLIDEAN", "MANHATTAN", "CHEBYCHEV", "MINKOWSKI"]),
         Property::choice("feature", &["F1", "F2", "SMOOTH_F1", "DISTANCE_TO_EDGE", "N_SPHERE_RADIUS"]),
         Property::flag("normalize", false),
+        Property::other("texture_mapping"),
     ],
     inputs: &[
         InputSocket::coordinate(|mode| mode.choice("voronoi_dimensions") != "1D"),
@@ -570,6 +571,10 @@ impl VoronoiTexture {
 }
 
 impl Evaluate for VoronoiTexture {
+    fn folds_late(&self) -> bool {
+        false
+    }
+
     fn evaluate<R: Real>(&self, inputs: &[Column<'_, R>], outputs: &mut [&mut [R]]) {
         match self.dimensions {
             1 => self.evaluate_points::<R, 1>(inputs, outputs),

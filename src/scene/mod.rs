@@ -330,10 +330,32 @@ pub struct Volume {
     pub material: String,
     /// Blender's per-material factor on ray-marching steps.
     pub volume_step_rate: f32,
+    /// Colour and alpha of the object, for Object Info.
+    #[serde(default = "white", skip_serializing_if = "is_white")]
+    pub color: [f32; 4],
+    /// Pass index of the object, for Object Info.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub pass_index: u32,
+    /// Pass index of the material, for Object Info.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub material_pass_index: u32,
     /// The grid of a shape `grid`, read when the scene is loaded.
     #[serde(skip)]
     #[schemars(skip)]
     pub grid: Option<GridHandle>,
+}
+
+fn white() -> [f32; 4] {
+    [1.0; 4]
+}
+
+fn is_white(color: &[f32; 4]) -> bool {
+    *color == white()
+}
+
+#[allow(clippy::trivially_copy_pass_by_ref, reason = "the signature that serde calls")]
+fn is_zero(index: &u32) -> bool {
+    *index == 0
 }
 
 /// Outline of a medium.

@@ -265,13 +265,67 @@ def test_image_that_reaches_the_volume_is_refused_and_another_is_left_out(cube):
     assert "image" in refusal.value.found.lower()
 
 
-def test_texture_mapping_other_than_identity_is_refused(cube):
+def test_texture_mapping_survives_where_it_changes_anything(cube, tmp_path):
     path, tree = cube
-    noise = tree.nodes.new("ShaderNodeTexNoise")
-    noise.texture_mapping.scale = (1, 2, 1)
-    tree.links.new(tree.nodes["Principled Volume"].inputs["Density"], noise.outputs[0])
-    with pytest.raises(InputError, match="texture_mapping"):
-        exported(saved(path))
+    changed, plain = tree.nodes.new("ShaderNodeTexNoise"), tree.nodes.new("ShaderNodeTexVoronoi")
+    mapping = changed.texture_mapping
+    mapping.vector_type, mapping.mapping_y, mapping.scale, mapping.rotation = (
+        "TEXTURE",
+        "NONE",
+        (1, 2, 3),
+        (0, 0.7, 0),
+    )
+    plain.texture_mapping.vector_type = "NORMAL"
+    plain.texture_mapping.use_max = True
+    tree.links.new(changed.inputs["Roughness"], plain.outputs[0])
+    tree.links.new(tree.nodes["Principled Volume"].inputs["Density"], changed.outputs[0])
+    document, _ = exported(saved(path))
+    properties = {item["type"]: item.get("properties") for item in document["graph"]["nodes"]}
+    assert properties["ShaderNodeTexNoise"]["texture_mapping"] == {
+        "vector_type": "TEXTURE",
+        "translation": [0.0, 0.0, 0.0],
+        "rotation": [0.0, 0.7, 0.0],
+        "scale": [1.0, 2.0, 3.0],
+        "mapping_x": "X",
+        "mapping_y": "NONE",
+        "mapping_z": "Z",
+    }
+    assert "texture_mapping" not in properties["ShaderNodeTexVoronoi"]
+    assert_round_trip(document, tmp_path)
+
+
+def test_what_object_info_shows_survives(cube, tmp_path):
+    path, _ = cube
+    document, _ = exported(saved(path))
+    assert not {"color", "pass_index", "material_pass_index"} & set(document["volume"])
+    bpy.ops.wm.open_mainfile(filepath=str(path))
+    item = bpy.data.objects["Cube"]
+    item.color, item.pass_index = (0.25, 0.5, 2.0, 0.125), 7
+    item.active_material.pass_index = 11
+    document, _ = exported(saved(path))
+    assert document["volume"]["color"] == [0.25, 0.5, 2.0, 0.125]
+    assert [document["volume"][key] for key in ("pass_index", "material_pass_index")] == [7, 11]
+    assert_round_trip(document, tmp_path)
+
+
+def test_a_material_has_one_pass_index(tmp_path):
+    document = scene(absorbing_nodes(1.0))
+    other = json.loads(json.dumps(document["volume"])) | {"object": "Other", "material_pass_index": 3}
+    document["other_volumes"] = [other]
+    with pytest.raises(InputError) as refusal:
+        built(document, tmp_path / "two.blend")
+    assert refusal.value.place == "scene.other_volumes[0].material_pass_index"
+
+
+def test_a_hidden_stored_vector_survives(cube, tmp_path):
+    path, tree = cube
+    turn = tree.nodes.new("ShaderNodeVectorRotate")
+    turn.inputs["Vector"].default_value = (0.25, 0.5, 0.75)
+    tree.links.new(tree.nodes["Principled Volume"].inputs["Color"], turn.outputs[0])
+    document, _ = exported(saved(path))
+    inputs = {item["name"]: item["inputs"] for item in document["graph"]["nodes"]}
+    assert inputs["Vector Rotate"]["Vector"] == [0.25, 0.5, 0.75]
+    assert_round_trip(document, tmp_path)
 
 
 def test_a_link_that_nothing_feeds_leaves_the_stored_value(cube, tmp_path):

@@ -161,6 +161,82 @@ def test_coordinates(probe, tmp_path):
     np.testing.assert_array_equal(implicit, explicit)
 
 
+# Sheared, turned and moved.
+OBJECT_MATRIX = [[0.9, -1.1, 0.3, 2.5], [0.7, 1.3, -0.2, -1.25], [0.1, 0.4, 1.9, 3.3], [0.0, 0.0, 0.0, 1.0]]
+
+
+def transform(kind, source, goal):
+    name = f"{kind} {source}"
+    return node(
+        name,
+        "ShaderNodeVectorTransform",
+        {"Vector": link("P", "Object")},
+        vector_type=kind,
+        convert_from=source,
+        convert_to=goal,
+    )
+
+
+def test_the_grid_stands_for_the_object(probe, tmp_path):
+    nodes = [node("P", "ShaderNodeTexCoord"), node("I", "ShaderNodeObjectInfo")]
+    nodes += [transform("POINT", "OBJECT", "WORLD"), transform("VECTOR", "OBJECT", "WORLD")]
+    nodes += [transform("POINT", "WORLD", "OBJECT"), transform("NORMAL", "WORLD", "OBJECT")]
+    document = scene(nodes)
+    document["volume"] |= {"object": "v", "matrix_world": OBJECT_MATRIX, "color": [0.25, 0.5, 2.0, 0.125]}
+    document["volume"] |= {"pass_index": 7, "material_pass_index": 11}
+    outputs = ("Location", "Color", "Alpha", "Object Index", "Material Index", "Random")
+    targets = [target("I", name) for name in outputs] + [target(item["name"], "Vector") for item in nodes[2:]]
+    points = np.random.default_rng(4).normal(0, 3, (300, 3)).astype(np.float32)
+    location, color, alpha, index, material, random, *moved = probe(
+        tmp_path, document, targets, points=points
+    )
+    for values, expected in (
+        (location, np.float32([2.5, -1.25, 3.3])),
+        (color, [0.25, 0.5, 2.0]),
+        (alpha, 0.125),
+        (index, 7),
+        (material, 11),
+        (random, np.float32(0.761823)),
+    ):
+        assert np.all(values == expected)
+    to_world, linear, to_object, normal = moved
+    matrix_ = np.array(OBJECT_MATRIX, np.float32)
+    close = {"rtol": 1e-5, "atol": 1e-5}
+    np.testing.assert_allclose(linear, points @ matrix_[:3, :3].T, **close)
+    np.testing.assert_allclose(to_world, points @ matrix_[:3, :3].T + matrix_[:3, 3], **close)
+    inverse = np.linalg.inv(matrix_.astype(np.float64))
+    np.testing.assert_allclose(to_object, points @ inverse[:3, :3].T + inverse[:3, 3], **close)
+    along = points.astype(np.float64) @ matrix_[:3, :3]
+    np.testing.assert_allclose(normal, along / np.linalg.norm(along, axis=1)[:, None], atol=1e-6)
+
+
+def test_an_object_that_the_grid_cannot_stand_for_is_refused(probe, tmp_path):
+    document = scene([node("I", "ShaderNodeObjectInfo"), node("P", "ShaderNodeTexCoord")])
+    document["volume"]["matrix_world"] = matrix((1e9, 0.0, 0.0))
+    with pytest.raises(InputError) as refusal:
+        probe(tmp_path, document, [target("I", "Random")])
+    assert refusal.value.place == "job.scene.volume.matrix_world"
+    # What does not look at the object is not bothered.
+    document["graph"]["nodes"] = document["graph"]["nodes"][1:]
+    (values,) = probe(tmp_path, document, [target("P", "Object")])
+    np.testing.assert_array_equal(values, POINTS)
+
+
+def test_a_texture_applies_its_own_mapping_unless_blender_folds_it(probe, tmp_path):
+    mapping = {"vector_type": "POINT", "translation": [0.25, 0.0, 0.0]}
+    document = scene(
+        [
+            node("P", "ShaderNodeTexCoord"),
+            node("C", "ShaderNodeCombineXYZ", {"X": 0.5}),
+            node("V", "ShaderNodeTexGradient", {"Vector": link("P", "Object")}, texture_mapping=mapping),
+            node("F", "ShaderNodeTexGradient", {"Vector": link("C", "Vector")}, texture_mapping=mapping),
+        ]
+    )
+    varying, folded = probe(tmp_path, document, [target("V", "Fac"), target("F", "Fac")])
+    np.testing.assert_array_equal(varying, np.float32([0.3, 0]) + np.float32([0.25, 0]))
+    np.testing.assert_array_equal(folded, [0.5, 0.5])
+
+
 def test_inner_outputs_and_inputs_of_the_cloud(probe, tmp_path):
     points = np.random.default_rng(2).uniform(-1, 1, (500, 3)).astype(np.float32)
     inside = ["Group.001"]
@@ -203,7 +279,12 @@ def test_more_points_than_one_grid_holds(probe, tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     ("wrong", "asked", "message"),
     [
-        (node("I", "ShaderNodeObjectInfo"), target("I", "Random"), "depends on the shaded object"),
+        (
+            node("T", "ShaderNodeVectorTransform", convert_to="CAMERA"),
+            target("T", "Vector"),
+            "depends on the camera",
+        ),
+        (node("G", "ShaderNodeNewGeometry"), target("G", "Normal"), "depends on the shaded object"),
         (node("C", "ShaderNodeTexCoord"), target("C", "UV"), "depends on the shaded object"),
         (node("C", "ShaderNodeMath"), target("D", "Value"), 'node "D"'),
         (node("C", "ShaderNodeMath"), target("C", "Result"), "choose a socket"),

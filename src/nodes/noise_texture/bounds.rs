@@ -229,7 +229,12 @@ fn octaves_of<const N: usize>(parameters: &Parameters, mut p: [Interval; N], sca
         .collect()
 }
 
-fn fbm<const N: usize>(parameters: &Parameters, p: [Interval; N], normalize: bool) -> Interval {
+/// Bounds of [`Fractal::fbm`] for any Detail from 0 to some dozens.
+pub(in crate::nodes) fn fbm<const N: usize>(
+    parameters: &Fractal<Interval>,
+    p: [Interval; N],
+    normalize: bool,
+) -> Interval {
     let noise = octaves_of(parameters, p, true);
     let half = Interval::point(0.5);
     let normalized = |sum: Interval, total: Interval| {

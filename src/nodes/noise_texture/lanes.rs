@@ -1,7 +1,7 @@
 //! fBM without distortion in 3D and 4D on SIMD lanes, one point per lane; the same bits as the
 //! scalar evaluation, which these functions follow operation by operation.
 
-use super::NoiseTexture;
+use super::{Fractal, NoiseTexture};
 use crate::nodes::gradient_noise::{PERIOD, SCALE, random_offset};
 use crate::nodes::{Column, Evaluate, Real, columns_at, lane_level};
 use fearless_simd::{dispatch, prelude::*};
@@ -49,6 +49,28 @@ pub(super) fn evaluate(node: &NoiseTexture, inputs: &[Column<'_, f32>], outputs:
         }
     }
     true
+}
+
+/// Normalised 3D fBM at `places` (x, y, z), bit for bit [`Fractal::fbm`]. Detail lies below 128 and Roughness is finite.
+pub(in crate::nodes) fn fbm_values(fractal: &Fractal<f32>, places: [&[f32]; 3], values: &mut [f32]) {
+    let plan = Plan {
+        scale: 1.0,
+        detail: fractal.detail,
+        roughness: fractal.roughness,
+        lacunarity: fractal.lacunarity,
+        normalize: true,
+        factor: true,
+        color: false,
+    };
+    let columns = places.map(|values| Column { values, uniform: false });
+    dispatch!(lane_level(), simd => run::<_, 3>(simd, &plan, &columns, &mut [&mut *values]));
+    let growth = plan.lacunarity.abs().max(1.0).powi(plan.detail.max(0.0) as i32 + 1);
+    for (index, value) in values.iter_mut().enumerate() {
+        let p = places.map(|place| place[index]);
+        if !p.iter().all(|x| (x * growth).abs() < LARGEST_COORDINATE) {
+            *value = fractal.fbm(p, true);
+        }
+    }
 }
 
 /// What is equal at all points.

@@ -26,7 +26,7 @@ pub(super) fn length(a: Vector) -> Interval {
 }
 
 /// Unit vector, or the vector itself when its length vanishes.
-fn safe_unit(a: Vector) -> Vector {
+pub(in crate::nodes) fn safe_unit(a: Vector) -> Vector {
     let nan = a.iter().any(|x| x.may_be_nan || x.magnitude().is_infinite());
     let norm_square = square(a);
     if nan || norm_square.low < SMALLEST_SQUARE || norm_square.high.is_infinite() {
@@ -56,7 +56,8 @@ fn no_longer_than(result: Vector, a: Vector, sound: bool) -> Vector {
     result.map(|x| if limit.is_finite() { x.meet(shell) } else { x })
 }
 
-fn is_sound(b: Vector) -> bool {
+/// Whether the direction of a vector is well-defined: its square neither vanishes nor overflows.
+pub(in crate::nodes) fn is_sound(b: Vector) -> bool {
     let square = square(b);
     square.low > SMALLEST_SQUARE && square.is_finite()
 }

@@ -1,0 +1,78 @@
+//! `cloudparity bench-compile`: how long kernels take to compile.
+
+use crate::error::Result;
+use crate::files;
+use crate::gpu::Gpu;
+use crate::integrate::compile_times::{self, Row};
+use crate::scene::Scene;
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+/// Measure how long the kernels of scenes take to compile (graph, linking, naga, pipeline), beside the first scene's.
+#[derive(clap::Args)]
+pub(super) struct Arguments {
+    /// The scene files; the first one is what the others are compared with.
+    #[arg(required = true, value_name = "SCENE")]
+    scenes: Vec<PathBuf>,
+    /// Repetitions; the median counts.
+    #[arg(long, default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..=100))]
+    repeats: u32,
+    /// Leave the adapter's pipelines out.
+    #[arg(long)]
+    cpu_only: bool,
+    /// Print JSON.
+    #[arg(long)]
+    json: bool,
+    /// Also write the JSON here.
+    #[arg(short, long, value_name = "FILE")]
+    output: Option<PathBuf>,
+}
+
+pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
+    let scenes = arguments.scenes.iter().map(|path| Scene::load(path)).collect::<Result<Vec<_>>>()?;
+    let gpu = if arguments.cpu_only { None } else { Some(Gpu::open()) };
+    if let Some(Err(error)) = &gpu {
+        eprintln!("left out: pipelines: {error}");
+    }
+    let opened = gpu.as_ref().and_then(|found| found.as_ref().ok());
+    let repeats = arguments.repeats as usize;
+    let bar = super::progress_bar((repeats * scenes.len()) as u64);
+    let rows = compile_times::run(&scenes, repeats, opened, |what| {
+        bar.set_message(what.to_owned());
+        bar.inc(1);
+    })?;
+    bar.finish_and_clear();
+    let adapter = opened.map_or("none", |gpu| gpu.adapter().name.as_str());
+    let result = serde_json::json!({"adapter": adapter, "repeats": repeats, "rows": rows});
+    let json = serde_json::to_string_pretty(&result).expect("figures serialise") + "\n";
+    if let Some(path) = &arguments.output {
+        files::write_atomically(path, json.as_bytes())?;
+    }
+    super::print(&if arguments.json { json } else { table(&rows, adapter, repeats) })?;
+    Ok(ExitCode::SUCCESS)
+}
+
+fn table(rows: &[Row], adapter: &str, repeats: usize) -> String {
+    let mut text = format!(
+        "{:<30}{:<8}{:>6}{:>10}{:>9}{:>9}{:>9}{:>10}{:>10}{:>8}\n",
+        "milliseconds", "kernel", "nodes", "bytes", "graph", "link", "naga", "pipeline", "total", "ratio"
+    );
+    for row in rows {
+        text += &format!(
+            "{:<30}{:<8}{:>6}{:>10}{:>9.1}{:>9.1}{:>9.1}{:>10}{:>10.1}{:>8.2}\n",
+            row.scene,
+            row.kernel,
+            row.instructions,
+            row.bytes,
+            row.graph_ms,
+            row.link_ms,
+            row.validate_ms,
+            row.pipeline_ms.map_or("-".to_owned(), |time| format!("{time:.1}")),
+            row.total_ms,
+            row.ratio
+        );
+    }
+    text + &format!(
+        "Medians of {repeats}, each of a text that no cache holds. Adapter: {adapter}. Ratios: totals over the first scene's.\n"
+    )
+}

@@ -1,0 +1,90 @@
+//! `cloudparity bench-nodes`: what every node costs, beside Cycles.
+
+use crate::blender;
+use crate::error::Result;
+use crate::field::costs::{self, Costs, Settings};
+use crate::gpu::Gpu;
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+/// Measure nanoseconds per point of every node in every mode: f32 and f64 on one thread, WGSL, and Cycles on one thread, in one run.
+#[derive(clap::Args)]
+pub(super) struct Arguments {
+    /// Write the rows here as they come; those that the file holds are not measured again.
+    #[arg(short, long, value_name = "FILE")]
+    output: Option<PathBuf>,
+    /// Only this node, by Blender's label: "Math", "Voronoi Texture".
+    #[arg(long, value_name = "LABEL")]
+    node: Option<String>,
+    /// Points of a render at most; modes that cost much get fewer.
+    #[arg(long, default_value_t = 131_072, value_parser = clap::value_parser!(u32).range(1024..=1_048_576))]
+    points: u32,
+    /// Repetitions; the median counts.
+    #[arg(long, default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..=100))]
+    repeats: u32,
+    /// Leave the WGSL out.
+    #[arg(long)]
+    cpu_only: bool,
+    /// Leave Cycles out.
+    #[arg(long)]
+    without_cycles: bool,
+    /// Print the document instead of a table.
+    #[arg(long)]
+    json: bool,
+}
+
+pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
+    let with_cycles = !arguments.without_cycles && blender::has_bpy();
+    if !with_cycles && !arguments.without_cycles {
+        eprintln!("warning: bpy is missing: Cycles is not measured, so there are no ratios (make setup installs it)");
+    }
+    let gpu = if arguments.cpu_only { None } else { Some(Gpu::open()) };
+    if let Some(Err(error)) = &gpu {
+        eprintln!("left out: WGSL: {error}");
+    }
+    let settings = Settings {
+        points: arguments.points as usize,
+        repeats: arguments.repeats as usize,
+        node: arguments.node.clone(),
+        with_cycles,
+    };
+    let bar = super::progress_bar(1000);
+    let opened = gpu.as_ref().and_then(|found| found.as_ref().ok());
+    let found = costs::run(&settings, opened, arguments.output.as_deref(), |done, what| {
+        bar.set_position((done * 1000.0) as u64);
+        bar.set_message(what.to_owned());
+    })?;
+    bar.finish_and_clear();
+    super::print(&if arguments.json {
+        serde_json::to_string_pretty(&found).expect("figures serialise") + "\n"
+    } else {
+        table(&found)
+    })?;
+    Ok(ExitCode::SUCCESS)
+}
+
+fn table(costs: &Costs) -> String {
+    let show = |value: Option<f64>| value.map_or("-".to_owned(), |value| format!("{value:.1}"));
+    let mut text = format!(
+        "{:<22}{:>10}{:>10}{:>10}{:>10}{:>8}{:>8}  {}\n",
+        "ns per point", "f32", "f64", "WGSL", "Cycles", "spread", "ratio", "mode"
+    );
+    for row in &costs.rows {
+        text += &format!(
+            "{:<22}{:>10}{:>10}{:>10}{:>10}{:>8}{:>8}  {}\n",
+            row.node,
+            show(Some(row.cloudparity_ns)),
+            show(Some(row.oracle_ns)),
+            show(row.wgsl_ns),
+            show(row.cycles_ns),
+            show(row.cycles_spread_ns),
+            show(row.ratio),
+            row.mode
+        );
+    }
+    text + &format!(
+        "{}. f32, f64 and Cycles on one thread; Cycles without what its render costs for a graph that passes the attributes on. \
+         Medians of {}.\n",
+        costs.machine, costs.repeats
+    )
+}

@@ -1,0 +1,27 @@
+//! `cloudparity nodes`: what is supported of Blender's nodes, and what is not.
+
+use crate::error::Result;
+use crate::field::node_table;
+use std::process::ExitCode;
+
+/// List every supported node with its modes, measured errors and costs, and every refused one with what to do instead.
+#[derive(clap::Args)]
+pub(super) struct Arguments {
+    /// Everything that is known of each node, as JSON.
+    #[arg(long)]
+    json: bool,
+    /// Everything that is known of each node, as the text of docs/nodes.md.
+    #[arg(long, conflicts_with = "json")]
+    markdown: bool,
+}
+
+pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
+    let table = node_table::table()?;
+    let text = match (arguments.json, arguments.markdown) {
+        (true, _) => serde_json::to_string_pretty(&table).expect("the table serialises") + "\n",
+        (false, true) => table.markdown(),
+        (false, false) => table.text(),
+    };
+    super::print(&text)?;
+    Ok(ExitCode::SUCCESS)
+}

@@ -1,0 +1,500 @@
+//! What a point of every node in every mode costs: f32 and f64 on one thread of the CPU, WGSL on the adapter, and Cycles on one
+//! thread, in one run.
+//!
+//! A graph holds [`COPIES`] nodes of one mode that read different attributes, so that nothing is merged. Textures read their
+//! coordinate and keep Blender's defaults for the rest; all inputs of other nodes are linked. On the CPU the node's own kernel is
+//! timed on columns in the cache; what adapter and renderer do besides is measured with a graph that passes the same attributes on to
+//! as many outputs of the same kinds, and taken off. (Separate XYZ, through which floats are read, counts with Cycles' node where the
+//! outputs are no floats: some two nanoseconds.) Measurements of ours and of Cycles alternate; medians count. Costs are those
+//! of one machine, ratios those of one run.
+
+use super::node_measurements::COSTS_FORMAT;
+use super::suite::{attribute_name, attribute_nodes, bare_scene, modes, normal};
+use crate::blender::{Kernel, probe};
+use crate::error::{Error, Result};
+use crate::files;
+use crate::gpu::{FieldKernel, Gpu};
+use crate::graph::evaluate::{Evaluation, Points};
+use crate::graph::{Operand, Program, Target};
+use crate::nodes::{self, Column, Mode, NodeType, Oracle, Role};
+use crate::scene::{Scene, SocketType};
+use rand::{Rng, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use serde::{Deserialize, Serialize};
+use serde_json::{Map, Value as Json, json};
+use std::path::Path;
+use std::time::Instant;
+
+/// Nodes of one graph: cheap ones would drown in what a render costs.
+const COPIES: usize = 4;
+
+/// Points of a column, as evaluation has them.
+const BLOCK: usize = 512;
+
+/// Columns that are gone through again and again.
+const BLOCKS: usize = 16;
+
+/// Seconds of one measurement on the CPU, at most.
+const SECONDS: f64 = 0.2;
+
+/// Seconds of ours that one render stands for, at most: a graph that costs more gets fewer points.
+const RENDER_SECONDS: f64 = 2.0;
+
+/// Points of a render, at least.
+const FEWEST: usize = 4096;
+
+/// Modes that one Blender process measures.
+const TOGETHER: usize = 16;
+
+/// What to measure.
+pub struct Settings {
+    /// Points of a render at most.
+    pub points: usize,
+    /// Repetitions; the median counts.
+    pub repeats: usize,
+    /// Only the node of this label.
+    pub node: Option<String>,
+    /// Ask Cycles, too.
+    pub with_cycles: bool,
+}
+
+/// `node-costs.json`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Costs {
+    /// [`COSTS_FORMAT`].
+    pub format: String,
+    /// Processor and adapter in words.
+    pub machine: String,
+    /// What Cycles' times are.
+    #[serde(default)]
+    pub cycles: String,
+    /// Points of a render at most.
+    #[serde(default)]
+    pub points: usize,
+    /// Repetitions.
+    #[serde(default)]
+    pub repeats: usize,
+    /// One per node and mode.
+    pub rows: Vec<Row>,
+}
+
+/// Nanoseconds per point of one node in one mode.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Row {
+    /// Blender's label of the node.
+    pub node: String,
+    /// The mode in words.
+    pub mode: String,
+    /// f32 on one thread.
+    pub cloudparity_ns: f64,
+    /// f64 on one thread.
+    pub oracle_ns: f64,
+    /// WGSL on the adapter, transfers of the values alone taken off; none without an adapter.
+    pub wgsl_ns: Option<f64>,
+    /// Cycles on one thread.
+    pub cycles_ns: Option<f64>,
+    /// Largest less smallest of Cycles' repetitions.
+    pub cycles_spread_ns: Option<f64>,
+    /// Cycles' over ours in f32; none where one of them costs nothing.
+    pub ratio: Option<f64>,
+}
+
+/// One node in one mode.
+struct Case {
+    node: &'static str,
+    mode: String,
+    scene: Scene,
+    targets: Vec<Target>,
+    /// The attributes passed on to as many outputs of the same kinds.
+    idle_targets: Vec<Target>,
+    attributes: Vec<(String, Vec<[f32; 3]>)>,
+    program: Program,
+    idle_program: Program,
+}
+
+/// Times of one case, one per repetition.
+#[derive(Default)]
+struct Times {
+    single: Vec<f64>,
+    oracle: Vec<f64>,
+    wgsl: Vec<f64>,
+    cycles: Vec<f64>,
+}
+
+/// Measures every mode; with `path`, rows are written there as they come, and what stands there already is not measured
+/// again. `receive` hears the share that is done and what comes next.
+pub fn run(
+    settings: &Settings,
+    gpu: Option<&Gpu>,
+    path: Option<&Path>,
+    mut receive: impl FnMut(f64, &str),
+) -> Result<Costs> {
+    let mut costs = begin(settings, gpu, path)?;
+    let mut wanted = Vec::new();
+    for (node_type, properties) in wanted_modes(settings)? {
+        let mode = Mode::read(node_type, &properties, node_type.label)?.words().join(" ");
+        let is_measured = |row: &Row| {
+            row.node == node_type.label
+                && row.mode == mode
+                && (row.cycles_ns.is_some() || !settings.with_cycles)
+                && (row.wgsl_ns.is_some() || gpu.is_none())
+        };
+        if !costs.rows.iter().any(is_measured) {
+            wanted.push((node_type, properties));
+        }
+    }
+    let total = wanted.len().max(1) as f64;
+    for (number, part) in wanted.chunks(TOGETHER).enumerate() {
+        let cases = part
+            .iter()
+            .map(|(node_type, properties)| Case::new(node_type, properties, settings.points))
+            .collect::<Result<Vec<_>>>()?;
+        let done = (number * TOGETHER) as f64 / total;
+        receive(done, cases[0].node);
+        let times = measure(&cases, settings, gpu)?;
+        for (case, times) in cases.iter().zip(&times) {
+            let row = case.row(times);
+            match costs.rows.iter_mut().find(|known| known.node == row.node && known.mode == row.mode) {
+                Some(known) => *known = row,
+                None => costs.rows.push(row),
+            }
+            if let Some(path) = path {
+                write(&costs, path)?;
+            }
+        }
+    }
+    Ok(costs)
+}
+
+/// The document of an earlier run with these settings, or an empty one.
+fn begin(settings: &Settings, gpu: Option<&Gpu>, path: Option<&Path>) -> Result<Costs> {
+    let mut system = sysinfo::System::new();
+    system.refresh_cpu_all();
+    let processor = system.cpus().first().map_or("", |cpu| cpu.brand()).trim();
+    let adapter =
+        gpu.map_or("no adapter".to_owned(), |gpu| format!("adapter {} ({})", gpu.adapter().name, gpu.adapter().driver));
+    let new = Costs {
+        format: COSTS_FORMAT.to_owned(),
+        machine: format!("{processor}, {}; {adapter}", crate::study::machine()),
+        cycles: "the kernel that Cycles chooses by itself, one thread".to_owned(),
+        points: settings.points,
+        repeats: settings.repeats,
+        rows: Vec::new(),
+    };
+    let Some(path) = path.filter(|path| path.exists()) else { return Ok(new) };
+    let text = files::read_text(path, "costs of nodes")?;
+    let refused = |found: String, expected: String| {
+        Error::new(
+            path.display().to_string(),
+            found,
+            expected,
+            "Name another file with --output, or remove this one to measure everything again.",
+        )
+    };
+    let known: Costs = serde_json::from_str(&text)
+        .map_err(|cause| refused(cause.to_string(), "a document of cloudparity bench-nodes".to_owned()))?;
+    // A file of a machine without a name holds no measurements yet.
+    if known.rows.is_empty() {
+        return Ok(new);
+    }
+    let conditions = |costs: &Costs| format!("{}, {} points, {} repeats", costs.machine, costs.points, costs.repeats);
+    if conditions(&known) != conditions(&new) || known.format != new.format {
+        return Err(refused(
+            format!("costs measured under other conditions: {}", conditions(&known)),
+            format!("those of this run: {}", conditions(&new)),
+        ));
+    }
+    Ok(known)
+}
+
+fn write(costs: &Costs, path: &Path) -> Result<()> {
+    let text = serde_json::to_string_pretty(costs).expect("figures serialise") + "\n";
+    files::write_atomically(path, text.as_bytes())
+}
+
+/// Every mode of every node that evaluates.
+fn wanted_modes(settings: &Settings) -> Result<Vec<(&'static NodeType, Map<String, Json>)>> {
+    let is_measured =
+        |node: &&NodeType| matches!(node.role, Role::Evaluated(_)) && node.type_name.starts_with("ShaderNode");
+    let all: Vec<&'static NodeType> = nodes::registry().iter().copied().filter(is_measured).collect();
+    let wanted = settings.node.as_deref();
+    let chosen: Vec<_> = all
+        .iter()
+        .filter(|node| wanted.is_none_or(|label| label == node.label))
+        .flat_map(|node| modes(node).into_iter().map(move |properties| (*node, properties)))
+        .collect();
+    if chosen.is_empty() {
+        let labels: Vec<&str> = all.iter().map(|node| node.label).collect();
+        return Err(Error::new(
+            "--node",
+            format!("\"{}\"", wanted.unwrap_or_default()),
+            format!("one of: {}", labels.join(", ")),
+            "Write Blender's label of the node.",
+        ));
+    }
+    Ok(chosen)
+}
+
+impl Case {
+    fn new(node_type: &'static NodeType, properties: &Map<String, Json>, most: usize) -> Result<Self> {
+        let mode = Mode::read(node_type, properties, node_type.label)?;
+        let is_texture = node_type.type_name.contains("Tex");
+        let mut graph: Vec<Json> = (0..COPIES).flat_map(attribute_nodes).collect();
+        let mut targets = Vec::new();
+        let mut idle_targets = Vec::new();
+        for copy in 0..COPIES {
+            let mut inputs = Map::new();
+            for (number, socket) in node_type.inputs_of(&mode).enumerate() {
+                // Other attributes in every copy.
+                let source = (copy + number) % COPIES;
+                let linked = match socket.kind.components() {
+                    3 => json!({"node": format!("Attribute {source}"), "socket": "Vector"}),
+                    _ => json!({"node": format!("Separate {source}"), "socket": "X"}),
+                };
+                if !is_texture || matches!(socket.identifier, "Vector" | "W") {
+                    inputs.insert(socket.identifier.to_owned(), linked);
+                }
+            }
+            let name = format!("Copy {copy}");
+            graph.push(json!({"name": name, "type": node_type.type_name, "properties": properties, "inputs": inputs}));
+            for output in node_type.outputs_of(&mode) {
+                targets.push(Target::output(&name, output.identifier));
+                idle_targets.push(match output.kind.components() {
+                    3 => Target::output(&format!("Attribute {copy}"), "Vector"),
+                    _ => Target::output(&format!("Separate {copy}"), "X"),
+                });
+            }
+        }
+        let scene = bare_scene("costs", json!({"material": "Material", "nodes": graph, "groups": []}))?;
+        let program = Program::compile(&scene, &targets)?;
+        let idle_program = Program::compile(&scene, &idle_targets)?;
+        let colours = !is_texture && node_type.inputs_of(&mode).any(|socket| socket.kind == SocketType::Color);
+        let mut random = ChaCha8Rng::seed_from_u64(7);
+        let mut draw = |count: usize| -> Vec<[f32; 3]> {
+            let mut number = || if colours { random.random() } else { normal(&mut random, 3.0) };
+            (0..count).map(|_| std::array::from_fn(|_| number())).collect()
+        };
+        let mut case = Self {
+            node: node_type.label,
+            mode: mode.words().join(" "),
+            scene,
+            targets,
+            idle_targets,
+            attributes: (0..COPIES).map(|number| (attribute_name(number), draw(BLOCK * BLOCKS))).collect(),
+            program,
+            idle_program,
+        };
+        // A first measurement says how many points a render may have.
+        let nanoseconds = case.on_cpu::<f32>(FEWEST);
+        let affordable = RENDER_SECONDS * 1e9 / (nanoseconds.max(1e-3) * COPIES as f64);
+        let points = most.min(affordable as usize).max(FEWEST.min(most));
+        case.attributes = (0..COPIES).map(|number| (attribute_name(number), draw(points))).collect();
+        Ok(case)
+    }
+
+    fn points(&self) -> usize {
+        self.attributes[0].1.len()
+    }
+
+    /// Nanoseconds per point and node of the kernels, on this thread.
+    fn on_cpu<R: Evaluation>(&self, points: usize) -> f64 {
+        if self.program.instructions.is_empty() {
+            // Naming columns is all there is to do.
+            return 0.0;
+        }
+        let attributes: Vec<&Vec<[f32; 3]>> = self
+            .program
+            .attributes
+            .iter()
+            .filter_map(|name| self.attributes.iter().find(|(known, _)| known == name))
+            .map(|(_, values)| values)
+            .collect();
+        let column = |block: usize, attribute: usize, axis: usize| -> Vec<R> {
+            let values = attributes[attribute];
+            (0..BLOCK).map(|index| R::of(values[(block * BLOCK + index) % values.len()][axis])).collect()
+        };
+        let blocks: Vec<Vec<Vec<R>>> = (0..BLOCKS)
+            .map(|block| (0..3 * attributes.len()).map(|index| column(block, index / 3, index % 3)).collect())
+            .collect();
+        let constants: Vec<Vec<Vec<R>>> = self
+            .program
+            .instructions
+            .iter()
+            .map(|instruction| {
+                let constant = |operand: &Operand| match operand {
+                    Operand::Constant(value) => vec![R::of(*value); BLOCK],
+                    _ => Vec::new(),
+                };
+                instruction.inputs.iter().map(constant).collect()
+            })
+            .collect();
+        let mut registers: Vec<Vec<R>> = vec![vec![R::default(); BLOCK]; self.program.registers];
+        let mut go_through = |rounds: usize| {
+            let start = Instant::now();
+            for round in 0..rounds {
+                self.evaluate(&blocks[round % BLOCKS], &constants, &mut registers);
+            }
+            std::hint::black_box(&registers);
+            start.elapsed().as_secs_f64()
+        };
+        // The first round fills the caches, the second says what one costs.
+        go_through(1);
+        let one = go_through(1).max(1e-9);
+        let rounds = points.div_ceil(BLOCK).min((SECONDS / one) as usize).max(1);
+        go_through(rounds) * 1e9 / (rounds * BLOCK * COPIES) as f64
+    }
+
+    fn evaluate<R: Evaluation>(&self, block: &[Vec<R>], constants: &[Vec<Vec<R>>], registers: &mut [Vec<R>]) {
+        for (instruction, constants) in self.program.instructions.iter().zip(constants) {
+            let (before, after) = registers.split_at_mut(instruction.first_register);
+            let inputs: Vec<Column<'_, R>> = instruction
+                .inputs
+                .iter()
+                .zip(constants)
+                .map(|(operand, constant)| match operand {
+                    Operand::Constant(_) => Column { values: constant.as_slice(), uniform: true },
+                    Operand::Attribute(number, axis) => {
+                        Column { values: block[3 * number + axis].as_slice(), uniform: false }
+                    }
+                    Operand::Register(register) => Column { values: before[*register].as_slice(), uniform: false },
+                    // Nothing here reads the position: any column does.
+                    Operand::Position(axis) => Column { values: block[*axis].as_slice(), uniform: false },
+                })
+                .collect();
+            let mut outputs: Vec<&mut [R]> =
+                after[..instruction.components()].iter_mut().map(Vec::as_mut_slice).collect();
+            R::run(instruction.kernel.as_ref(), &inputs, &mut outputs);
+        }
+    }
+
+    /// Seconds of one evaluation of everything on the adapter.
+    fn on_adapter(&self, kernel: &FieldKernel<'_>) -> Result<f64> {
+        let positions = vec![[0.0; 3]; self.points()];
+        let start = Instant::now();
+        kernel.evaluate(Points { positions: &positions, attributes: &self.attributes })?;
+        Ok(start.elapsed().as_secs_f64())
+    }
+
+    fn row(&self, times: &Times) -> Row {
+        let (cloudparity, cycles) = (median(&times.single).unwrap_or(0.0), median(&times.cycles));
+        let ends =
+            |values: &[f64]| values.iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[a, b], &x| [a.min(x), b.max(x)]);
+        let ratio = cycles.filter(|cycles| *cycles > 0.0 && cloudparity > 0.0).map(|cycles| cycles / cloudparity);
+        Row {
+            node: self.node.to_owned(),
+            mode: self.mode.clone(),
+            cloudparity_ns: rounded(cloudparity),
+            oracle_ns: rounded(median(&times.oracle).unwrap_or(0.0)),
+            wgsl_ns: median(&times.wgsl).map(rounded),
+            cycles_ns: cycles.map(rounded),
+            cycles_spread_ns: (!times.cycles.is_empty()).then(|| {
+                let [low, high] = ends(&times.cycles);
+                rounded(high - low)
+            }),
+            ratio: ratio.map(rounded),
+        }
+    }
+}
+
+/// Four digits: more are noise.
+fn rounded(value: f64) -> f64 {
+    format!("{value:.3e}").parse().unwrap_or(value)
+}
+
+/// The middle one; none of none.
+fn median(values: &[f64]) -> Option<f64> {
+    let mut sorted = values.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    sorted.get(sorted.len() / 2).copied()
+}
+
+/// Measures cases, ours and Cycles' in turn.
+fn measure(cases: &[Case], settings: &Settings, gpu: Option<&Gpu>) -> Result<Vec<Times>> {
+    let kernels = cases
+        .iter()
+        .map(|case| gpu.map(|gpu| Ok((gpu.field(&case.program)?, gpu.field(&case.idle_program)?))).transpose())
+        .collect::<Result<Vec<_>>>()?;
+    let positions: Vec<Vec<[f32; 3]>> = cases.iter().map(|case| vec![[0.0; 3]; case.points()]).collect();
+    let mut times: Vec<Times> = cases.iter().map(|_| Times::default()).collect();
+    // The first evaluation of a kernel pays for its memory.
+    for (case, kernels) in cases.iter().zip(&kernels) {
+        if let Some((kernel, idle)) = kernels {
+            case.on_adapter(kernel)?;
+            case.on_adapter(idle)?;
+        }
+    }
+    for _ in 0..settings.repeats {
+        for ((case, kernels), times) in cases.iter().zip(&kernels).zip(&mut times) {
+            times.single.push(case.on_cpu::<f32>(case.points()));
+            times.oracle.push(case.on_cpu::<Oracle>(case.points()));
+            if let Some((kernel, idle)) = kernels {
+                let seconds = case.on_adapter(kernel)? - case.on_adapter(idle)?;
+                times.wgsl.push(per_point(case, seconds));
+            }
+        }
+        if !settings.with_cycles {
+            continue;
+        }
+        let mut jobs = Vec::new();
+        for (case, positions) in cases.iter().zip(&positions) {
+            for targets in [&case.targets, &case.idle_targets] {
+                jobs.push(probe::Job {
+                    scene: &case.scene,
+                    positions,
+                    attributes: &case.attributes,
+                    targets: targets.clone(),
+                    // The first render builds what the second one finds there.
+                    repeat: 2,
+                });
+            }
+        }
+        let answers = probe::ask_on(&jobs, Kernel::Default, 1, |_| ())?;
+        for ((case, times), answers) in cases.iter().zip(&mut times).zip(answers.jobs.chunks(2)) {
+            let last = |answer: &probe::Answer| answer.render_seconds.last().copied().unwrap_or(f64::NAN);
+            times.cycles.push(per_point(case, last(&answers[0]) - last(&answers[1])));
+        }
+    }
+    Ok(times)
+}
+
+/// Seconds of a whole graph as nanoseconds per point and node.
+fn per_point(case: &Case, seconds: f64) -> f64 {
+    seconds * 1e9 / (case.points() * COPIES) as f64
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn case(label: &str, properties: Json) -> Case {
+        let node_type = nodes::registry().iter().copied().find(|node| node.label == label).expect("a node");
+        let properties = properties.as_object().cloned().unwrap_or_default();
+        Case::new(node_type, &properties, 8192).expect("a case")
+    }
+
+    #[test]
+    fn copies_are_evaluated_each() {
+        let found = case("Math", json!({"operation": "MULTIPLY_ADD"}));
+        assert_eq!(found.program.instructions.len(), COPIES);
+        assert_eq!((found.targets.len(), found.idle_targets.len()), (COPIES, COPIES));
+        assert!(found.idle_program.instructions.is_empty());
+        let sine = case("Math", json!({"operation": "SINE"})).on_cpu::<f32>(1 << 16);
+        let texture = case("Noise Texture", json!({})).on_cpu::<f32>(1 << 16);
+        assert!(sine > 0.0 && texture > sine, "{sine} {texture}");
+    }
+
+    #[test]
+    fn rows_are_kept_and_other_conditions_are_refused() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("costs.json");
+        let settings = |points| Settings { points, repeats: 1, node: Some("Clamp".to_owned()), with_cycles: false };
+        let first = run(&settings(4096), None, Some(&path), |_, _| ()).expect("costs");
+        assert_eq!(first.rows.len(), 2);
+        assert!(first.rows.iter().all(|row| row.cycles_ns.is_none() && row.ratio.is_none()));
+        // Measured times differ: equal rows were read.
+        let again = run(&settings(4096), None, Some(&path), |_, _| ()).expect("costs");
+        assert_eq!(again, first);
+        let error = run(&settings(5000), None, Some(&path), |_, _| ()).expect_err("other conditions");
+        assert!(error.to_string().contains("other conditions"), "{error}");
+    }
+}

@@ -1,0 +1,783 @@
+//! The 19 blend modes of two colours, for the colour mode of Mix and for the node of old files.
+//!
+//! Each formula without a branch is written once, for the number types of evaluation, for intervals and for the
+//! corners of a box ([`Arithmetic`]). Source: Blender's blend modes as Cycles orders them.
+
+use super::super::color_space::{enclose_hsv_to_rgb, enclose_rgb_to_hsv, hsv_to_rgb, rgb_to_hsv};
+use super::super::{Column, Evaluate, Interval, Real, Simplified, vector_at};
+use std::ops::{Add, Mul, Sub};
+
+/// Blender's names of the blend modes; the first is the default.
+pub const BLEND_TYPES: &[&str] = &[
+    "MIX",
+    "DARKEN",
+    "MULTIPLY",
+    "BURN",
+    "LIGHTEN",
+    "SCREEN",
+    "DODGE",
+    "ADD",
+    "OVERLAY",
+    "SOFT_LIGHT",
+    "LINEAR_LIGHT",
+    "DIFFERENCE",
+    "EXCLUSION",
+    "SUBTRACT",
+    "DIVIDE",
+    "HUE",
+    "SATURATION",
+    "COLOR",
+    "VALUE",
+];
+
+/// What the formulas need of a type.
+pub trait Arithmetic: Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> {
+    /// Exact conversion.
+    fn constant(value: f32) -> Self;
+    /// Quotient.
+    fn over(self, divisor: Self) -> Self;
+    /// `a if a < b else b`.
+    fn smaller(self, other: Self) -> Self;
+    /// `a if a > b else b`.
+    fn larger(self, other: Self) -> Self;
+    /// Magnitude.
+    fn absolute(self) -> Self;
+}
+
+impl<R: Real> Arithmetic for R {
+    #[inline(always)]
+    fn constant(value: f32) -> Self {
+        R::of(value)
+    }
+    #[inline(always)]
+    fn over(self, divisor: Self) -> Self {
+        self / divisor
+    }
+    #[inline(always)]
+    fn smaller(self, other: Self) -> Self {
+        self.lesser(other)
+    }
+    #[inline(always)]
+    fn larger(self, other: Self) -> Self {
+        self.greater(other)
+    }
+    #[inline(always)]
+    fn absolute(self) -> Self {
+        self.abs()
+    }
+}
+
+impl Arithmetic for Interval {
+    fn constant(value: f32) -> Self {
+        Self::point(value)
+    }
+    fn over(self, divisor: Self) -> Self {
+        self.divide(divisor)
+    }
+    fn smaller(self, other: Self) -> Self {
+        self.lesser(other)
+    }
+    fn larger(self, other: Self) -> Self {
+        self.greater(other)
+    }
+    fn absolute(self) -> Self {
+        self.abs()
+    }
+}
+
+// ---------------------------------------------------------------------------------------------------------------------
+// Formulas: a below, b on top, t the factor
+
+fn one<T: Arithmetic>() -> T {
+    T::constant(1.0)
+}
+
+fn two<T: Arithmetic>() -> T {
+    T::constant(2.0)
+}
+
+/// The mean of `a` and `b` with weights `1 - t` and `t`: how floats and vectors are mixed.
+#[inline(always)]
+pub fn weighted<T: Arithmetic>(a: T, b: T, t: T) -> T {
+    a * (one::<T>() - t) + b * t
+}
+
+#[inline(always)]
+fn linear<T: Arithmetic>(a: T, b: T, t: T) -> T {
+    a + t * (b - a)
+}
+
+#[inline(always)]
+fn darken<T: Arithmetic>(a: T, b: T, t: T) -> T {
+    linear(a, a.smaller(b), t)
+}
+
+#[inline(always)]
+fn lighten<T: Arithmetic>(a: T, b: T, t: T) -> T {
+    linear(a, a.larger(b), t)
+}
+
+#[inline(always)]
+fn multiply<T: Arithmetic>(a: T, b: T, t: T) -> T {
+    linear(a, a * b, t)
+}
+
+#[inline(always)]
+fn add<T: Arithmetic>(a: T, b: T, t: T) -> T {
+    linear(a, a + b, t)
+}
+
+#[inline(always)]
+fn subtract<T: Arithmetic>(a: T, b: T, t: T) -> T {
+    linear(a, a - b, t)
+}
+
+#[inline(always)]
+fn difference<T: Arithmetic>(a: T, b: T, t: T) -> T {
+    linear(a, (a - b).absolute(), t)
+}
+
+/// Exclusion before its limit.
+#[inline(always)]
+fn excluded<T: Arithmetic>(a: T, b: T, t: T) -> T {
+    linear(a, (a + b) - (two::<T>() * a) * b, t)
+}
+
+#[inline(always)]
+fn screen<T: Arithmetic>(a: T, b: T, t: T) -> T {
+    one::<T>() - ((one::<T>() - t) + t * (one::<T>() - b)) * (one::<T>() - a)
+}
+
+/// Overlay for `a` below one half.
+#[inline(always)]
+fn overlay_dark<T: Arithmetic>(a: T, b: T, t: T) -> T {
+    a * ((one::<T>() - t) + (two::<T>() * t) * b)
+}
+
+/// Overlay for `a` from one half on.
+#[inline(always)]
+fn overlay_light<T: Arithmetic>(a: T, b: T, t: T) -> T {
+    one::<T>() - ((one::<T>() - t) + (two::<T>() * t) * (one::<T>() - b)) * (one::<T>() - a)
+}
+
+#[inline(always)]
+fn soft_light<T: Arithmetic>(a: T, b: T, t: T) -> T {
+    let screened = one::<T>() - (one::<T>() - b) * (one::<T>() - a);
+    (one::<T>() - t) * a + t * (((one::<T>() - a) * b) * a + a * screened)
+}
+
+#[inline(always)]
+fn linear_light<T: Arithmetic>(a: T, b: T, t: T) -> T {
+    a + t * (two::<T>() * b + T::constant(-1.0))
+}
+
+/// Divide where `b` is not 0.
+#[inline(always)]
+fn quotient<T: Arithmetic>(a: T, b: T, t: T) -> T {
+    (one::<T>() - t) * a + (t * a).over(b)
+}
+
+#[inline(always)]
+fn dodge_divisor<T: Arithmetic>(_: T, b: T, t: T) -> T {
+    one::<T>() - t * b
+}
+
+#[inline(always)]
+fn burn_divisor<T: Arithmetic>(_: T, b: T, t: T) -> T {
+    (one::<T>() - t) + t * b
+}
+
+// ---------------------------------------------------------------------------------------------------------------------
+// Formulas with branches
+
+#[inline(always)]
+fn exclusion<R: Real>(a: R, b: R, t: R) -> R {
+    excluded(a, b, t).greater(R::of(0.0))
+}
+
+#[inline(always)]
+fn overlay<R: Real>(a: R, b: R, t: R) -> R {
+    if a < R::of(0.5) { overlay_dark(a, b, t) } else { overlay_light(a, b, t) }
+}
+
+#[inline(always)]
+fn divide<R: Real>(a: R, b: R, t: R) -> R {
+    if b != R::of(0.0) { quotient(a, b, t) } else { a }
+}
+
+#[inline(always)]
+fn dodge<R: Real>(a: R, b: R, t: R) -> R {
+    if a == R::of(0.0) {
+        return a;
+    }
+    let divisor = dodge_divisor(a, b, t);
+    // The limit in the first place lets a NaN through.
+    if divisor <= R::of(0.0) { R::of(1.0) } else { R::of(1.0).lesser(a / divisor) }
+}
+
+#[inline(always)]
+fn burn<R: Real>(a: R, b: R, t: R) -> R {
+    let divisor = burn_divisor(a, b, t);
+    if divisor <= R::of(0.0) {
+        R::of(0.0)
+    } else {
+        R::of(1.0).lesser(R::of(0.0).greater(R::of(1.0) - (R::of(1.0) - a) / divisor))
+    }
+}
+
+/// [`linear`] on each component.
+#[inline(always)]
+fn linear_each<R: Real>(a: [R; 3], b: [R; 3], t: R) -> [R; 3] {
+    std::array::from_fn(|axis| linear(a[axis], b[axis], t))
+}
+
+/// The hue of b; grey has none.
+fn hue<R: Real>(a: [R; 3], b: [R; 3], t: R) -> [R; 3] {
+    let [hue, saturation, _] = rgb_to_hsv(b);
+    if saturation == R::of(0.0) {
+        return a;
+    }
+    let [_, saturation, value] = rgb_to_hsv(a);
+    linear_each(a, hsv_to_rgb([hue, saturation, value]), t)
+}
+
+/// The saturation of b; grey stays grey.
+fn saturation<R: Real>(a: [R; 3], b: [R; 3], t: R) -> [R; 3] {
+    let [hue, saturation, value] = rgb_to_hsv(a);
+    if saturation == R::of(0.0) {
+        return a;
+    }
+    hsv_to_rgb([hue, weighted(saturation, rgb_to_hsv(b)[1], t), value])
+}
+
+/// The hue and the saturation of b.
+fn color<R: Real>(a: [R; 3], b: [R; 3], t: R) -> [R; 3] {
+    let [hue, saturation, _] = rgb_to_hsv(b);
+    if saturation == R::of(0.0) {
+        return a;
+    }
+    linear_each(a, hsv_to_rgb([hue, saturation, rgb_to_hsv(a)[2]]), t)
+}
+
+/// The value of b.
+fn value<R: Real>(a: [R; 3], b: [R; 3], t: R) -> [R; 3] {
+    let [hue, saturation, value] = rgb_to_hsv(a);
+    hsv_to_rgb([hue, saturation, weighted(value, rgb_to_hsv(b)[2], t)])
+}
+
+// ---------------------------------------------------------------------------------------------------------------------
+// Enclosures
+
+/// Rounding of the formulas relative to the sum of their terms' magnitudes. A term passes at most eight operations,
+/// each with an error of 1 ulp (a division alone 2.5), and an ulp is at most 2^-23 of the value.
+const ROUNDING: f64 = 10.0 / 8_388_608.0;
+
+/// What a product or a sum that is flushed to zero loses, in units of [`ROUNDING`].
+const FLUSHED: f64 = f32::MIN_POSITIVE as f64 / ROUNDING;
+
+/// A formula's exact value at one point, and the sum of its terms' magnitudes, to which rounding is relative.
+#[derive(Clone, Copy)]
+pub struct Corner {
+    value: f64,
+    size: f64,
+}
+
+impl Corner {
+    fn at(value: f64) -> Self {
+        Self { value, size: value.abs() }
+    }
+}
+
+impl Add for Corner {
+    type Output = Self;
+    fn add(self, other: Self) -> Self {
+        Self { value: self.value + other.value, size: self.size + other.size + FLUSHED }
+    }
+}
+
+impl Sub for Corner {
+    type Output = Self;
+    fn sub(self, other: Self) -> Self {
+        Self { value: self.value - other.value, size: self.size + other.size + FLUSHED }
+    }
+}
+
+impl Mul for Corner {
+    type Output = Self;
+    fn mul(self, other: Self) -> Self {
+        Self { value: self.value * other.value, size: self.size * other.size + FLUSHED }
+    }
+}
+
+impl Arithmetic for Corner {
+    fn constant(value: f32) -> Self {
+        Self::at(f64::from(value))
+    }
+    fn over(self, divisor: Self) -> Self {
+        let size = self.size * divisor.size / (divisor.value * divisor.value);
+        Self { value: self.value / divisor.value, size: size + FLUSHED }
+    }
+    fn smaller(self, other: Self) -> Self {
+        Self { value: self.value.min(other.value), size: self.size.max(other.size) }
+    }
+    fn larger(self, other: Self) -> Self {
+        Self { value: self.value.max(other.value), size: self.size.max(other.size) }
+    }
+    fn absolute(self) -> Self {
+        Self { value: self.value.abs(), ..self }
+    }
+}
+
+/// Encloses a formula that is monotone in each operand alone, but for turns where a = b and at `turns` of a: it is
+/// extreme at corners of the box, on its diagonal's ends, or there. `plain` and `corner` are the same formula.
+pub fn enclose(
+    plain: impl Fn(Interval, Interval, Interval) -> Interval,
+    corner: impl Fn(Corner, Corner, Corner) -> Corner,
+    [a, b, t]: [Interval; 3],
+    turns: &[f64],
+) -> Interval {
+    // Holds for NaN, infinities and overflow, but takes operands that occur twice for independent.
+    let rough = plain(a, b, t);
+    if !rough.is_finite() || ![a, b, t].iter().all(|operand| operand.is_finite()) {
+        return rough;
+    }
+    let ([a_low, a_high], [b_low, b_high]) = (a.ends(), b.ends());
+    let (mut low, mut high, mut size) = (f64::INFINITY, f64::NEG_INFINITY, 0.0_f64);
+    let mut visit = |a: f64, b: f64| {
+        for t in t.ends() {
+            let found = corner(Corner::at(a), Corner::at(b), Corner::at(t));
+            low = low.min(found.value);
+            high = high.max(found.value);
+            size = size.max(found.size);
+        }
+    };
+    let inside = turns.iter().copied().filter(|turn| a_low < *turn && *turn < a_high);
+    for a in [a_low, a_high].into_iter().chain(inside) {
+        visit(a, b_low);
+        visit(a, b_high);
+    }
+    let (first, last) = (a_low.max(b_low), a_high.min(b_high));
+    if first <= last {
+        visit(first, first);
+        visit(last, last);
+    }
+    rough.meet(Interval::with_error(low, high, ROUNDING * size, false))
+}
+
+/// [`enclose`] of a formula by its name.
+macro_rules! enclose_formula {
+    ($formula:ident, $operands:expr) => {
+        enclose($formula::<Interval>, $formula::<Corner>, $operands, &[])
+    };
+}
+
+fn enclose_overlay(a: Interval, b: Interval, t: Interval) -> Interval {
+    let dark = Interval { high: a.high.min(0.5), ..a };
+    let light = Interval { low: a.low.max(0.5), ..a };
+    if a.high < 0.5 {
+        enclose_formula!(overlay_dark, [a, b, t])
+    } else if a.low >= 0.5 {
+        enclose_formula!(overlay_light, [a, b, t])
+    } else {
+        enclose_formula!(overlay_dark, [dark, b, t]).hull(enclose_formula!(overlay_light, [light, b, t]))
+    }
+}
+
+fn enclose_soft_light(a: Interval, b: Interval, t: Interval) -> Interval {
+    // At each corner of (b, t) a parabola t (1 - 2b) a^2 + (1 - t + 2 t b) a, which turns at its vertex.
+    let mut turns = [f64::NAN; 4];
+    for (index, turn) in turns.iter_mut().enumerate() {
+        let (b, t) = (b.ends()[index & 1], t.ends()[index >> 1]);
+        *turn = -(1.0 - t + 2.0 * t * b) / (2.0 * t * (1.0 - 2.0 * b));
+    }
+    enclose(soft_light::<Interval>, soft_light::<Corner>, [a, b, t], &turns)
+}
+
+fn enclose_divide(a: Interval, b: Interval, t: Interval) -> Interval {
+    // (Of a divisor that an implementation flushes to zero there is no quotient either.)
+    let b = b.flushed();
+    if b.as_point() == Some(0.0) {
+        a
+    } else if b.has_zero() {
+        ((Interval::ONE - t) * a + (t * a).safe_divide(b)).hull(a)
+    } else {
+        enclose_formula!(quotient, [a, b, t])
+    }
+}
+
+/// Quotients by the positive part of the divisor; none where it has no such part.
+fn over_positive(dividend: Interval, divisor: Interval) -> Option<Interval> {
+    if divisor.low > 0.0 {
+        return Some(dividend.divide(divisor));
+    }
+    let ([low, high], [_, largest]) = (dividend.ends(), divisor.ends());
+    let nan = dividend.may_be_nan || divisor.may_be_nan || !(dividend.is_finite() || divisor.is_finite());
+    (largest > 0.0).then(|| {
+        // As the divisor nears 0, quotients grow without bound.
+        let low = if low < 0.0 { f64::NEG_INFINITY } else { low / largest };
+        let high = if high > 0.0 { f64::INFINITY } else { high / largest };
+        Interval::outward(low, high, nan)
+    })
+}
+
+fn enclose_dodge(a: Interval, b: Interval, t: Interval) -> Interval {
+    if a.as_point() == Some(0.0) {
+        return Interval::ZERO;
+    }
+    let divisor = enclose_formula!(dodge_divisor, [Interval::ZERO, b, t]);
+    let divided = over_positive(a, divisor).map(|quotient| Interval::ONE.lesser(quotient));
+    let beyond = (divisor.low <= 0.0).then_some(Interval::ONE);
+    let black = a.flushed().has_zero().then_some(Interval::ZERO);
+    let parts = [divided, beyond, black].into_iter().flatten().reduce(Interval::hull);
+    parts.unwrap_or(Interval::EVERYTHING).or_nan(a.may_be_nan || divisor.may_be_nan)
+}
+
+fn enclose_burn(a: Interval, b: Interval, t: Interval) -> Interval {
+    let divisor = enclose_formula!(burn_divisor, [Interval::ZERO, b, t]);
+    let divided = over_positive(Interval::ONE - a, divisor)
+        .map(|quotient| Interval::ONE.lesser(Interval::ZERO.greater(Interval::ONE - quotient)));
+    let beyond = (divisor.low <= 0.0).then_some(Interval::ZERO);
+    let parts = [divided, beyond].into_iter().flatten().reduce(Interval::hull);
+    parts.unwrap_or(Interval::EVERYTHING).or_nan(a.may_be_nan || divisor.may_be_nan)
+}
+
+/// Hue, saturation and value. Where no component is negative, neither is the saturation, nor is it above 1.
+fn enclose_hsv(color: [Interval; 3]) -> [Interval; 3] {
+    let [hue, saturation, value] = enclose_rgb_to_hsv(color);
+    if color.iter().all(|component| component.low >= 0.0 && component.is_finite()) {
+        return [hue, saturation.meet(Interval::new(0.0, 1.0 + ROUNDING as f32)), value];
+    }
+    [hue, saturation, value]
+}
+
+/// `changed`, and `a` as it is where the saturation that decides may be 0.
+fn unless_grey(saturation: Interval, a: [Interval; 3], changed: impl FnOnce() -> [Interval; 3]) -> [Interval; 3] {
+    if saturation.as_point() == Some(0.0) {
+        return a;
+    }
+    let changed = changed();
+    if saturation.flushed().has_zero() { std::array::from_fn(|axis| changed[axis].hull(a[axis])) } else { changed }
+}
+
+fn enclose_linear_each(a: [Interval; 3], b: [Interval; 3], t: Interval) -> [Interval; 3] {
+    std::array::from_fn(|axis| enclose_formula!(linear, [a[axis], b[axis], t]))
+}
+
+fn enclose_hue(a: [Interval; 3], b: [Interval; 3], t: Interval) -> [Interval; 3] {
+    let [hue, saturation, _] = enclose_hsv(b);
+    unless_grey(saturation, a, || {
+        let [_, saturation, value] = enclose_hsv(a);
+        // Another hue leaves the smallest and the largest component.
+        let span = a[0].hull(a[1]).hull(a[2]);
+        let ([low, high], error) = (span.ends(), 4.0 * ROUNDING * span.magnitude());
+        let turned = enclose_hsv_to_rgb([hue, saturation, value]).map(|component| {
+            let within = Interval::with_error(low, high, error, span.may_be_nan);
+            if component.is_finite() { component.meet(within) } else { component }
+        });
+        enclose_linear_each(a, turned, t)
+    })
+}
+
+fn enclose_saturation(a: [Interval; 3], b: [Interval; 3], t: Interval) -> [Interval; 3] {
+    let [hue, saturation, value] = enclose_hsv(a);
+    unless_grey(saturation, a, || {
+        let mixed = enclose_formula!(weighted, [saturation, enclose_hsv(b)[1], t]);
+        enclose_hsv_to_rgb([hue, mixed, value])
+    })
+}
+
+fn enclose_color(a: [Interval; 3], b: [Interval; 3], t: Interval) -> [Interval; 3] {
+    let [hue, saturation, _] = enclose_hsv(b);
+    unless_grey(saturation, a, || enclose_linear_each(a, enclose_hsv_to_rgb([hue, saturation, enclose_hsv(a)[2]]), t))
+}
+
+fn enclose_value(a: [Interval; 3], b: [Interval; 3], t: Interval) -> [Interval; 3] {
+    let [hue, saturation, value] = enclose_hsv(a);
+    let mixed = enclose_formula!(weighted, [value, enclose_hsv(b)[2], t]);
+    enclose_hsv_to_rgb([hue, saturation, mixed])
+}
+
+// ---------------------------------------------------------------------------------------------------------------------
+// Evaluation
+
+/// A blend of two colours. Inputs: the factor, three components of a, three of b.
+pub struct Blend {
+    /// One of [`BLEND_TYPES`].
+    pub kind: &'static str,
+    /// The factor is limited to [0, 1].
+    pub clamp_factor: bool,
+    /// The components of the result are.
+    pub clamp_result: bool,
+}
+
+impl Blend {
+    #[inline(always)]
+    fn factor<R: Real>(&self, inputs: &[Column<'_, R>], index: usize) -> R {
+        let factor = inputs[0].values[index];
+        if self.clamp_factor { factor.saturate() } else { factor }
+    }
+
+    #[inline(always)]
+    fn finished<R: Real>(&self, value: R) -> R {
+        if self.clamp_result { value.saturate() } else { value }
+    }
+
+    /// Applies a formula of components.
+    fn each<R: Real>(&self, inputs: &[Column<'_, R>], outputs: &mut [&mut [R]], formula: impl Fn(R, R, R) -> R) {
+        for (axis, output) in outputs.iter_mut().enumerate() {
+            let (a, b) = (inputs[1 + axis].values, inputs[4 + axis].values);
+            for (index, result) in output.iter_mut().enumerate() {
+                *result = self.finished(formula(a[index], b[index], self.factor(inputs, index)));
+            }
+        }
+    }
+
+    /// Applies a formula of colours.
+    fn whole<R: Real>(
+        &self,
+        inputs: &[Column<'_, R>],
+        outputs: &mut [&mut [R]],
+        formula: impl Fn([R; 3], [R; 3], R) -> [R; 3],
+    ) {
+        for index in 0..outputs[0].len() {
+            let (a, b) = (vector_at(inputs, 1, index), vector_at(inputs, 4, index));
+            let result = formula(a, b, self.factor(inputs, index));
+            for (output, value) in outputs.iter_mut().zip(result) {
+                output[index] = self.finished(value);
+            }
+        }
+    }
+
+    fn enclose_component(&self, a: Interval, b: Interval, t: Interval) -> Interval {
+        let operands = [a, b, t];
+        match self.kind {
+            "MIX" => enclose_formula!(linear, operands),
+            "DARKEN" => enclose_formula!(darken, operands),
+            "MULTIPLY" => enclose_formula!(multiply, operands),
+            "BURN" => enclose_burn(a, b, t),
+            "LIGHTEN" => enclose_formula!(lighten, operands),
+            "SCREEN" => enclose_formula!(screen, operands),
+            "DODGE" => enclose_dodge(a, b, t),
+            "ADD" => enclose_formula!(add, operands),
+            "OVERLAY" => enclose_overlay(a, b, t),
+            "SOFT_LIGHT" => enclose_soft_light(a, b, t),
+            "LINEAR_LIGHT" => enclose_formula!(linear_light, operands),
+            "DIFFERENCE" => enclose_formula!(difference, operands),
+            "EXCLUSION" => enclose_formula!(excluded, operands).greater(Interval::ZERO),
+            "SUBTRACT" => enclose_formula!(subtract, operands),
+            "DIVIDE" => enclose_divide(a, b, t),
+            other => unreachable!("{other} is not a blend of components"),
+        }
+    }
+}
+
+impl Evaluate for Blend {
+    fn evaluate<R: Real>(&self, inputs: &[Column<'_, R>], outputs: &mut [&mut [R]]) {
+        match self.kind {
+            "MIX" => self.each(inputs, outputs, linear),
+            "DARKEN" => self.each(inputs, outputs, darken),
+            "MULTIPLY" => self.each(inputs, outputs, multiply),
+            "BURN" => self.each(inputs, outputs, burn),
+            "LIGHTEN" => self.each(inputs, outputs, lighten),
+            "SCREEN" => self.each(inputs, outputs, screen),
+            "DODGE" => self.each(inputs, outputs, dodge),
+            "ADD" => self.each(inputs, outputs, add),
+            "OVERLAY" => self.each(inputs, outputs, overlay),
+            "SOFT_LIGHT" => self.each(inputs, outputs, soft_light),
+            "LINEAR_LIGHT" => self.each(inputs, outputs, linear_light),
+            "DIFFERENCE" => self.each(inputs, outputs, difference),
+            "EXCLUSION" => self.each(inputs, outputs, exclusion),
+            "SUBTRACT" => self.each(inputs, outputs, subtract),
+            "DIVIDE" => self.each(inputs, outputs, divide),
+            "HUE" => self.whole(inputs, outputs, hue),
+            "SATURATION" => self.whole(inputs, outputs, saturation),
+            "COLOR" => self.whole(inputs, outputs, color),
+            "VALUE" => self.whole(inputs, outputs, value),
+            other => unreachable!("{other} is not in BLEND_TYPES"),
+        }
+    }
+
+    fn enclose(&self, inputs: &[Interval], outputs: &mut [Interval]) {
+        let factor = if self.clamp_factor { inputs[0].saturate() } else { inputs[0] };
+        let [a, b] = [1, 4].map(|first| [inputs[first], inputs[first + 1], inputs[first + 2]]);
+        let result = match self.kind {
+            "HUE" => enclose_hue(a, b, factor),
+            "SATURATION" => enclose_saturation(a, b, factor),
+            "COLOR" => enclose_color(a, b, factor),
+            "VALUE" => enclose_value(a, b, factor),
+            _ => std::array::from_fn(|axis| self.enclose_component(a[axis], b[axis], factor)),
+        };
+        for (output, value) in outputs.iter_mut().zip(result) {
+            *output = if self.clamp_result { value.saturate() } else { value };
+        }
+    }
+
+    fn simplify_constants(&self, inputs: &[Option<f32>]) -> Option<Simplified> {
+        let factor = inputs[0].map(|factor| if self.clamp_factor { factor.saturate() } else { factor });
+        let whole =
+            |first: usize| -> Option<[f32; 3]> { Some([inputs[first]?, inputs[first + 1]?, inputs[first + 2]?]) };
+        let (a, b) = (whole(1), whole(4));
+        let kept = match simplify(self.kind, factor, a, b)? {
+            Kept::First => (vec![1, 2, 3], a),
+            Kept::Second => (vec![4, 5, 6], b),
+            Kept::Black => return Some(Simplified::Constant(vec![0.0; 3])),
+        };
+        match kept {
+            (_, Some(color)) => Some(Simplified::Constant(color.map(|value| self.finished(value)).to_vec())),
+            (indices, None) => (!self.clamp_result).then_some(Simplified::Inputs(indices)),
+        }
+    }
+}
+
+/// What remains of a blend with constant operands.
+enum Kept {
+    /// The colour below.
+    First,
+    /// The colour on top.
+    Second,
+    /// Zeros.
+    Black,
+}
+
+/// Cycles' rules for neutral and absorbing constants (measured, for each blend mode). Beside NaN and infinities they
+/// show where the formula rounds (Screen by 0 is 1 - (1 - a)) or limits (Exclusion by 0 would cut off negative values).
+/// An input that is not limited passes; a result that is limited keeps the formula.
+fn simplify(kind: &str, factor: Option<f32>, a: Option<[f32; 3]>, b: Option<[f32; 3]>) -> Option<Kept> {
+    let is = |color: Option<[f32; 3]>, value: f32| color == Some([value; 3]);
+    let full = factor == Some(1.0);
+    if factor == Some(0.0) && !matches!(kind, "LIGHTEN" | "DODGE" | "BURN") {
+        return Some(Kept::First);
+    }
+    match kind {
+        "MIX" if a.is_some() && a == b => Some(Kept::First),
+        "MIX" if full => Some(Kept::Second),
+        "ADD" | "SUBTRACT" if is(b, 0.0) => Some(Kept::First),
+        "MULTIPLY" if full && is(a, 1.0) => Some(Kept::Second),
+        "MULTIPLY" | "DIVIDE" if is(b, 1.0) => Some(Kept::First),
+        "MULTIPLY" | "DIVIDE" if is(a, 0.0) => Some(Kept::Black),
+        "MULTIPLY" if full && is(b, 0.0) => Some(Kept::Black),
+        _ => None,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn blend(kind: &'static str) -> Blend {
+        Blend { kind, clamp_factor: false, clamp_result: false }
+    }
+
+    fn values<R: Real>(blend: &Blend, inputs: [f32; 7]) -> [R; 3] {
+        let inputs = inputs.map(R::of);
+        let columns = inputs.each_ref().map(|value| Column { values: std::slice::from_ref(value), uniform: true });
+        let mut result = [R::default(); 3];
+        blend.evaluate(&columns, &mut result.each_mut().map(std::slice::from_mut));
+        result
+    }
+
+    #[test]
+    fn cycles_values() {
+        // Measured; exact but for the last digits of decimals. a = (0.3, 0.7, -0.4), b = (0.6, -0.2, 1.7).
+        let golden: [(&str, [f32; 3]); 15] = [
+            ("MIX", [0.6, -0.2, 1.7]),
+            ("DARKEN", [0.3, -0.199_999_99, -0.4]),
+            ("MULTIPLY", [0.180_000_007, -0.139_999_986, -0.680_000_007]),
+            ("BURN", [0.0, 0.0, 0.176_470_637]),
+            ("LIGHTEN", [0.6, 0.7, 1.700_000_17]),
+            ("SCREEN", [0.720_000_029, 0.639_999_986, 1.980_000_02]),
+            ("DODGE", [0.750_000_06, 0.583_333_313, 1.0]),
+            ("ADD", [0.900_000_036, 0.5, 1.300_000_07]),
+            ("OVERLAY", [0.360_000_014, 0.279_999_971, -1.360_000_014]),
+            ("SOFT_LIGHT", [0.342_000_037, 0.405_999_988, -1.744_000_08]),
+            ("LINEAR_LIGHT", [0.500_000_06, -0.7, 2.0]),
+            ("DIFFERENCE", [0.3, 0.9, 2.100_000_14]),
+            ("EXCLUSION", [0.540_000_02, 0.779_999_97, 2.660_000_09]),
+            ("SUBTRACT", [-0.3, 0.9, -2.100_000_14]),
+            ("DIVIDE", [0.5, -3.5, -0.235_294_119]),
+        ];
+        for (kind, expected) in golden {
+            let found: [f32; 3] = values(&blend(kind), [1.0, 0.3, 0.7, -0.4, 0.6, -0.2, 1.7]);
+            for axis in 0..3 {
+                assert!(
+                    (found[axis] - expected[axis]).abs() <= 1.2e-7 * expected[axis].abs().max(1.0),
+                    "{kind} {found:?}"
+                );
+            }
+        }
+        // Grey has no hue to give, and black no saturation.
+        let grey = [0.5, 0.1, 0.2, 0.3, 0.4, 0.4, 0.4];
+        assert_eq!(values::<f32>(&blend("HUE"), grey), [0.1, 0.2, 0.3]);
+        assert_eq!(values::<f32>(&blend("COLOR"), grey), [0.1, 0.2, 0.3]);
+        assert_eq!(values::<f32>(&blend("SATURATION"), [0.5, 0.0, 0.0, 0.0, 0.4, 0.1, 0.4]), [0.0; 3]);
+    }
+
+    #[test]
+    fn special_values() {
+        let at = |kind, inputs| values::<f32>(&blend(kind), inputs);
+        // The first colour stands where nothing can be divided; dodging leaves 0 and the sign of negative values.
+        assert_eq!(at("DIVIDE", [1.0, 0.3, 2.0, -1.0, 0.0, -0.0, 2.0]), [0.3, 2.0, -0.5]);
+        assert_eq!(at("DODGE", [1.0, 0.0, 0.3, -1.0, 5.0, 5.0, 0.5]), [0.0, 1.0, -2.0]);
+        assert_eq!(at("BURN", [1.0, 0.3, 2.0, -9.0, 0.0, 0.5, 0.5]), [0.0, 1.0, 0.0]);
+        // A NaN passes, but not the limit of Exclusion nor that of the result.
+        assert!(at("BURN", [1.0, f32::NAN, 0.0, 0.0, 0.5, 0.5, 0.5])[0].is_nan());
+        assert!(at("DODGE", [1.0, 0.5, 0.0, 0.0, f32::NAN, 0.5, 0.5])[0].is_nan());
+        assert_eq!(at("EXCLUSION", [1.0, f32::NAN, 0.0, 0.0, 0.5, 0.5, 0.5])[0], 0.0);
+        let limited = Blend { kind: "MIX", clamp_factor: true, clamp_result: true };
+        assert_eq!(values::<f32>(&limited, [7.0, 0.0, 0.0, 0.0, 3.0, -3.0, f32::NAN]), [1.0, 0.0, 0.0]);
+    }
+
+    #[test]
+    fn neutral_factors_pass_an_input() {
+        let inputs = [Some(0.0), None, None, None, None, None, None];
+        assert_eq!(blend("SCREEN").simplify_constants(&inputs), Some(Simplified::Inputs(vec![1, 2, 3])));
+        assert_eq!(blend("BURN").simplify_constants(&inputs), None);
+        let limited = Blend { kind: "MIX", clamp_factor: true, clamp_result: true };
+        assert_eq!(limited.simplify_constants(&inputs), None);
+        let constant = [Some(5.0), None, None, None, Some(0.25), Some(2.0), Some(-1.0)];
+        assert_eq!(limited.simplify_constants(&constant), Some(Simplified::Constant(vec![0.25, 1.0, 0.0])));
+        assert_eq!(blend("MIX").simplify_constants(&constant), None);
+    }
+
+    #[test]
+    fn enclosures_hold_and_are_tight() {
+        // A fixed sequence of boxes; points on their corners and inside.
+        let mut state = 1_u32;
+        let mut next = move || {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            (state >> 8) as f32 / 16_777_216.0
+        };
+        for &kind in BLEND_TYPES {
+            let blend = blend(kind);
+            for round in 0..300 {
+                let scale = if round % 2 == 0 { 1.0 } else { 4.0 };
+                let shift = if round % 2 == 0 { 0.0 } else { -2.0 };
+                let boxes: [Interval; 7] = std::array::from_fn(|_| {
+                    let (x, width) = (next() * scale + shift, if round % 3 == 0 { 0.0 } else { next() });
+                    Interval::new(x, x + width)
+                });
+                let mut enclosed = [Interval::EVERYTHING; 3];
+                blend.enclose(&boxes, &mut enclosed);
+                for _ in 0..30 {
+                    let inputs = boxes.map(|range| match next() {
+                        x if x < 0.25 => range.low,
+                        x if x < 0.5 => range.high,
+                        _ => (range.low + next() * (range.high - range.low)).clamp(range.low, range.high),
+                    });
+                    let (single, double) = (values::<f32>(&blend, inputs), values::<f64>(&blend, inputs));
+                    for axis in 0..3 {
+                        assert!(enclosed[axis].contains(f64::from(single[axis])), "{kind} {inputs:?} {enclosed:?}");
+                        assert!(enclosed[axis].contains(double[axis]), "{kind} {inputs:?} {enclosed:?}");
+                    }
+                }
+            }
+        }
+        // With operands that occur twice taken for independent, the middle would reach from 0.25 to 1.75.
+        let unit = Interval::new(0.5, 1.0);
+        let mut enclosed = [Interval::EVERYTHING; 3];
+        for kind in ["MIX", "DARKEN", "LIGHTEN"] {
+            blend(kind).enclose(&[unit; 7], &mut enclosed);
+            assert!(enclosed[0].low > 0.499_99 && enclosed[0].high < 1.000_01, "{kind} {enclosed:?}");
+        }
+    }
+}

@@ -1,0 +1,27 @@
+//! RGB (`ShaderNodeRGB`, labelled Color): a stored colour in linear Rec. 709; its alpha is dropped.
+
+use super::{NodeType, OutputSocket, Role, SourceValue, always};
+use crate::error::Error;
+use crate::scene::{Input, SocketType};
+
+/// The node type.
+pub static TYPE: NodeType = NodeType {
+    type_name: "ShaderNodeRGB",
+    label: "Color",
+    module: "rgb",
+    shader: "",
+    properties: &[],
+    inputs: &[],
+    outputs: &[OutputSocket::new("Color", SocketType::Color, always)],
+    role: Role::Source(|context, _, socket| match context.node.outputs.get(socket) {
+        Some(Input::List(channels)) if (3..=4).contains(&channels.len()) => {
+            Ok(SourceValue::Constant(channels[..3].to_vec()))
+        }
+        other => Err(Error::new(
+            format!("{}: output {socket}", context.place),
+            other.map_or("nothing".to_owned(), |found| format!("{found:?}")),
+            "the colour that the node stores: three or four numbers",
+            "Write it as \"outputs\": {\"Color\": [0.5, 0.5, 0.5, 1.0]}.",
+        )),
+    }),
+};

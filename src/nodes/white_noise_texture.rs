@@ -1,0 +1,183 @@
+//! White Noise Texture (`ShaderNodeTexWhiteNoise`): a value in [0, 1] and a colour from the hash of the coordinates'
+//! bits.
+//!
+//! Value is Jenkins' lookup3 of the 1 to 4 coordinates; the colour's first channel repeats it, the others hash the
+//! coordinates with a further number behind them, and in 4D the coordinates in other orders. Every bit of an input
+//! counts, the sign of a zero too: a coordinate that was computed has to be equal bit for bit. Unlike the other
+//! textures it has no mapping, and an unlinked Vector is the stored one.
+
+use super::hash::hash_floats;
+use super::noise_texture::dimensions;
+use super::real::Real;
+use super::{Column, Evaluate, InputSocket, Interval, NodeType, OutputSocket, Property, Role, always};
+use crate::scene::SocketType;
+
+/// The node type.
+pub static TYPE: NodeType = NodeType {
+    type_name: "ShaderNodeTexWhiteNoise",
+    label: "White Noise Texture",
+    module: "white_noise_texture",
+    shader: include_str!("../../shaders/nodes/white_noise_texture.wgsl"),
+    properties: &[Property::choice("noise_dimensions", &["3D", "1D", "2D", "4D"])],
+    inputs: &[
+        InputSocket::vector("Vector", "Vector", &[0.0; 3], |mode| mode.choice("noise_dimensions") != "1D")
+            .folding_only_linked(),
+        InputSocket::float("W", "W", &[0.0], |mode| matches!(mode.choice("noise_dimensions"), "1D" | "4D")),
+    ],
+    outputs: &[
+        OutputSocket::new("Value", SocketType::Float, always),
+        OutputSocket::new("Color", SocketType::Color, always),
+    ],
+    role: Role::Evaluated(|mode| {
+        Box::new(WhiteNoise {
+            dimensions: dimensions(mode.choice("noise_dimensions")),
+            value: mode.wants("Value"),
+            color: mode.wants("Color"),
+        })
+    }),
+};
+
+/// The node in one mode. Coordinate number `i` is column `i` in every dimension.
+struct WhiteNoise {
+    dimensions: usize,
+    value: bool,
+    color: bool,
+}
+
+/// The value, which is the colour's first channel too; coordinates beyond the dimension are ignored.
+#[inline(always)]
+fn first_channel<R: Real>(dimensions: usize, [x, y, z, w]: [R; 4]) -> R {
+    match dimensions {
+        1 => hash_floats([x]),
+        2 => hash_floats([x, y]),
+        3 => hash_floats([x, y, z]),
+        _ => hash_floats([x, y, z, w]),
+    }
+}
+
+/// The colour's second and third channel.
+#[inline(always)]
+fn further_channels<R: Real>(dimensions: usize, [x, y, z, w]: [R; 4]) -> [R; 2] {
+    let extra = [R::of(1.0), R::of(2.0)];
+    match dimensions {
+        1 => extra.map(|number| hash_floats([x, number])),
+        2 => extra.map(|number| hash_floats([x, y, number])),
+        3 => extra.map(|number| hash_floats([x, y, z, number])),
+        _ => [hash_floats([z, x, w, y]), hash_floats([w, z, y, x])],
+    }
+}
+
+impl WhiteNoise {
+    #[inline(always)]
+    fn evaluate_points<R: Real>(&self, dimensions: usize, inputs: &[Column<'_, R>], outputs: &mut [&mut [R]]) {
+        for index in 0..outputs[0].len() {
+            let p = std::array::from_fn(|axis| if axis < dimensions { inputs[axis].values[index] } else { R::of(0.0) });
+            let value = first_channel(dimensions, p);
+            if self.value {
+                outputs[0][index] = value;
+            }
+            if self.color {
+                let first = usize::from(self.value);
+                let [green, blue] = further_channels(dimensions, p);
+                outputs[first][index] = value;
+                outputs[first + 1][index] = green;
+                outputs[first + 2][index] = blue;
+            }
+        }
+    }
+}
+
+impl Evaluate for WhiteNoise {
+    fn folds_late(&self) -> bool {
+        false
+    }
+
+    fn evaluate<R: Real>(&self, inputs: &[Column<'_, R>], outputs: &mut [&mut [R]]) {
+        match self.dimensions {
+            1 => self.evaluate_points(1, inputs, outputs),
+            2 => self.evaluate_points(2, inputs, outputs),
+            3 => self.evaluate_points(3, inputs, outputs),
+            _ => self.evaluate_points(4, inputs, outputs),
+        }
+    }
+
+    /// Blender leaves the node alone where its coordinates are stored in its sockets. It folds those that come from
+    /// constant nodes, with the same result.
+    /// Anything in [0, 1], except where all coordinates are known: the common use hashes the number of a cell, which is
+    /// one value over the whole cell.
+    fn enclose(&self, inputs: &[Interval], outputs: &mut [Interval]) {
+        // Evaluators may flush subnormal coordinates, or not.
+        let known = |x: &Interval| x.as_point().filter(|value| *value == 0.0 || value.is_normal());
+        let Some(places) = inputs[..self.dimensions].iter().map(known).collect::<Option<Vec<f32>>>() else {
+            outputs.fill(Interval::UNIT);
+            return;
+        };
+        let mut channels: Option<[Interval; 3]> = None;
+        // An interval does not know the sign of a zero, which the hash does.
+        for signs in 0..1 << self.dimensions {
+            let p = std::array::from_fn(|axis| match places.get(axis) {
+                Some(0.0) if signs >> axis & 1 == 1 => -0.0,
+                Some(0.0) | None => 0.0,
+                Some(&place) => place,
+            });
+            let [green, blue] = further_channels::<f32>(self.dimensions, p);
+            let found = [first_channel(self.dimensions, p), green, blue].map(|value| {
+                let value = f64::from(value);
+                Interval::outward(value, value, false).meet(Interval::UNIT)
+            });
+            channels = Some(channels.map_or(found, |all| std::array::from_fn(|axis| all[axis].hull(found[axis]))));
+        }
+        let channels = channels.unwrap_or([Interval::UNIT; 3]);
+        if self.value {
+            outputs[0] = channels[0];
+        }
+        if self.color {
+            let first = usize::from(self.value);
+            outputs[first..first + 3].copy_from_slice(&channels);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn golden_values() {
+        let p = [0.3_f32, 0.7, -0.4, 0.9];
+        let w = [0.9_f32, 0.0, 0.0, 0.0];
+        let channels = |dimensions: usize, p: [f32; 4]| {
+            let [green, blue] = further_channels(dimensions, p);
+            [first_channel(dimensions, p), green, blue]
+        };
+        assert_eq!(channels(1, w), [0.927_299_3, 0.822_748_4, 0.274_371_24]);
+        assert_eq!(channels(2, p), [0.565_657_56, 0.878_959_6, 0.479_961_34]);
+        assert_eq!(channels(3, p), [0.878_745_9, 0.826_490_4, 0.987_038_55]);
+        assert_eq!(channels(4, p), [0.067_933_1, 0.098_606_94, 0.443_117_53]);
+    }
+
+    #[test]
+    fn special_values_have_hashes_of_their_own() {
+        let at = |x: f32| first_channel(3, [x, 0.5, 0.25, 0.0]);
+        let specials = [f32::from_bits(0x7FC0_0000), f32::INFINITY, f32::NEG_INFINITY, 1e7];
+        for (x, expected) in specials.into_iter().zip([0.577_974, 0.582_034, 0.856_059, 0.547_803]) {
+            assert!((at(x) - expected).abs() < 1e-6);
+        }
+        assert_ne!(at(0.0), at(-0.0));
+    }
+
+    #[test]
+    fn the_bounds_of_a_cell_are_the_hashes_of_both_zeros() {
+        let node = WhiteNoise { dimensions: 1, value: true, color: false };
+        let mut outputs = [Interval::EVERYTHING];
+        node.enclose(&[Interval::new(0.1, 0.9).floor()], &mut outputs);
+        for zero in [0.0_f32, -0.0] {
+            assert!(outputs[0].contains(f64::from(first_channel(1, [zero, 1.0, 1.0, 1.0]))));
+        }
+        node.enclose(&[Interval::new(3.1, 3.9).floor()], &mut outputs);
+        assert!(outputs[0].contains(f64::from(first_channel(1, [3.0_f32, 0.0, 0.0, 0.0]))));
+        assert!(outputs[0].high - outputs[0].low < 1e-5);
+        node.enclose(&[Interval::new(3.1, 4.9).floor()], &mut outputs);
+        assert_eq!(outputs[0], Interval::UNIT);
+    }
+}
