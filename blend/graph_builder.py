@@ -97,7 +97,8 @@ class _GraphBuilder:
                 tree, entry, f"{place}.nodes[{entry['name']}]", identifiers
             )
         group_input = tree.nodes.new("NodeGroupInput") if identifiers.inputs else None
-        for entry in entries:
+        # A reroute takes on the type of what feeds it, but only while nothing reads it yet.
+        for entry in sorted(entries, key=lambda entry: _reroutes_before(entry, entries)):
             for name, value in entry["inputs"].items():
                 where = f"{place}.nodes[{entry['name']}].inputs[{name}]"
                 socket = nodes[entry["name"]].input(name, where)
@@ -153,6 +154,19 @@ def _build_texture_mapping(node, entry, place):
         )
     for field, value in entry.items():
         set_value(node.texture_mapping, field, value, f"{place}.{field}")
+
+
+def _reroutes_before(entry, entries):
+    """How many reroutes stand before a reroute in its chain; more than there are for any other node."""
+    by_name = {item["name"]: item for item in entries if item["type"] == "NodeReroute"}
+    count = 0
+    while entry is not None and entry["name"] in by_name and count < len(entries):
+        source = entry["inputs"].get("Input")
+        entry = by_name.get(source.get("node")) if isinstance(source, dict) else None
+        count += 1
+        if entry is None:
+            return count
+    return len(entries) + 1
 
 
 class _Identifiers:

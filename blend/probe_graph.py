@@ -88,9 +88,7 @@ class ProbeMaterial:
                 matrix = matrix_array(volume["matrix_world"])
                 if name != WORLD_ATTRIBUTE:
                     matrix = _inverse(self._matrices[name.removeprefix(OTHER_OBJECT_PREFIX)]) @ matrix
-                result[name] = (points.astype(np.float64) @ matrix[:3, :3].T + matrix[:3, 3]).astype(
-                    np.float32
-                )
+                result[name] = _affine(points, matrix[:3])
         return result
 
     def _object_for(self, pointer):
@@ -169,7 +167,8 @@ def _refuse_camera_space(tree):
 
 
 def generated_coordinates(points, texture_space):
-    """Return Generated for points in object space, f32 [n, 3], rounded after each operation as Cycles does.
+    """Return Generated for points in object space, f32 [n, 3], as Cycles does: a matrix, so that an infinite
+    component makes the others NaN.
 
     `texture_space` has `location` and `size` of the mesh; a size of 0 gives the constant 0.5.
     """
@@ -177,7 +176,15 @@ def generated_coordinates(points, texture_space):
     size = np.asarray(texture_space["size"], np.float32)
     half = np.float32(0.5)
     scale = np.divide(half, size, out=np.zeros(3, np.float32), where=size != 0)
-    return points * scale - (location * scale - half)
+    return _affine(points, np.column_stack([np.diag(scale), -(location * scale - half)]))
+
+
+def _affine(points, rows):
+    """Return the image f32 [n, 3] of points under `rows` [3, 4], each operation rounded, from the left."""
+    rows = np.asarray(rows, np.float32)
+    with np.errstate(all="ignore"):
+        terms = [points[:, axis, None] * rows[:, axis] for axis in range(3)]
+        return ((terms[0] + terms[1]) + terms[2]) + rows[:, 3]
 
 
 def _inverse(rows):

@@ -9,7 +9,7 @@ use cloudparity::graph::Program;
 use cloudparity::graph::bounds::Bounds3;
 use cloudparity::graph::bounds_check::{Survey, layer, points_in, violations};
 use cloudparity::graph::evaluate::{Arithmetic, Points};
-use cloudparity::nodes::{Column, Interval, Kernel, Mode, NodeType, Oracle, PropertyValues, Role, registry};
+use cloudparity::nodes::{Column, Interval, Kernel, Mode, NodeType, Oracle, Role, registry};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
@@ -18,33 +18,14 @@ fn size(name: &str, default: usize) -> usize {
     std::env::var(name).ok().and_then(|text| text.parse().ok()).unwrap_or(default)
 }
 
-/// Every combination of a node type's choices and flags.
+/// Every mode of a node type, with all outputs.
 fn modes(node_type: &'static NodeType) -> Vec<Mode> {
-    let mut all = vec![serde_json::Map::new()];
-    for property in node_type.properties {
-        let values: Vec<serde_json::Value> = match property.values {
-            PropertyValues::Choice(names) => names.iter().map(|name| (*name).into()).collect(),
-            PropertyValues::Flag(_) => vec![false.into(), true.into()],
-            PropertyValues::Other => continue,
-        };
-        all = all
-            .iter()
-            .flat_map(|known| {
-                values.iter().map(|value| {
-                    let mut next = known.clone();
-                    next.insert(property.identifier.into(), value.clone());
-                    next
-                })
-            })
-            .collect();
-    }
-    let mut modes: Vec<Mode> = Vec::new();
-    for properties in all {
+    let read = |properties| {
         let mode = Mode::read(node_type, &properties, "test").expect("a combination of the node's own values");
         let outputs = node_type.outputs_of(&mode).map(|output| output.identifier).collect();
-        modes.push(mode.with_wanted(outputs));
-    }
-    modes
+        mode.with_wanted(outputs)
+    };
+    cloudparity::field::suite::modes(node_type).into_iter().map(read).collect()
 }
 
 /// A number as graphs hold them, with zeros, integers, tiny and huge ones among them.

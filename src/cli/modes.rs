@@ -3,6 +3,7 @@
 mod graphs;
 
 use crate::error::Result;
+use crate::field::constants;
 use crate::field::node_measurements::NodeErrors;
 use crate::field::suite::{self, Row, Selection};
 use crate::files;
@@ -34,6 +35,9 @@ pub(super) struct Arguments {
     /// Leave the WGSL out.
     #[arg(long)]
     cpu_only: bool,
+    /// Instead compare every mode with constant inputs alone, this many sets of them: what Blender and Cycles fold.
+    #[arg(long, value_name = "N", conflicts_with_all = ["graphs", "jumping", "avx2", "summary"])]
+    constants: Option<usize>,
     /// Instead compare this many random graphs of 4 to 40 nodes: the CPU with Cycles, WGSL with the CPU, samples with bounds.
     /// Failing graphs are made small and saved.
     #[arg(long, value_name = "N", conflicts_with_all = ["node", "jumping", "avx2"])]
@@ -56,6 +60,9 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
     super::need_bpy("the nodes are")?;
     if let Some(count) = arguments.graphs {
         return graphs::run(arguments, count);
+    }
+    if let Some(sets) = arguments.constants {
+        return run_constants(arguments, sets);
     }
     let selection = if arguments.jumping { Selection::Jumping } else { Selection::Everything };
     let cases = suite::cases(arguments.points, arguments.seed, arguments.node.as_deref(), selection)?;
@@ -94,6 +101,19 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
         (true, Some(Err(_))) => ExitCode::from(super::COULD_NOT),
         _ => ExitCode::SUCCESS,
     })
+}
+
+fn run_constants(arguments: &Arguments, sets: usize) -> Result<ExitCode> {
+    let cases = constants::cases(sets.max(1), arguments.seed, arguments.node.as_deref())?;
+    let bar = super::progress_bar(1000);
+    let outcome = constants::run(&cases, crate::blender::report_to(&bar))?;
+    bar.finish_and_clear();
+    let json = serde_json::to_string_pretty(&outcome.rows).expect("rows serialise") + "\n";
+    if let Some(path) = &arguments.output {
+        files::write_atomically(path, json.as_bytes())?;
+    }
+    super::print(&if arguments.json { json } else { describe(&outcome.rows, &outcome.blender) })?;
+    Ok(if outcome.rows.iter().all(|row| row.pass) { ExitCode::SUCCESS } else { ExitCode::FAILURE })
 }
 
 /// Points of all modes that one Blender process evaluates: bounds its memory.

@@ -11,6 +11,8 @@ use std::collections::{HashMap, HashSet};
 #[derive(Debug, Clone, PartialEq)]
 pub(super) enum Source {
     Constant(f32),
+    /// A number that Cycles takes for a constant and Blender does not.
+    LateConstant(f32),
     /// A number that is known here and that neither Blender nor Cycles folds: it simplifies nothing.
     Runtime(f32),
     Position(usize),
@@ -402,7 +404,7 @@ impl<'a> Flattener<'a> {
         match source {
             Source::Constant(_) => true,
             Source::Node(number, _) => self.flat.nodes[*number].constant,
-            Source::Runtime(_) | Source::Position(_) | Source::Attribute(..) => false,
+            Source::LateConstant(_) | Source::Runtime(_) | Source::Position(_) | Source::Attribute(..) => false,
         }
     }
 
@@ -743,6 +745,7 @@ impl<'a> Flattener<'a> {
                 let none = serde_json::Map::new();
                 self.internal(tree, node, &nodes::object_value::TYPE, &none, inputs, values.len())
             }
+            SourceValue::LateConstant(values) => values.into_iter().map(Source::LateConstant).collect(),
             SourceValue::Position => (0..3).map(Source::Position).collect(),
             SourceValue::Affine(rows) => affine(self, rows),
             SourceValue::Generated => affine(self, self.flat.generated),
@@ -807,7 +810,8 @@ fn refuse_settings(node_type: &NodeType, node: &Node, place: &str) -> Result<()>
         let refused::Part::Setting(property, value) = part.part else { continue };
         let is_set = match node.properties.get(property) {
             Some(serde_json::Value::String(found)) => found == value,
-            Some(found) => found.to_string() == value,
+            Some(serde_json::Value::Bool(found)) => value == if *found { "true" } else { "false" },
+            Some(_) => false,
             None => false,
         };
         if is_set {

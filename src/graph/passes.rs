@@ -34,20 +34,25 @@ pub(super) fn run_nudged(flat: Flat, nudge: Option<Nudge>) -> Program {
     let Flat { nodes, mut outputs, attributes, mut notes, generated } = flat;
     // replaced[n]: what each output component of flat node n turned into.
     let mut replaced: Vec<Vec<Source>> = Vec::with_capacity(nodes.len());
-    let mut folded: Vec<Kept> = Vec::new();
-    for node in nodes {
+    // The same for links as Cycles sees them, to which a node that only renames components is a node.
+    let mut links: Vec<Vec<Source>> = Vec::with_capacity(nodes.len());
+    let count_of_all = nodes.len();
+    let mut kept: Vec<Kept> = Vec::new();
+    let mut known: HashMap<String, usize> = HashMap::new();
+    let mut renames: HashMap<String, usize> = HashMap::new();
+    for (flat_number, node) in nodes.into_iter().enumerate() {
         let mut inputs: Vec<Source> = node.inputs.iter().map(|source| follow(&replaced, source)).collect();
         if let Some(first) = node.coordinate
             && inputs[first..first + 3].iter().all(|source| as_constant(source).is_some())
         {
             // Cycles forgets that the coordinate was linked: it counts as unlinked, whatever its value.
-            folded.push(Kept {
+            kept.push(Kept {
                 label: format!("{} Generated", node.label),
                 node_type: &affine::TYPE,
                 mode: generated_mode(),
                 inputs: affine_inputs(generated),
             });
-            inputs.splice(first..first + 3, (0..3).map(|axis| Source::Node(folded.len() - 1, axis)));
+            inputs.splice(first..first + 3, (0..3).map(|axis| Source::Node(kept.len() - 1, axis)));
         }
         let mut note = |action: &'static str, reason: String| {
             notes.push(Note {
@@ -76,55 +81,46 @@ pub(super) fn run_nudged(flat: Flat, nudge: Option<Nudge>) -> Program {
             note("folded", format!("constant inputs: {}", list(&values)));
             let source = if node.constant || folds_late { Source::Constant } else { Source::Runtime };
             replaced.push(values.into_iter().map(source).collect());
+            links.push(replaced[flat_number].clone());
             continue;
         }
-        let equal = |first: usize, second: usize| as_known(&inputs[first]).is_none() && inputs[first] == inputs[second];
+        let linked: Vec<Source> = node.inputs.iter().map(|source| follow(&links, source)).collect();
+        let equal = |first: usize, second: usize| as_known(&linked[first]).is_none() && linked[first] == linked[second];
         match kernel.simplify(&constants).or_else(|| kernel.simplify_links(&constants, &equal)) {
             Some(Simplified::Inputs(indices)) => {
                 if !node.node_type.properties.is_empty() {
                     note("simplified", "passes an input on".into());
                 }
+                links.push(indices.iter().map(|&index| linked[index].clone()).collect());
+                replaced.push(indices.into_iter().map(|index| inputs[index].clone()).collect());
+                continue;
+            }
+            Some(Simplified::Renames(indices)) => {
+                // A number of its own, beyond those of the nodes that are kept; equal ones are merged like other nodes.
+                let key = format!("{} {:?} {}", node.node_type.type_name, node.mode, bits(&linked));
+                let number = *renames.entry(key).or_insert(flat_number) + 2 * count_of_all;
+                links.push((0..count).map(|component| Source::Node(number, component)).collect());
                 replaced.push(indices.into_iter().map(|index| inputs[index].clone()).collect());
                 continue;
             }
             Some(Simplified::Constant(values)) => {
                 note("simplified", format!("constant whatever the other inputs are: {}", list(&values)));
                 replaced.push(values.into_iter().map(Source::Constant).collect());
+                links.push(replaced[flat_number].clone());
                 continue;
             }
             None => {}
         }
-        folded.push(Kept { label: node.label, node_type: node.node_type, mode: node.mode, inputs });
-        replaced.push((0..count).map(|component| Source::Node(folded.len() - 1, component)).collect());
-    }
-    // Merging comes last, as in Cycles: that two links lead to equal nodes simplifies nothing.
-    let mut merged: Vec<Vec<Source>> = Vec::with_capacity(folded.len());
-    let mut kept: Vec<Kept> = Vec::new();
-    let mut known: HashMap<String, usize> = HashMap::new();
-    for mut node in folded {
-        node.inputs = node.inputs.iter().map(|source| follow(&merged, source)).collect();
-        let count = components(node.node_type, &node.mode);
-        let key = format!("{} {:?} {}", node.node_type.type_name, node.mode, bits(&node.inputs));
-        let number = known.get(&key).copied().unwrap_or(kept.len());
-        if let Some(first) = kept.get(number) {
-            if first.label != node.label {
-                notes.push(Note {
-                    node: node.label,
-                    node_type: node.node_type.type_name.to_owned(),
-                    action: "merged",
-                    reason: format!("equal to {}", first.label),
-                });
-            }
-        } else {
-            known.insert(key, number);
-            kept.push(node);
+        let key = format!("{} {:?} {}", node.node_type.type_name, node.mode, bits(&inputs));
+        let number = *known.entry(key).or_insert_with(|| {
+            kept.push(Kept { label: node.label.clone(), node_type: node.node_type, mode: node.mode, inputs });
+            kept.len() - 1
+        });
+        if kept[number].label != node.label {
+            note("merged", format!("equal to {}", kept[number].label));
         }
-        merged.push((0..count).map(|component| Source::Node(number, component)).collect());
-    }
-    for sources in &mut replaced {
-        for source in sources {
-            *source = follow(&merged, source);
-        }
+        replaced.push((0..count).map(|component| Source::Node(number, component)).collect());
+        links.push(replaced[flat_number].clone());
     }
     for (_, _, sources) in &mut outputs {
         for source in sources {
@@ -207,6 +203,7 @@ pub(super) fn run_nudged(flat: Flat, nudge: Option<Nudge>) -> Program {
 fn follow(replaced: &[Vec<Source>], source: &Source) -> Source {
     match source {
         Source::Node(node, component) => replaced[*node][*component].clone(),
+        Source::LateConstant(value) => Source::Constant(*value),
         other => other.clone(),
     }
 }
@@ -243,7 +240,7 @@ fn generated_mode() -> Mode {
 
 fn operand(register_of: &[Vec<Option<usize>>], source: &Source) -> Operand {
     match source {
-        Source::Constant(value) | Source::Runtime(value) => Operand::Constant(*value),
+        Source::Constant(value) | Source::LateConstant(value) | Source::Runtime(value) => Operand::Constant(*value),
         Source::Position(axis) => Operand::Position(*axis),
         Source::Attribute(number, axis) => Operand::Attribute(*number, *axis),
         Source::Node(node, component) => {

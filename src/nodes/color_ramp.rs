@@ -4,6 +4,7 @@
 //! 257 colours ([`Ramp::table`]), which is built here as Blender builds it, in f32 and in its order of
 //! operations; constant factors are folded by Blender, which evaluates the ramp itself ([`Ramp::color`]).
 
+use super::color_space::blender::{hsl_to_rgb, hsv_to_rgb, rgb_to_hsl, rgb_to_hsv};
 use super::lookup_table::{CELLS, Table};
 use super::object_property::Part;
 use super::real::Real;
@@ -224,61 +225,6 @@ fn hue_between(way: &str, f: f32, from: f32, to: f32) -> f32 {
     }
     let hue = between(f, from, to);
     if raise_from || raise_to { reduced(hue) } else { hue }
-}
-
-/// Hue, saturation and value by sorting the channels. (Not the formula of the colour nodes: the last bits
-/// differ.)
-fn rgb_to_hsv([mut red, mut green, mut blue]: [f32; 3]) -> [f32; 3] {
-    let mut offset = 0.0;
-    if green < blue {
-        std::mem::swap(&mut green, &mut blue);
-        offset = -1.0;
-    }
-    let mut least = blue;
-    if red < green {
-        std::mem::swap(&mut red, &mut green);
-        offset = -2.0 / 6.0 - offset;
-        least = if green < blue { green } else { blue };
-    }
-    let chroma = red - least;
-    let hue = (offset + (green - blue) / (6.0 * chroma + 1e-20)).abs();
-    [hue, chroma / (red + 1e-20), red]
-}
-
-/// Hue, saturation and lightness, with a true division by 6.
-fn rgb_to_hsl([red, green, blue]: [f32; 3]) -> [f32; 3] {
-    let most = red.max(green).max(blue);
-    let least = red.min(green).min(blue);
-    let lightness = ((most + least) / 2.0).min(1.0);
-    if most == least {
-        return [0.0, 0.0, lightness];
-    }
-    let chroma = most - least;
-    let saturation = if lightness > 0.5 { chroma / ((2.0 - most) - least) } else { chroma / (most + least) };
-    let sixths = if most == red {
-        (green - blue) / chroma + if green < blue { 6.0 } else { 0.0 }
-    } else if most == green {
-        (blue - red) / chroma + 2.0
-    } else {
-        (red - green) / chroma + 4.0
-    };
-    [sixths / 6.0, saturation, lightness]
-}
-
-/// The three channels of a pure hue.
-fn pure(hue: f32) -> [f32; 3] {
-    let turns = hue * 6.0;
-    [(turns - 3.0).abs() - 1.0, 2.0 - (turns - 2.0).abs(), 2.0 - (turns - 4.0).abs()]
-        .map(|channel| channel.clamp(0.0, 1.0))
-}
-
-fn hsv_to_rgb([hue, saturation, value]: [f32; 3]) -> [f32; 3] {
-    pure(hue).map(|channel| ((channel - 1.0) * saturation + 1.0) * value)
-}
-
-fn hsl_to_rgb([hue, saturation, lightness]: [f32; 3]) -> [f32; 3] {
-    let chroma = (1.0 - (2.0 * lightness - 1.0).abs()) * saturation;
-    pure(hue).map(|channel| (channel - 0.5) * chroma + lightness)
 }
 
 /// Reads the property; nothing means Blender's default, black to white.

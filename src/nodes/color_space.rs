@@ -93,7 +93,18 @@ fn extremes<R: Real>([red, green, blue]: [R; 3]) -> [R; 2] {
 
 /// Hue, saturation and value of a colour.
 #[inline]
-pub fn rgb_to_hsv<R: Real>([red, green, blue]: [R; 3]) -> [R; 3] {
+pub fn rgb_to_hsv<R: Real>(color: [R; 3]) -> [R; 3] {
+    hsv(color, |lacking, chroma| lacking / chroma)
+}
+
+/// [`rgb_to_hsv`] as Cycles folds constants with it: the machine code that it has for that multiplies by the reciprocal of
+/// the chroma (measured).
+pub fn rgb_to_hsv_of_constant(color: [f32; 3]) -> [f32; 3] {
+    hsv(color, |lacking, chroma| lacking * (1.0 / chroma))
+}
+
+#[inline(always)]
+fn hsv<R: Real>([red, green, blue]: [R; 3], quotient: impl Fn(R, R) -> R) -> [R; 3] {
     let (zero, one) = (R::of(0.0), R::of(1.0));
     let [value, smallest] = extremes([red, green, blue]);
     let chroma = value - smallest;
@@ -101,7 +112,7 @@ pub fn rgb_to_hsv<R: Real>([red, green, blue]: [R; 3]) -> [R; 3] {
     if saturation == zero {
         return [zero, saturation, value];
     }
-    let [lacks_red, lacks_green, lacks_blue] = [red, green, blue].map(|channel| (value - channel) / chroma);
+    let [lacks_red, lacks_green, lacks_blue] = [red, green, blue].map(|channel| quotient(value - channel, chroma));
     let sixths = if red == value {
         lacks_blue - lacks_green
     } else if green == value {
@@ -372,6 +383,70 @@ pub fn enclose_hsl_to_rgb([hue, saturation, lightness]: [Interval; 3]) -> [Inter
     })
 }
 
+// ---------------------------------------------------------------------------------------------------------------------
+// As Blender's own library converts
+
+/// The conversions of Blender's own library, which makes the tables of colour ramps and folds constants before Cycles
+/// sees a graph. The same colours as the kernels' conversions up to the last bits, in f32 only; a hue below 0 or
+/// beyond a turn is not brought back.
+pub mod blender {
+    /// Hue, saturation and value, found by sorting the channels.
+    pub fn rgb_to_hsv([mut red, mut green, mut blue]: [f32; 3]) -> [f32; 3] {
+        let mut offset = 0.0;
+        if green < blue {
+            std::mem::swap(&mut green, &mut blue);
+            offset = -1.0;
+        }
+        let mut least = blue;
+        if red < green {
+            std::mem::swap(&mut red, &mut green);
+            offset = -2.0 / 6.0 - offset;
+            least = if green < blue { green } else { blue };
+        }
+        let chroma = red - least;
+        let hue = (offset + (green - blue) / (6.0 * chroma + 1e-20)).abs();
+        [hue, chroma / (red + 1e-20), red]
+    }
+
+    /// The colour of a hue, saturation and value.
+    pub fn hsv_to_rgb([hue, saturation, value]: [f32; 3]) -> [f32; 3] {
+        pure(hue).map(|channel| ((channel - 1.0) * saturation + 1.0) * value)
+    }
+
+    /// Hue, saturation and lightness, with a true division by 6.
+    pub fn rgb_to_hsl([red, green, blue]: [f32; 3]) -> [f32; 3] {
+        let most = red.max(green).max(blue);
+        let least = red.min(green).min(blue);
+        let lightness = ((most + least) / 2.0).min(1.0);
+        if most == least {
+            return [0.0, 0.0, lightness];
+        }
+        let chroma = most - least;
+        let saturation = if lightness > 0.5 { chroma / ((2.0 - most) - least) } else { chroma / (most + least) };
+        let sixths = if most == red {
+            (green - blue) / chroma + if green < blue { 6.0 } else { 0.0 }
+        } else if most == green {
+            (blue - red) / chroma + 2.0
+        } else {
+            (red - green) / chroma + 4.0
+        };
+        [sixths / 6.0, saturation, lightness]
+    }
+
+    /// The colour of a hue, saturation and lightness.
+    pub fn hsl_to_rgb([hue, saturation, lightness]: [f32; 3]) -> [f32; 3] {
+        let chroma = (1.0 - (2.0 * lightness - 1.0).abs()) * saturation;
+        pure(hue).map(|channel| (channel - 0.5) * chroma + lightness)
+    }
+
+    /// The three channels of a pure hue.
+    fn pure(hue: f32) -> [f32; 3] {
+        let turns = hue * 6.0;
+        [(turns - 3.0).abs() - 1.0, 2.0 - (turns - 2.0).abs(), 2.0 - (turns - 4.0).abs()]
+            .map(|channel| channel.clamp(0.0, 1.0))
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -386,6 +461,31 @@ mod tests {
         assert_eq!(hsv_to_rgb([f32::NAN, 0.0, 0.5]), [0.5; 3]);
         let [red, green, blue] = hsv_to_rgb([f32::NAN, 0.5, 1.0]);
         assert!(red == 1.0 && green == 0.5 && blue.is_nan());
+    }
+
+    #[test]
+    fn library_and_kernels_convert_to_nearly_the_same() {
+        type Convert = fn([f32; 3]) -> [f32; 3];
+        let pairs: [[Convert; 2]; 4] = [
+            [blender::rgb_to_hsv, rgb_to_hsv],
+            [blender::hsv_to_rgb, hsv_to_rgb],
+            [blender::rgb_to_hsl, rgb_to_hsl],
+            [blender::hsl_to_rgb, hsl_to_rgb],
+        ];
+        let levels = [0.0_f32, 0.2, 0.45, 0.7, 0.95];
+        for number in 0..125 {
+            let values = [levels[number % 5], levels[number / 5 % 5], levels[number / 25]];
+            for [library, kernel] in pairs {
+                let (found, expected) = (library(values), kernel(values));
+                let near = found.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-6);
+                assert!(near, "{values:?}: {found:?}, {expected:?}");
+            }
+        }
+        // Grey has no hue, and black no saturation to divide by.
+        assert_eq!(blender::rgb_to_hsv([0.4; 3]), [0.0, 0.0, 0.4]);
+        assert_eq!(blender::rgb_to_hsv([0.0; 3]), [0.0; 3]);
+        // Beyond a turn the hue is red.
+        assert_eq!(blender::hsv_to_rgb([1.25, 1.0, 1.0]), [1.0, 0.0, 0.0]);
     }
 
     #[test]

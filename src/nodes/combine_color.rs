@@ -50,7 +50,7 @@ impl Evaluate for CombineColor {
 
     fn simplify_constants(&self, _inputs: &[Option<f32>]) -> Option<Simplified> {
         // Putting channels side by side is naming them: nothing is left to evaluate.
-        (self.space == ColorSpace::Rgb).then(|| Simplified::Inputs(vec![0, 1, 2]))
+        (self.space == ColorSpace::Rgb).then(|| Simplified::Renames(vec![0, 1, 2]))
     }
 }
 

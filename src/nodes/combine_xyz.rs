@@ -36,6 +36,6 @@ impl Evaluate for CombineXyz {
 
     fn simplify_constants(&self, _inputs: &[Option<f32>]) -> Option<Simplified> {
         // Putting columns side by side is naming them: nothing is left to evaluate.
-        Some(Simplified::Inputs(vec![0, 1, 2]))
+        Some(Simplified::Renames(vec![0, 1, 2]))
     }
 }

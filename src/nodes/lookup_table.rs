@@ -74,6 +74,7 @@ impl Table {
         let index = position.to_int().clamp(0, CELLS as i32) as usize;
         let rest = position - R::of(index as f32);
         // A lookup is continuous, or it jumps at every entry: either way the neighbouring cell counts too.
+        #[allow(clippy::eq_op, reason = "zero as a number, but not as a bound of its error")]
         let doubt = if self.interpolates { rest - rest } else { position.floor() - position.floor() };
         Place { index, rest, doubt }
     }

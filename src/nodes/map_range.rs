@@ -237,6 +237,11 @@ impl Evaluate for MapRange {
             to_min
         } else if self.interpolation == "STEPPED" && inputs[5] < 0.0 {
             to_min + folded_step((value - from_min) / (from_max - from_min), inputs[5]) * (to_max - to_min)
+        } else if matches!(self.interpolation, "SMOOTHSTEP" | "SMOOTHERSTEP") {
+            // Blender divides by a negative width where Cycles mirrors.
+            let t = ((value - from_min) / (from_max - from_min)).saturate();
+            let factor = if self.interpolation == "SMOOTHSTEP" { (3.0 - 2.0 * t) * (t * t) } else { t.quintic() };
+            to_min + factor * (to_max - to_min)
         } else {
             return None;
         };

@@ -4,10 +4,11 @@
 //! blended in one of 19 modes and may be limited to [0, 1] after that. `clamp_factor` limits the factor to [0, 1].
 
 pub(super) mod blend;
+mod folding;
 
 use super::{Column, Evaluate, InputSocket, Interval, Mode, NodeType, OutputSocket, Property, Real, Role, Simplified};
 use crate::scene::SocketType;
-use blend::{BLEND_TYPES, Blend, Corner, weighted};
+use blend::{BLEND_TYPES, Blend, Corner, same_output, weighted};
 
 /// The node type.
 pub static TYPE: NodeType = NodeType {
@@ -96,6 +97,15 @@ impl Evaluate for Mix {
         }
     }
 
+    fn fold_constants(&self, inputs: &[f32]) -> Option<Vec<f32>> {
+        // The kernels' formula; only the limit differs, for NaN.
+        let folded = |axis: usize| {
+            let [factor, a, b] = self.columns(axis).map(|column| inputs[column]);
+            weighted(a, b, folding::limited(factor, self.clamp_factor))
+        };
+        Some((0..self.components).map(folded).collect())
+    }
+
     fn simplify_constants(&self, inputs: &[Option<f32>]) -> Option<Simplified> {
         // Cycles' rules (measured); a factor per component has none. They show where the weighted sum of equal values
         // rounds and where a weight of 0 meets NaN or infinity.
@@ -113,6 +123,14 @@ impl Evaluate for Mix {
             _ => return None,
         };
         Some(Simplified::Inputs(kept))
+    }
+
+    fn simplify_linked(&self, inputs: &[Option<f32>], equal: &dyn Fn(usize, usize) -> bool) -> Option<Simplified> {
+        // Whatever the factor is, but a factor per component keeps the formula (measured).
+        let pairs: Vec<[usize; 2]> =
+            (0..self.components).map(|axis| self.columns(axis)).map(|[_, a, b]| [a, b]).collect();
+        let passes = self.factors == 1 && same_output(&pairs, inputs, equal);
+        passes.then(|| Simplified::Inputs(pairs.iter().map(|[a, _]| *a).collect()))
     }
 }
 
@@ -149,5 +167,27 @@ mod tests {
         assert_eq!(mix.simplify_constants(&[None, Some(0.1), Some(0.1)]), Some(Simplified::Inputs(vec![1])));
         let free = Mix { clamp_factor: false, ..mix };
         assert_eq!(free.simplify_constants(&[Some(2.0), None, None]), None);
+    }
+    #[test]
+    fn constants_keep_a_missing_factor() {
+        let mix = Mix { factors: 1, components: 1, clamp_factor: true };
+        assert_eq!(mix.fold_constants(&[2.0, 1.5, -1.0]), Some(vec![-1.0]));
+        // The kernels' limit would make this factor 0.
+        assert!(mix.fold_constants(&[f32::NAN, 1.5, -1.0]).expect("a rule")[0].is_nan());
+        let each = Mix { factors: 3, components: 3, clamp_factor: false };
+        let folded = each.fold_constants(&[0.25, 2.0, 0.0, 1.0, 2.0, 3.0, 5.0, -2.0, 8.0]);
+        assert_eq!(folded, Some(vec![2.0, -6.0, 3.0]));
+    }
+
+    #[test]
+    fn one_output_linked_twice_passes() {
+        let float = Mix { factors: 1, components: 1, clamp_factor: true };
+        let at = |mix: &Mix, equal: &dyn Fn(usize, usize) -> bool| mix.simplify_linked(&[None; 9], equal);
+        assert_eq!(at(&float, &|a, b| [a, b] == [1, 2]), Some(Simplified::Inputs(vec![1])));
+        assert_eq!(at(&float, &|_, _| false), None);
+        let vector = Mix { components: 3, ..float };
+        assert_eq!(at(&vector, &|a, b| a + 3 == b), Some(Simplified::Inputs(vec![1, 2, 3])));
+        assert_eq!(at(&vector, &|a, b| a + 3 == b && a != 2), None);
+        assert_eq!(at(&Mix { factors: 3, ..vector }, &|a, b| a + 3 == b), None);
     }
 }

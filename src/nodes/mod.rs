@@ -122,6 +122,8 @@ pub enum Role {
 pub enum SourceValue {
     /// Constant components.
     Constant(Vec<f32>),
+    /// Constant components of a node that Blender cannot evaluate: what reads them is folded by Cycles alone.
+    LateConstant(Vec<f32>),
     /// Components that are the same at every point, but looked up at run time: nothing that reads them is folded.
     PerObject(Vec<f32>),
     /// Affine image of the object-space position: three rows of four.
@@ -519,7 +521,7 @@ impl Mode {
     /// # Panics
     /// When the node type does not declare it: a mistake in the node's own file.
     pub fn choice(&self, identifier: &str) -> &'static str {
-        *declared(&self.choices, identifier)
+        declared::<&'static str>(&self.choices, identifier)
     }
 
     /// The value of a flag property.
@@ -696,8 +698,11 @@ pub trait Kernel: Send + Sync {
 /// Result of a simplification.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Simplified {
-    /// The output equals these input components.
+    /// The output equals these input components: Cycles leaves the node out.
     Inputs(Vec<usize>),
+    /// The output's components are these input components, taken apart or put together: nothing to evaluate, but for
+    /// Cycles a node still.
+    Renames(Vec<usize>),
     /// The output is constant.
     Constant(Vec<f32>),
 }

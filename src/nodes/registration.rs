@@ -58,9 +58,9 @@ pub fn register(node_type: &'static NodeType) -> Result<()> {
     if STRUCTURE.contains(&node_type.type_name) {
         return refused("a type that the compiler resolves itself".into(), "a node that evaluates, or a closure");
     }
-    let names: [(&str, fn(&NodeType) -> &'static str); 3] =
-        [("type name", |known| known.type_name), ("label", |known| known.label), ("module", |known| known.module)];
-    for (what, name) in names {
+    type Name = fn(&NodeType) -> &'static str;
+    let names: [Name; 3] = [|known| known.type_name, |known| known.label, |known| known.module];
+    for (what, name) in ["type name", "label", "module"].into_iter().zip(names) {
         if known.iter().any(|known| name(known) == name(node_type)) {
             return refused(
                 format!("the {what} \"{}\", which the registry holds already", name(node_type)),

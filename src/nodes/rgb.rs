@@ -1,4 +1,5 @@
-//! RGB (`ShaderNodeRGB`, labelled Color): a stored colour in linear Rec. 709; its alpha is dropped.
+//! RGB (`ShaderNodeRGB`, labelled Color): a stored colour in linear Rec. 709; its alpha is dropped. Blender has no
+//! function for it, so only Cycles takes it for a constant.
 
 use super::{NodeType, OutputSocket, Role, SourceValue, always};
 use crate::error::Error;
@@ -15,7 +16,7 @@ pub static TYPE: NodeType = NodeType {
     outputs: &[OutputSocket::new("Color", SocketType::Color, always)],
     role: Role::Source(|context, _, socket| match context.node.outputs.get(socket) {
         Some(Input::List(channels)) if (3..=4).contains(&channels.len()) => {
-            Ok(SourceValue::Constant(channels[..3].to_vec()))
+            Ok(SourceValue::LateConstant(channels[..3].to_vec()))
         }
         other => Err(Error::new(
             format!("{}: output {socket}", context.place),

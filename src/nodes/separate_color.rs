@@ -2,7 +2,7 @@
 //!
 //! The outputs are called Red, Green and Blue in every mode. Blender leaves constants to Cycles.
 
-use super::color_space::ColorSpace;
+use super::color_space::{ColorSpace, rgb_to_hsv_of_constant};
 use super::real::Real;
 use super::{
     Column, Evaluate, InputSocket, Interval, NodeType, OutputSocket, Property, Role, Simplified, always, vector_at,
@@ -58,8 +58,14 @@ impl Evaluate for SeparateColor {
         false
     }
 
+    fn fold_constants_late(&self, inputs: &[f32]) -> Option<Vec<f32>> {
+        let [red, green, blue] = *inputs else { return None };
+        let channels = rgb_to_hsv_of_constant([red, green, blue]);
+        (self.space == ColorSpace::Hsv).then(|| self.axes.iter().map(|&axis| channels[axis]).collect())
+    }
+
     fn simplify_constants(&self, _inputs: &[Option<f32>]) -> Option<Simplified> {
         // Channels are the columns themselves: nothing is left to evaluate.
-        (self.space == ColorSpace::Rgb).then(|| Simplified::Inputs(self.axes.clone()))
+        (self.space == ColorSpace::Rgb).then(|| Simplified::Renames(self.axes.clone()))
     }
 }

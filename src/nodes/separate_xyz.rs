@@ -42,6 +42,6 @@ impl Evaluate for SeparateXyz {
 
     fn simplify_constants(&self, _inputs: &[Option<f32>]) -> Option<super::Simplified> {
         // Taking a vector apart is naming its columns: nothing is left to evaluate.
-        Some(super::Simplified::Inputs(self.axes.clone()))
+        Some(super::Simplified::Renames(self.axes.clone()))
     }
 }

@@ -237,6 +237,12 @@ impl Evaluate for VectorMath {
         outputs.copy_from_slice(&result[..outputs.len()]);
     }
 
+    fn fold_constants_late(&self, inputs: &[f32]) -> Option<Vec<f32>> {
+        // By itself Cycles takes the exact remainder, too, but 0 for a zero divisor.
+        let remainder = |a: f32, b: f32| if b == 0.0 { 0.0 } else { a % b };
+        (self.operation == "MODULO").then(|| (0..3).map(|axis| remainder(inputs[axis], inputs[3 + axis])).collect())
+    }
+
     fn fold_constants(&self, inputs: &[f32]) -> Option<Vec<f32>> {
         let vector = |first: usize| [inputs[first], inputs[first + 1], inputs[first + 2]];
         let special =

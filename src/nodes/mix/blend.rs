@@ -3,8 +3,11 @@
 //! Each formula without a branch is written once, for the number types of evaluation, for intervals and for the
 //! corners of a box ([`Arithmetic`]). Source: Blender's blend modes as Cycles orders them.
 
-use super::super::color_space::{enclose_hsv_to_rgb, enclose_rgb_to_hsv, hsv_to_rgb, rgb_to_hsv};
+use super::super::color_space::{
+    enclose_hsv_to_rgb, enclose_rgb_to_hsv, hsv_to_rgb, rgb_to_hsv, rgb_to_hsv_of_constant,
+};
 use super::super::{Column, Evaluate, Interval, Real, Simplified, vector_at};
+use super::folding;
 use std::ops::{Add, Mul, Sub};
 
 /// Blender's names of the blend modes; the first is the default.
@@ -144,7 +147,7 @@ fn excluded<T: Arithmetic>(a: T, b: T, t: T) -> T {
 }
 
 #[inline(always)]
-fn screen<T: Arithmetic>(a: T, b: T, t: T) -> T {
+pub(super) fn screen<T: Arithmetic>(a: T, b: T, t: T) -> T {
     one::<T>() - ((one::<T>() - t) + t * (one::<T>() - b)) * (one::<T>() - a)
 }
 
@@ -161,13 +164,13 @@ fn overlay_light<T: Arithmetic>(a: T, b: T, t: T) -> T {
 }
 
 #[inline(always)]
-fn soft_light<T: Arithmetic>(a: T, b: T, t: T) -> T {
+pub(super) fn soft_light<T: Arithmetic>(a: T, b: T, t: T) -> T {
     let screened = one::<T>() - (one::<T>() - b) * (one::<T>() - a);
     (one::<T>() - t) * a + t * (((one::<T>() - a) * b) * a + a * screened)
 }
 
 #[inline(always)]
-fn linear_light<T: Arithmetic>(a: T, b: T, t: T) -> T {
+pub(super) fn linear_light<T: Arithmetic>(a: T, b: T, t: T) -> T {
     a + t * (two::<T>() * b + T::constant(-1.0))
 }
 
@@ -196,17 +199,17 @@ fn exclusion<R: Real>(a: R, b: R, t: R) -> R {
 }
 
 #[inline(always)]
-fn overlay<R: Real>(a: R, b: R, t: R) -> R {
+pub(super) fn overlay<R: Real>(a: R, b: R, t: R) -> R {
     if a < R::of(0.5) { overlay_dark(a, b, t) } else { overlay_light(a, b, t) }
 }
 
 #[inline(always)]
-fn divide<R: Real>(a: R, b: R, t: R) -> R {
+pub(super) fn divide<R: Real>(a: R, b: R, t: R) -> R {
     if b != R::of(0.0) { quotient(a, b, t) } else { a }
 }
 
 #[inline(always)]
-fn dodge<R: Real>(a: R, b: R, t: R) -> R {
+pub(super) fn dodge<R: Real>(a: R, b: R, t: R) -> R {
     if a == R::of(0.0) {
         return a;
     }
@@ -216,7 +219,7 @@ fn dodge<R: Real>(a: R, b: R, t: R) -> R {
 }
 
 #[inline(always)]
-fn burn<R: Real>(a: R, b: R, t: R) -> R {
+pub(super) fn burn<R: Real>(a: R, b: R, t: R) -> R {
     let divisor = burn_divisor(a, b, t);
     if divisor <= R::of(0.0) {
         R::of(0.0)
@@ -232,37 +235,37 @@ fn linear_each<R: Real>(a: [R; 3], b: [R; 3], t: R) -> [R; 3] {
 }
 
 /// The hue of b; grey has none.
-fn hue<R: Real>(a: [R; 3], b: [R; 3], t: R) -> [R; 3] {
-    let [hue, saturation, _] = rgb_to_hsv(b);
+fn hue<R: Real>(a: [R; 3], b: [R; 3], t: R, to_hsv: fn([R; 3]) -> [R; 3]) -> [R; 3] {
+    let [hue, saturation, _] = to_hsv(b);
     if saturation == R::of(0.0) {
         return a;
     }
-    let [_, saturation, value] = rgb_to_hsv(a);
+    let [_, saturation, value] = to_hsv(a);
     linear_each(a, hsv_to_rgb([hue, saturation, value]), t)
 }
 
 /// The saturation of b; grey stays grey.
-fn saturation<R: Real>(a: [R; 3], b: [R; 3], t: R) -> [R; 3] {
-    let [hue, saturation, value] = rgb_to_hsv(a);
+fn saturation<R: Real>(a: [R; 3], b: [R; 3], t: R, to_hsv: fn([R; 3]) -> [R; 3]) -> [R; 3] {
+    let [hue, saturation, value] = to_hsv(a);
     if saturation == R::of(0.0) {
         return a;
     }
-    hsv_to_rgb([hue, weighted(saturation, rgb_to_hsv(b)[1], t), value])
+    hsv_to_rgb([hue, weighted(saturation, to_hsv(b)[1], t), value])
 }
 
 /// The hue and the saturation of b.
-fn color<R: Real>(a: [R; 3], b: [R; 3], t: R) -> [R; 3] {
-    let [hue, saturation, _] = rgb_to_hsv(b);
+fn color<R: Real>(a: [R; 3], b: [R; 3], t: R, to_hsv: fn([R; 3]) -> [R; 3]) -> [R; 3] {
+    let [hue, saturation, _] = to_hsv(b);
     if saturation == R::of(0.0) {
         return a;
     }
-    linear_each(a, hsv_to_rgb([hue, saturation, rgb_to_hsv(a)[2]]), t)
+    linear_each(a, hsv_to_rgb([hue, saturation, to_hsv(a)[2]]), t)
 }
 
 /// The value of b.
-fn value<R: Real>(a: [R; 3], b: [R; 3], t: R) -> [R; 3] {
-    let [hue, saturation, value] = rgb_to_hsv(a);
-    hsv_to_rgb([hue, saturation, weighted(value, rgb_to_hsv(b)[2], t)])
+fn value<R: Real>(a: [R; 3], b: [R; 3], t: R, to_hsv: fn([R; 3]) -> [R; 3]) -> [R; 3] {
+    let [hue, saturation, value] = to_hsv(a);
+    hsv_to_rgb([hue, saturation, weighted(value, to_hsv(b)[2], t)])
 }
 
 // ---------------------------------------------------------------------------------------------------------------------
@@ -589,10 +592,10 @@ impl Evaluate for Blend {
             "EXCLUSION" => self.each(inputs, outputs, exclusion),
             "SUBTRACT" => self.each(inputs, outputs, subtract),
             "DIVIDE" => self.each(inputs, outputs, divide),
-            "HUE" => self.whole(inputs, outputs, hue),
-            "SATURATION" => self.whole(inputs, outputs, saturation),
-            "COLOR" => self.whole(inputs, outputs, color),
-            "VALUE" => self.whole(inputs, outputs, value),
+            "HUE" => self.whole(inputs, outputs, |a, b, t| hue(a, b, t, rgb_to_hsv)),
+            "SATURATION" => self.whole(inputs, outputs, |a, b, t| saturation(a, b, t, rgb_to_hsv)),
+            "COLOR" => self.whole(inputs, outputs, |a, b, t| color(a, b, t, rgb_to_hsv)),
+            "VALUE" => self.whole(inputs, outputs, |a, b, t| value(a, b, t, rgb_to_hsv)),
             other => unreachable!("{other} is not in BLEND_TYPES"),
         }
     }
@@ -612,6 +615,29 @@ impl Evaluate for Blend {
         }
     }
 
+    fn fold_constants(&self, inputs: &[f32]) -> Option<Vec<f32>> {
+        let [factor, a_red, a_green, a_blue, b_red, b_green, b_blue] = *inputs else {
+            return None;
+        };
+        let factor = folding::limited(factor, self.clamp_factor);
+        let result = folding::blended(self.kind, [a_red, a_green, a_blue], [b_red, b_green, b_blue], factor);
+        Some(result.map(|value| folding::limited(value, self.clamp_result)).to_vec())
+    }
+
+    fn fold_constants_late(&self, inputs: &[f32]) -> Option<Vec<f32>> {
+        let blend = match self.kind {
+            "HUE" => hue,
+            "SATURATION" => saturation,
+            "COLOR" => color,
+            "VALUE" => value,
+            _ => return None,
+        };
+        let [factor, a_red, a_green, a_blue, b_red, b_green, b_blue] = *inputs else { return None };
+        let factor = if self.clamp_factor { factor.saturate() } else { factor };
+        let result = blend([a_red, a_green, a_blue], [b_red, b_green, b_blue], factor, rgb_to_hsv_of_constant);
+        Some(result.map(|value| self.finished(value)).to_vec())
+    }
+
     fn simplify_constants(&self, inputs: &[Option<f32>]) -> Option<Simplified> {
         let factor = inputs[0].map(|factor| if self.clamp_factor { factor.saturate() } else { factor });
         let whole =
@@ -627,6 +653,32 @@ impl Evaluate for Blend {
             (indices, None) => (!self.clamp_result).then_some(Simplified::Inputs(indices)),
         }
     }
+
+    fn simplify_linked(&self, inputs: &[Option<f32>], equal: &dyn Fn(usize, usize) -> bool) -> Option<Simplified> {
+        if !same_output(&[[1, 4], [2, 5], [3, 6]], inputs, equal) {
+            return None;
+        }
+        let factor = inputs[0].map(|factor| if self.clamp_factor { factor.saturate() } else { factor });
+        match self.kind {
+            // A result that is limited keeps the formula.
+            "MIX" if !self.clamp_result => Some(Simplified::Inputs(vec![1, 2, 3])),
+            // Zeros whether limited or not.
+            "SUBTRACT" if factor == Some(1.0) => Some(Simplified::Constant(vec![0.0; 3])),
+            _ => None,
+        }
+    }
+}
+
+/// Whether the pairs of input components are those of one output that is linked twice. Some of its components may be
+/// constants (Combine XYZ), but not all.
+pub(super) fn same_output(
+    pairs: &[[usize; 2]],
+    constants: &[Option<f32>],
+    equal: &dyn Fn(usize, usize) -> bool,
+) -> bool {
+    let bits = |component: usize| constants[component].map(f32::to_bits);
+    let agree = |a: usize, b: usize| equal(a, b) || (bits(a).is_some() && bits(a) == bits(b));
+    pairs.iter().all(|&[a, b]| agree(a, b)) && pairs.iter().any(|&[a, b]| equal(a, b))
 }
 
 /// What remains of a blend with constant operands.
@@ -682,19 +734,19 @@ mod tests {
         let golden: [(&str, [f32; 3]); 15] = [
             ("MIX", [0.6, -0.2, 1.7]),
             ("DARKEN", [0.3, -0.199_999_99, -0.4]),
-            ("MULTIPLY", [0.180_000_007, -0.139_999_986, -0.680_000_007]),
-            ("BURN", [0.0, 0.0, 0.176_470_637]),
-            ("LIGHTEN", [0.6, 0.7, 1.700_000_17]),
-            ("SCREEN", [0.720_000_029, 0.639_999_986, 1.980_000_02]),
-            ("DODGE", [0.750_000_06, 0.583_333_313, 1.0]),
-            ("ADD", [0.900_000_036, 0.5, 1.300_000_07]),
-            ("OVERLAY", [0.360_000_014, 0.279_999_971, -1.360_000_014]),
-            ("SOFT_LIGHT", [0.342_000_037, 0.405_999_988, -1.744_000_08]),
+            ("MULTIPLY", [0.18, -0.139_999_99, -0.68]),
+            ("BURN", [0.0, 0.0, 0.176_470_64]),
+            ("LIGHTEN", [0.6, 0.7, 1.700_000_2]),
+            ("SCREEN", [0.72, 0.64, 1.98]),
+            ("DODGE", [0.750_000_06, 0.583_333_3, 1.0]),
+            ("ADD", [0.900_000_04, 0.5, 1.300_000_1]),
+            ("OVERLAY", [0.36, 0.279_999_97, -1.36]),
+            ("SOFT_LIGHT", [0.342_000_04, 0.406, -1.744_000_1]),
             ("LINEAR_LIGHT", [0.500_000_06, -0.7, 2.0]),
-            ("DIFFERENCE", [0.3, 0.9, 2.100_000_14]),
-            ("EXCLUSION", [0.540_000_02, 0.779_999_97, 2.660_000_09]),
-            ("SUBTRACT", [-0.3, 0.9, -2.100_000_14]),
-            ("DIVIDE", [0.5, -3.5, -0.235_294_119]),
+            ("DIFFERENCE", [0.3, 0.9, 2.100_000_1]),
+            ("EXCLUSION", [0.54, 0.78, 2.66]),
+            ("SUBTRACT", [-0.3, 0.9, -2.100_000_1]),
+            ("DIVIDE", [0.5, -3.5, -0.235_294_12]),
         ];
         for (kind, expected) in golden {
             let found: [f32; 3] = values(&blend(kind), [1.0, 0.3, 0.7, -0.4, 0.6, -0.2, 1.7]);
@@ -737,6 +789,100 @@ mod tests {
         let constant = [Some(5.0), None, None, None, Some(0.25), Some(2.0), Some(-1.0)];
         assert_eq!(limited.simplify_constants(&constant), Some(Simplified::Constant(vec![0.25, 1.0, 0.0])));
         assert_eq!(blend("MIX").simplify_constants(&constant), None);
+    }
+
+    #[test]
+    fn constants_fold_in_the_order_of_blender() {
+        let at = |kind, inputs: [f32; 7]| blend(kind).fold_constants(&inputs).expect("every mode has a rule");
+        let (t, a, b) = (0.3_f32, 0.1_f32, 0.7_f32);
+        let inputs = [t, a, 0.25, 0.75, b, 0.5, 1.0];
+        for (kind, expected) in [
+            ("MIX", (1.0 - t) * a + t * b),
+            ("DARKEN", a * t + a * (1.0 - t)),
+            ("LIGHTEN", b * t + a * (1.0 - t)),
+            ("MULTIPLY", a * ((1.0 - t) + t * b)),
+            ("ADD", a + t * b),
+            ("SUBTRACT", a - t * b),
+            ("DIFFERENCE", (1.0 - t) * a + t * (a - b).abs()),
+            ("EXCLUSION", (1.0 - t) * a + t * ((a + b) - (2.0 * a) * b)),
+        ] {
+            assert_eq!(at(kind, inputs)[0], expected, "{kind}");
+        }
+        // Measured; the kernels give a hue of (0.357_143_04, 0.459_999_98, 0.34).
+        let inputs = [0.4, 0.3, 0.7, 0.1, 0.6, 0.2, 0.9];
+        assert_eq!(at("HUE", inputs), [0.357_142_8, 0.460_000_04, 0.34]);
+        assert_eq!(at("SATURATION", inputs), [0.314_814_78, 0.7, 0.122_222_25]);
+        assert_eq!(at("COLOR", inputs), [0.366_666_62, 0.482_222_23, 0.34]);
+        assert_eq!(at("VALUE", inputs), [0.334_285_68, 0.78, 0.111_428_6]);
+        // Every mode stays near the kernels' value, and seven modes are equal to it.
+        let mut different = Vec::new();
+        for &kind in BLEND_TYPES {
+            let mut equal = true;
+            for step in 0..200_u16 {
+                let inputs: [f32; 7] = std::array::from_fn(|index| {
+                    f32::from((step * 7 + index as u16 + 1).wrapping_mul(40_503)) / 65_537.0
+                });
+                let (folded, evaluated) = (at(kind, inputs), values::<f32>(&blend(kind), inputs));
+                equal &= folded == evaluated;
+                let near = folded.iter().zip(evaluated).all(|(folded, evaluated)| (folded - evaluated).abs() < 2e-5);
+                assert!(near, "{kind} {inputs:?}: {folded:?}, {evaluated:?}");
+            }
+            if !equal {
+                different.push(kind);
+            }
+        }
+        assert_eq!(
+            different,
+            [
+                "MIX",
+                "DARKEN",
+                "MULTIPLY",
+                "LIGHTEN",
+                "ADD",
+                "DIFFERENCE",
+                "EXCLUSION",
+                "SUBTRACT",
+                "HUE",
+                "SATURATION",
+                "COLOR",
+                "VALUE"
+            ]
+        );
+    }
+
+    #[test]
+    fn limits_of_constants_keep_missing_numbers() {
+        let limited = Blend { kind: "ADD", clamp_factor: true, clamp_result: true };
+        assert_eq!(limited.fold_constants(&[7.0, 0.5, 0.0, 0.0, 3.0, -3.0, 0.25]), Some(vec![1.0, 0.0, 0.25]));
+        let folded = limited.fold_constants(&[0.5, f32::NAN, 0.0, 0.5, 0.0, 0.0, 0.0]).expect("a rule");
+        assert!(folded[0].is_nan() && folded[1..] == [0.0, 0.5]);
+        assert!(limited.fold_constants(&[f32::NAN; 7]).expect("a rule").iter().all(|value| value.is_nan()));
+    }
+
+    #[test]
+    fn one_output_linked_twice_simplifies() {
+        let linked = |a: usize, b: usize| a + 3 == b;
+        let unknown = [None; 7];
+        let at = |blend: &Blend, constants: &[Option<f32>]| blend.simplify_linked(constants, &linked);
+        assert_eq!(at(&blend("MIX"), &unknown), Some(Simplified::Inputs(vec![1, 2, 3])));
+        assert_eq!(at(&Blend { clamp_result: true, ..blend("MIX") }, &unknown), None);
+        assert_eq!(at(&blend("DIFFERENCE"), &unknown), None);
+        // Only the whole difference vanishes.
+        assert_eq!(at(&blend("SUBTRACT"), &unknown), None);
+        let mut constants = unknown;
+        constants[0] = Some(2.0);
+        assert_eq!(at(&blend("SUBTRACT"), &constants), None);
+        for clamp_result in [false, true] {
+            let limited = Blend { kind: "SUBTRACT", clamp_factor: true, clamp_result };
+            assert_eq!(at(&limited, &constants), Some(Simplified::Constant(vec![0.0; 3])));
+        }
+        // Equal constants count beside a link, but not alone.
+        let but_green = |a: usize, b: usize| a != 2 && a + 3 == b;
+        assert_eq!(blend("MIX").simplify_linked(&unknown, &but_green), None);
+        let green = |b: f32| [None, None, Some(0.5), None, None, Some(b), None];
+        assert!(blend("MIX").simplify_linked(&green(0.5), &but_green).is_some());
+        assert_eq!(blend("MIX").simplify_linked(&green(0.25), &but_green), None);
+        assert_eq!(blend("MIX").simplify_linked(&[Some(f32::NAN); 7], &|_, _| false), None);
     }
 
     #[test]
