@@ -963,9 +963,9 @@ fn blend_files_that_hold_no_volume() {
     let volume = "m = bpy.data.materials['Material']; t = m.node_tree\n\
                   n = t.nodes.new('ShaderNodeVolumePrincipled')\n\
                   t.links.new(n.outputs[0], t.nodes['Material Output'].inputs['Volume'])\n\
-                  k = t.nodes.new('ShaderNodeTexMagic')\n\
-                  t.links.new(k.outputs['Factor' if 'Factor' in k.outputs else 'Fac'], n.inputs['Density'])";
-    save("magic.blend", volume);
-    export(&["magic.blend"]).is_refused("unsupported node", &["node Magic Texture", "ShaderNodeTexMagic"]);
+                  k = t.nodes.new('ShaderNodeLightPath')\n\
+                  t.links.new(k.outputs['Ray Length'], n.inputs['Density'])";
+    save("ray.blend", volume);
+    export(&["ray.blend"]).is_refused("unsupported node", &["node Light Path", "ShaderNodeLightPath"]);
     assert!(!folder.path().join("x.scene.json").exists());
 }

@@ -261,6 +261,25 @@ fn link_every_mode() -> BTreeSet<String> {
     linked_programs.into_iter().flatten().collect()
 }
 
+/// A texture with a mapping of its own, which the compiler puts before it.
+fn link_mapped_texture() -> BTreeSet<String> {
+    let texture = |name: &str, kind: &str| {
+        json!({
+            "name": name, "type": "ShaderNodeTexGradient",
+            "properties": {"texture_mapping": {
+                "vector_type": kind, "translation": [1, 0, 0], "rotation": [0, 0, 0.5], "scale": [2, 1, 1],
+                "mapping_x": "X", "mapping_y": "Y", "mapping_z": "Z",
+            }},
+        })
+    };
+    let nodes = [texture("Point", "POINT"), texture("Normal", "NORMAL")];
+    let scene = bare_scene("mapped", json!({"material": "Material", "nodes": nodes, "groups": []})).expect("a scene");
+    let targets = ["Point", "Normal"].map(|name| Target::output(name, "Fac"));
+    let module = linked(&Program::compile(&scene, &targets).expect("the textures compile"));
+    validate("textures with mappings", &module);
+    function_names(&module)
+}
+
 /// A file of `shaders/`.
 struct Shader {
     /// Below `shaders/`, with slashes.
@@ -324,7 +343,8 @@ fn add_imports(linker: &mut Linker, shader: &Shader, all: &BTreeMap<String, Shad
 
 #[test]
 fn every_mode_and_every_file_links_and_validates() {
-    let names = link_every_mode();
+    let mut names = link_every_mode();
+    names.extend(link_mapped_texture());
     let all = shaders();
     let scene: Scene = support::scene("procedural-clouds");
     let program = Program::density(&scene).expect("the cloud compiles");

@@ -740,11 +740,7 @@ impl<'a> Flattener<'a> {
         };
         match value {
             SourceValue::Constant(values) => values.into_iter().map(Source::Constant).collect(),
-            SourceValue::PerObject(values) => {
-                let inputs = (0..3).map(|axis| Source::Constant(values[axis.min(values.len() - 1)])).collect();
-                let none = serde_json::Map::new();
-                self.internal(tree, node, &nodes::object_value::TYPE, &none, inputs, values.len())
-            }
+            SourceValue::PerObject(values) => values.into_iter().map(Source::Runtime).collect(),
             SourceValue::LateConstant(values) => values.into_iter().map(Source::LateConstant).collect(),
             SourceValue::Position => (0..3).map(Source::Position).collect(),
             SourceValue::Affine(rows) => affine(self, rows),

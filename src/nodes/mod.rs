@@ -47,7 +47,6 @@ pub mod normal;
 pub mod nudged;
 pub mod object_info;
 pub mod object_property;
-pub mod object_value;
 pub mod point_attribute;
 pub mod principled_volume;
 pub mod real;
