@@ -110,6 +110,24 @@ impl Evaluate for Mapping {
         false
     }
 
+    fn fold_constants_late(&self, inputs: &[f32]) -> Option<Vec<f32>> {
+        // Cycles adds from the left where it folds the node by itself.
+        let at = |first: usize| [inputs[first], inputs[first + 1], inputs[first + 2]];
+        let (vector, scale) = (at(0), at(self.scale()));
+        let rows = rotation::euler(at(self.rotation).map(rotation::sine_and_cosine));
+        let scaled = |function: fn(f32, f32) -> f32| std::array::from_fn(|axis| function(vector[axis], scale[axis]));
+        let result: [f32; 3] = match self.kind {
+            "POINT" => {
+                let rotated = rotation::apply_from_left(&rows, scaled(|value, factor| value * factor));
+                std::array::from_fn(|axis| rotated[axis] + inputs[LOCATION + axis])
+            }
+            "VECTOR" => rotation::apply_from_left(&rows, scaled(|value, factor| value * factor)),
+            "NORMAL" => safe_unit(rotation::apply_from_left(&rows, scaled(f32::safe_divide))),
+            _ => return None,
+        };
+        Some(result.to_vec())
+    }
+
     fn simplify_constants(&self, inputs: &[Option<f32>]) -> Option<Simplified> {
         let is = |first: usize, value: f32| inputs[first..first + 3].iter().all(|input| *input == Some(value));
         if is(self.scale(), 0.0) {

@@ -134,6 +134,32 @@ fn folded_euler(angles: [f32; 3]) -> Rows<f32> {
         .map(|row| row.map(|entry| entry as f32))
 }
 
+/// Blender inverts the matrix of Euler angles as any other: the adjugate times the reciprocal of the determinant.
+fn folded_inverse(m: &Rows<f32>) -> Rows<f32> {
+    let determinant = m[0][0] * (m[1][1] * m[2][2] - m[2][1] * m[1][2])
+        - m[0][1] * (m[1][0] * m[2][2] - m[2][0] * m[1][2])
+        + m[0][2] * (m[1][0] * m[2][1] - m[2][0] * m[1][1]);
+    let scale = 1.0 / determinant;
+    [
+        [
+            m[1][1] * m[2][2] - m[1][2] * m[2][1],
+            -m[0][1] * m[2][2] + m[0][2] * m[2][1],
+            m[0][1] * m[1][2] - m[0][2] * m[1][1],
+        ],
+        [
+            -m[1][0] * m[2][2] + m[1][2] * m[2][0],
+            m[0][0] * m[2][2] - m[0][2] * m[2][0],
+            -m[0][0] * m[1][2] + m[0][2] * m[1][0],
+        ],
+        [
+            m[1][0] * m[2][1] - m[1][1] * m[2][0],
+            -m[0][0] * m[2][1] + m[0][1] * m[2][0],
+            m[0][0] * m[1][1] - m[0][1] * m[1][0],
+        ],
+    ]
+    .map(|row| row.map(|entry| entry * scale))
+}
+
 /// The rotation about an axis as Blender folds it; none about an axis that counts as zero.
 fn folded_about(axis: [f32; 3], angle: f32) -> Rows<f32> {
     let square = dot(axis, axis);
@@ -183,7 +209,7 @@ impl Evaluate for VectorRotate {
         let rows = match self.kind {
             "EULER_XYZ" => {
                 let rows = folded_euler([inputs[TURN], inputs[TURN + 1], inputs[TURN + 2]]);
-                if self.invert { rotation::transposed(&rows) } else { rows }
+                if self.invert { folded_inverse(&rows) } else { rows }
             }
             "AXIS_ANGLE" => {
                 let angle = inputs[TURN + 3];
