@@ -104,6 +104,8 @@ fn texture_inputs(node_type: &'static NodeType, mode: &Mode, random: &mut ChaCha
                 },
                 "Randomness" if random.random() => Interval::ONE,
                 "Smoothness" => around(-0.1, 1.2, random),
+                "Distortion" | "Randomness" => around(-1.0, 2.0, random),
+                _ if hostile && random.random_range(0..8) == 0 => Interval::point(number(random, true)),
                 _ => around(-1.0, 2.0, random),
             });
         }
@@ -211,6 +213,12 @@ fn values_of_noise_lie_within_their_bounds() {
 #[test]
 fn values_of_voronoi_lie_within_their_bounds() {
     check(|node_type| node_type.label == "Voronoi Texture", 12, 25);
+}
+
+#[test]
+fn values_of_other_textures_lie_within_their_bounds() {
+    let has_a_test_of_its_own = ["Noise Texture", "Voronoi Texture"];
+    check(|node_type| is_texture(node_type) && !has_a_test_of_its_own.contains(&node_type.label), 60, 40);
 }
 
 #[test]

@@ -380,6 +380,7 @@ impl NodeEntry {
         let unmeasured = || if self.modes.is_empty() { String::new() } else { NOT_MEASURED.to_owned() };
         let (cpu, wgsl) = match (worst.measured, worst.differing_modes) {
             (0, _) => (unmeasured(), unmeasured()),
+            (1, 0) => ("equal".to_owned(), worst.wgsl.map_or_else(unmeasured, error)),
             (measured, 0) => (format!("equal in {measured} modes"), worst.wgsl.map_or_else(unmeasured, error)),
             (_, differing) => {
                 (format!("{} in {differing} modes", error(worst.cpu)), worst.wgsl.map_or_else(unmeasured, error))

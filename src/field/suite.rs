@@ -74,8 +74,9 @@ const SPECIAL: [f32; 36] = [
 
 /// Nodes besides textures of which WGSL is judged at values as one would set them: the arithmetic of others is as accurate
 /// anywhere.
-const HAS_ORDINARY_VALUES: [&str; 11] = [
+const HAS_ORDINARY_VALUES: [&str; 12] = [
     "mapping",
+    "vector_rotate",
     "mix",
     "mix_rgb",
     "color_ramp",

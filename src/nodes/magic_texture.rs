@@ -141,7 +141,8 @@ impl Magic {
             }
         }
         match (self.depth > 0, still) {
-            (true, true) => [Interval::ZERO; 3],
+            // NaN stays NaN, also when it is multiplied by 0.
+            (true, true) => waves.map(|wave| Interval::ZERO.or_nan(wave.may_be_nan)),
             (false, true) => waves,
             // The distortion cancels but for the roundings of three operations.
             (true, false) => waves.map(|wave| {
