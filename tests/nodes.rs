@@ -248,7 +248,7 @@ fn every_mode_has_a_shader_that_links() {
         // A float that feeds a vector needs no node, nor does a mode that passes its input on.
         let is_there = program.instructions.iter().any(|instruction| instruction.node_type.label == case.node);
         let is_passed = program.notes.iter().any(|note| note.node == "Node" && note.action == "simplified");
-        let renames = evaluated().any(|node_type| {
+        let renames = evaluated().iter().any(|node_type| {
             let Role::Evaluated(build) = node_type.role else { return false };
             let mode = Mode::read(node_type, &serde_json::Map::new(), "test").expect("the default mode");
             let nothing_known = vec![None; width_in(node_type, &mode)];
