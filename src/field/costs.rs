@@ -1,7 +1,7 @@
 //! What a point of every node in every mode costs: f32 and f64 on one thread of the CPU, WGSL on the adapter, and Cycles on one
 //! thread, in one run.
 //!
-//! A graph holds [`COPIES`] nodes of one mode that read different attributes, so that nothing is merged. Textures read their
+//! A graph holds `COPIES` nodes of one mode that read different attributes, so that nothing is merged. Textures read their
 //! coordinate and keep Blender's defaults for the rest; all inputs of other nodes are linked. On the CPU the node's own kernel is
 //! timed on columns in the cache; what adapter and renderer do besides is measured with a graph that passes the same attributes on to
 //! as many outputs of the same kinds, and taken off. (Separate XYZ, through which floats are read, counts with Cycles' node where the

@@ -1,6 +1,6 @@
 //! Checker Texture (`ShaderNodeTexChecker`): two colours by the parity of the lattice cell.
 //!
-//! The cell is that of [`displaced`] coordinates. Factor is 1 and Color the first colour where the sum of the cell's
+//! The cell is that of `displaced` coordinates. Factor is 1 and Color the first colour where the sum of the cell's
 //! numbers is odd; the cell at the origin is even.
 
 use super::real::Real;

@@ -1,7 +1,7 @@
 //! Wave Texture (`ShaderNodeTexWave`): bands along an axis or the diagonal, or rings around an axis or the origin, with
 //! a sine, saw or triangle profile, bent by fractal noise.
 //!
-//! Coordinates are those of [`displaced`]. The noise is the normalised fBM of Noise Texture with a lacunarity of 2;
+//! Coordinates are those of `displaced`. The noise is the normalised fBM of Noise Texture with a lacunarity of 2;
 //! unlike there, its Detail and its Roughness are not limited: a Detail of 20 gives 21 octaves, one of -1 and below the
 //! quotient 0/0, and a negative Roughness alternates signs. Cycles evaluates every octave, however many a linked Detail
 //! asks for. Octave number 128 multiplies coordinates by 2^128, infinite in f32, and its noise is NaN wherever the point
