@@ -29,8 +29,8 @@ pub(super) struct FlatNode {
     pub inputs: Vec<Source>,
     /// All inputs are constant for Blender, which evaluates the node itself, by its own rules.
     pub constant: bool,
-    /// First of three inputs that are a texture's linked coordinate. Where only Cycles makes it constant, the texture
-    /// reads Generated instead.
+    /// First of three inputs that are the coordinate of a texture that varies. Where the coordinate itself is a constant,
+    /// Blender hands it over as a socket without a link, and the texture reads Generated instead.
     pub coordinate: Option<usize>,
 }
 
@@ -562,10 +562,7 @@ impl<'a> Flattener<'a> {
             |socket: &nodes::InputSocket| matches!(node.inputs.get(socket.identifier), Some(input) if is_link(input));
         let constant = self.folds_early(node_type, &mode, &inputs)
             && node_type.inputs_of(&mode).all(|socket| !socket.folds_only_linked || is_linked(socket));
-        let late = |flattener: &Self, first: &usize| {
-            !inputs[*first..first + 3].iter().all(|source| flattener.is_constant(source))
-        };
-        let mut read_late = coordinate.filter(|first| late(self, first));
+        let mut read_late = coordinate.filter(|_| !constant);
         if let Some(first) = coordinate.filter(|_| !constant) {
             // Blender ignores the texture's own mapping where it evaluates the texture itself.
             let before = self.flat.nodes.len();

@@ -45,7 +45,7 @@ pub(super) fn run_nudged(flat: Flat, nudge: Option<Nudge>) -> Program {
         if let Some(first) = node.coordinate
             && inputs[first..first + 3].iter().all(|source| as_constant(source).is_some())
         {
-            // Cycles forgets that the coordinate was linked: it counts as unlinked, whatever its value.
+            // A constant is a socket without a link for Cycles, whatever its value.
             kept.push(Kept {
                 label: format!("{} Generated", node.label),
                 node_type: &affine::TYPE,

@@ -7,7 +7,7 @@
 //! weights of four digits and a division by three.
 
 use super::real::Real;
-use super::{Column, Evaluate, InputSocket, Interval, NodeType, OutputSocket, Property, Role, always, map};
+use super::{Column, Evaluate, InputSocket, Interval, NodeType, OutputSocket, Property, Role, Simplified, always, map};
 use crate::scene::SocketType;
 
 /// The node type. It has no counterpart in Blender's interface.
@@ -40,6 +40,11 @@ impl Evaluate for Conversion {
         } else {
             map(inputs, [0, 1, 2], outputs[0], |[x, y, z]: [R; 3]| ((x + y) + z) * R::of(1.0 / 3.0));
         }
+    }
+
+    fn simplify_linked(&self, _: &[Option<f32>], equal: &dyn Fn(usize, usize) -> bool) -> Option<Simplified> {
+        // A float that became a colour or a vector for a node that Cycles has left out becomes itself again.
+        (equal(0, 1) && equal(1, 2)).then(|| Simplified::Inputs(vec![0]))
     }
 
     fn fold_constants(&self, inputs: &[f32]) -> Option<Vec<f32>> {
