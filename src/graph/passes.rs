@@ -96,6 +96,9 @@ pub(super) fn run_nudged(flat: Flat, nudge: Option<Nudge>) -> Program {
                 continue;
             }
             Some(Simplified::Renames(indices)) => {
+                if !node.node_type.properties.is_empty() {
+                    note("simplified", "hands its components on".into());
+                }
                 // A number of its own, beyond those of the nodes that are kept; equal ones are merged like other nodes.
                 let key = format!("{} {:?} {}", node.node_type.type_name, node.mode, bits(&linked));
                 let number = *renames.entry(key).or_insert(flat_number) + 2 * count_of_all;

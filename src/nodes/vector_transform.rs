@@ -168,7 +168,7 @@ impl Evaluate for VectorTransform {
     }
 
     fn simplify_constants(&self, _inputs: &[Option<f32>]) -> Option<Simplified> {
-        self.stays.then(|| Simplified::Inputs(vec![0, 1, 2]))
+        self.stays.then(|| Simplified::Renames(vec![0, 1, 2]))
     }
 
     fn shader_constants(&self) -> String {
