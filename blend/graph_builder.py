@@ -178,21 +178,24 @@ class _Identifiers:
 
 
 class _Node:
-    """A node that was built, with its sockets by the graph's identifiers."""
+    """A node that was built, with its sockets by the graph's identifiers.
+
+    They are looked up anew each time: a reroute that takes on the type of what feeds it gets other sockets.
+    """
 
     def __init__(self, node, identifiers):
-        self._inputs = {socket.identifier: socket for socket in node.inputs}
-        self._outputs = {socket.identifier: socket for socket in node.outputs}
+        self._node = node
         self._identifiers = identifiers
 
     def input(self, identifier, place):
-        return _find(self._inputs, self._identifiers.inputs, identifier, place)
+        return _find(self._node.inputs, self._identifiers.inputs, identifier, place)
 
     def output(self, identifier, place):
-        return _find(self._outputs, self._identifiers.outputs, identifier, place)
+        return _find(self._node.outputs, self._identifiers.outputs, identifier, place)
 
 
-def _find(sockets, translation, identifier, place):
+def _find(collection, translation, identifier, place):
+    sockets = {socket.identifier: socket for socket in collection}
     socket = sockets.get(translation.get(identifier, identifier))
     if socket is None or not is_available(socket):
         available = [name for name, item in sockets.items() if is_available(item)]

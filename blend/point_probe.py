@@ -62,7 +62,8 @@ class PointProbe:
         points = _load_vectors(job["points"], "job.points")
         attributes = _load_attributes(job.get("attributes", {}), len(points))
         outputs = job["outputs"]
-        seconds = np.zeros(_repeats(job))
+        seconds = np.zeros(_positive(job, "repeat"))
+        self._scene.cycles.samples = _positive(job, "samples")
         values = []
         for start in range(0, len(outputs), MAX_AOVS):
             targets = [output["target"] for output in outputs[start : start + MAX_AOVS]]
@@ -251,11 +252,11 @@ def _read_exr(path, layer, components):
     return images
 
 
-def _repeats(job):
-    repeat = job.get("repeat", 1)
-    if not isinstance(repeat, int) or repeat < 1:
-        raise InputError("job.repeat", repr(repeat), "a whole number from 1", "mend the request")
-    return repeat
+def _positive(job, key):
+    value = job.get(key, 1)
+    if not isinstance(value, int) or value < 1:
+        raise InputError(f"job.{key}", repr(value), "a whole number from 1", "mend the request")
+    return value
 
 
 def _load_attributes(files, count):

@@ -1,13 +1,14 @@
 """Evaluates node outputs of a scene's graph at given points, with Cycles' own kernels and bit for bit.
 
 Request: {"jobs": [{"scene": {...}, "points": "p.npy", "attributes": {"name": "a.npy"},
-                    "outputs": [{"target": <target>, "file": "o.npy"}], "repeat": 1}],
+                    "outputs": [{"target": <target>, "file": "o.npy"}], "repeat": 1, "samples": 1}],
           "kernel": "sse42" or "default", "threads": 0}
 Target: {"groups": [group node names from the material down], "node": "...", "output" or "input": identifier}.
 Result: {"jobs": [{"outputs": [{"components": 1 or 3}], "render_seconds": [...]}], "kernel", "blender"}.
 
 Points are f32 [n, 3] in the object space of the volume; each attribute is f32 [n, 3]; each output is written
-as f32 [n] (float) or [n, 3] (vector, colour). How it works, and its limits: point_probe.py.
+as f32 [n] (float) or [n, 3] (vector, colour). More than one repeat or sample serves to measure time: renders, and
+evaluations of every point in each. How it works, and its limits: point_probe.py.
 """
 
 import os

@@ -164,7 +164,7 @@ fn cycles_rate(scene: &Scene, points: &[[f32; 3]], repeats: usize) -> Result<f64
 }
 
 fn job<'a>(scene: &'a Scene, positions: &'a [[f32; 3]], repeat: usize) -> Result<probe::Job<'a>> {
-    Ok(probe::Job { scene, positions, attributes: &[], targets: vec![target::density(scene)?], repeat })
+    Ok(probe::Job { scene, positions, attributes: &[], targets: vec![target::density(scene)?], repeat, samples: 1 })
 }
 
 /// The scene with a density that is just the height: what a render costs without the shader.

@@ -104,6 +104,7 @@ fn a_planted_difference_is_found() {
         attributes: &[],
         targets: vec![density(&planted)],
         repeat: 1,
+        samples: 1,
     };
     let answers = cloudparity::blender::probe::ask(&[job], cloudparity::blender::Kernel::Sse42, |_| {});
     let theirs = answers.expect("Cycles answers").jobs.remove(0).values.remove(0);

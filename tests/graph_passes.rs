@@ -92,6 +92,15 @@ fn inner(identifier: &str) -> Json {
 }
 
 /// A graph of these nodes beside the varying attribute.
+/// Vector "V" of which only X varies, and its components "P".
+fn mixed_vector() -> Json {
+    node("V", "CombineXYZ", json!({}), json!({"X": varying("X"), "Y": 0.0, "Z": 1.0}))
+}
+
+fn mixed_parts() -> Json {
+    node("P", "SeparateXYZ", json!({}), json!({"Vector": link("V", "Vector")}))
+}
+
 fn scene(nodes: &[Json], groups: &[Json]) -> Scene {
     let mut all: Vec<Json> = attribute_nodes(0).into();
     all.push(json!({"name": "Texture Coordinate", "type": "ShaderNodeTexCoord"}));
@@ -299,6 +308,35 @@ fn equal_nodes_merge_and_different_ones_do_not() {
 }
 
 #[test]
+fn a_constant_in_a_vector_that_varies_is_none_for_what_reads_it() {
+    let read = |reader: Json, socket: &str| compiled(&[mixed_vector(), mixed_parts(), reader], &[], "M", socket);
+    // 0 * x is 0 where the 0 is a constant, and NaN at an infinity where it is not.
+    let product = read(math("M", "MULTIPLY", json!({"Value": link("P", "Y"), "Value_001": varying("Y")})), "Value");
+    assert_eq!(product.instructions.len(), 1);
+    assert!(values(&product)[4].is_nan());
+    let texture = json!({"Vector": link("P", "Z"), "W": varying("X")});
+    let texture = read(node("M", "TexNoise", json!({"noise_dimensions": "4D"}), texture), "Fac");
+    assert!(!texture.notes.iter().any(|note| note.action == "replaced"), "{:?}", texture.notes);
+}
+
+#[test]
+fn a_constant_coordinate_reads_generated() {
+    let texture = |vector: Json| {
+        let inputs = json!({"Vector": vector, "W": varying("X")});
+        let texture = node("M", "TexNoise", json!({"noise_dimensions": "4D"}), inputs);
+        let early = node("Early", "CombineXYZ", json!({}), json!({"X": 0.5, "Y": 0.25, "Z": 2.0}));
+        let late = node("Late", "CombineColor", json!({}), json!({"Red": 0.5, "Green": 0.25, "Blue": 2.0}));
+        compiled(&[early, late, texture], &[], "M", "Fac")
+    };
+    let unlinked = values(&texture(json!([0.5, 0.25, 2.0])));
+    for linked in [link("Early", "Vector"), link("Late", "Color")] {
+        let program = texture(linked);
+        assert!(program.notes.iter().any(|note| note.node == "M" && note.action == "replaced"), "{:?}", program.notes);
+        assert!(values(&program).iter().zip(&unlinked).all(|(ours, theirs)| equal(*ours, *theirs)));
+    }
+}
+
+#[test]
 fn what_the_output_does_not_reach_is_dropped() {
     let nodes = [
         math("Used", "SINE", json!({"Value": varying("X")})),
@@ -447,6 +485,7 @@ impl Cases {
                 attributes: &attributes,
                 targets: targets(cases),
                 repeat: 1,
+                samples: 1,
             })
             .collect();
         let answers = probe::ask(&jobs, Kernel::Sse42, |_| {}).expect("Cycles answers");
@@ -626,6 +665,12 @@ fn cycles_simplifies_the_same_constants() {
         let nodes = vec![vector_math("M", "SCALE", json!({"Vector": vector, "Scale": scale}))];
         cases.add(format!("SCALE {vector} {scale}"), nodes, vec![], "M", "Vector", 0.0);
     }
+    for operation in ["ADD", "MULTIPLY", "DIVIDE", "POWER"] {
+        for (a, b) in [(link("P", "Y"), varying("X")), (varying("X"), link("P", "Z"))] {
+            let nodes = vec![mixed_vector(), mixed_parts(), math("M", operation, json!({"Value": a, "Value_001": b}))];
+            cases.add(format!("{operation} and a component"), nodes, vec![], "M", "Value", 0.0);
+        }
+    }
     for operation in ["ADD", "MULTIPLY"] {
         for constant in [0.0, 1.0] {
             let inputs = json!({"Value": varying("X"), "Value_001": constant});
@@ -633,6 +678,98 @@ fn cycles_simplifies_the_same_constants() {
             cases.add(format!("clamped {operation} {constant}"), nodes, vec![], "M", "Value", 0.0);
         }
     }
+    cases.agree();
+}
+
+/// A zero's sign shows in what White Noise makes of its bits. (No input is NaN here: a NaN has many bit patterns.)
+#[test]
+fn cycles_loses_the_same_signs_of_zeros() {
+    if !support::require("bpy") {
+        return;
+    }
+    let mut cases = Cases::default();
+    let point = || link("Texture Coordinate", "Object");
+    let white =
+        |dimensions: &str, inputs: Json| node("M", "TexWhiteNoise", json!({"noise_dimensions": dimensions}), inputs);
+    let coordinates = || node("T", "SeparateXYZ", json!({}), json!({"Vector": point()}));
+    let x = || link("T", "X");
+    let white_vector = |vector: Json| white("4D", json!({"Vector": vector, "W": x()}));
+    let white_w = |w: Json| white("4D", json!({"Vector": point(), "W": w}));
+    // Zeros: one that Blender hands over, and two that Cycles folds.
+    let zero = || json!({"name": "Z", "type": "ShaderNodeValue", "outputs": {"Value": -0.0}});
+    let late = || {
+        let color = node("C", "CombineColor", json!({}), json!({"Red": 1.0}));
+        let parts = node("S", "SeparateColor", json!({}), json!({"Color": link("C", "Color")}));
+        let product = |name: &str, of: Json, by: f32| math(name, "MULTIPLY", json!({"Value": of, "Value_001": by}));
+        vec![color, parts, product("Y", link("S", "Red"), -1e-30), product("Z", link("Y", "Value"), 1e-30)]
+    };
+    let late_vector = || {
+        let color = node("C", "CombineColor", json!({}), json!({"Red": 1.0, "Blue": 1.0}));
+        let product =
+            |name: &str, of: Json, by: [f32; 3]| vector_math(name, "MULTIPLY", json!({"Vector": of, "Vector_001": by}));
+        let small = product("Y", link("C", "Color"), [-1e-30, 1.0, 1.0]);
+        vec![color, small, product("Z", link("Y", "Vector"), [1e-30, 1.0, 1.0])]
+    };
+    let mut add = |label: String, mut nodes: Vec<Json>, output: &str| {
+        nodes.push(coordinates());
+        cases.add(label, nodes, vec![], "M", output, 0.0);
+    };
+
+    for vector in [[-0.0, 0.0, 0.0], [-0.0; 3], [-0.0, 0.0, 1.0], [0.0, -0.0, 2.0]] {
+        let [x, y, z] = vector;
+        let combined = || node("Z", "CombineXYZ", json!({}), json!({"X": x, "Y": y, "Z": z}));
+        let color = || node("Z", "CombineColor", json!({}), json!({"Red": x, "Green": y, "Blue": z}));
+        add(format!("stored {vector:?}"), vec![white_vector(json!(vector))], "Value");
+        add(format!("folded {vector:?}"), vec![white("3D", json!({"Vector": vector}))], "Value");
+        add(format!("linked {vector:?}"), vec![combined(), white_vector(link("Z", "Vector"))], "Value");
+        add(
+            format!("linked and folded {vector:?}"),
+            vec![combined(), white("3D", json!({"Vector": link("Z", "Vector")}))],
+            "Value",
+        );
+        add(format!("combined by Cycles {vector:?}"), vec![color(), white_vector(link("Z", "Color"))], "Value");
+        for (what, given, source) in [
+            ("stored", json!(vector), None),
+            ("linked", link("Z", "Vector"), Some(combined())),
+            ("combined by Cycles", link("Z", "Color"), Some(color())),
+        ] {
+            let product = vector_math("N", "MULTIPLY", json!({"Vector": given, "Vector_001": point()}));
+            let reader = white("3D", json!({"Vector": link("N", "Vector")}));
+            let nodes = source.into_iter().chain([product, reader]).collect();
+            add(format!("{what} factor {vector:?}"), nodes, "Value");
+        }
+    }
+    add("folded vector".into(), [late_vector(), vec![white_vector(link("Z", "Vector"))]].concat(), "Value");
+    add("stored W".into(), vec![white_w(json!(-0.0))], "Value");
+    add("folded W".into(), vec![white("1D", json!({"W": -0.0}))], "Value");
+    for (what, source) in [("Blender's", vec![zero()]), ("Cycles'", late())] {
+        let with = |nodes: Vec<Json>| [source.clone(), nodes].concat();
+        let given = || link("Z", "Value");
+        let angle = math("N", "ARCTAN2", json!({"Value": given(), "Value_001": x()}));
+        // Zeros of the sign that the third value brings in, if it has one.
+        let negative = math("A", "ARCTAN2", json!({"Value": -0.0, "Value_001": x()}));
+        let sum = json!({"Value": link("A", "Value"), "Value_001": 0.5, "Value_002": given()});
+        let sum = math("N", "MULTIPLY_ADD", sum);
+        let combined = node("N", "CombineXYZ", json!({}), json!({"X": given(), "Y": x(), "Z": given()}));
+        let read = |output: &str| white("1D", json!({"W": link("N", output)}));
+        add(format!("{what} zero as W"), with(vec![white_w(given())]), "Value");
+        add(format!("{what} zero alone"), with(vec![white("1D", json!({"W": given()}))]), "Value");
+        add(format!("{what} zero as a vector"), with(vec![white_vector(given())]), "Color");
+        add(format!("{what} zero as a first value"), with(vec![angle, read("Value")]), "Value");
+        add(format!("{what} zero as a third value"), with(vec![negative, sum, read("Value")]), "Value");
+        let reader = white("3D", json!({"Vector": link("N", "Vector")}));
+        add(format!("{what} zero as components"), with(vec![combined, reader]), "Value");
+    }
+    for (what, value) in [("first", "Value"), ("third", "Value_002")] {
+        let negative = math("A", "ARCTAN2", json!({"Value": -0.0, "Value_001": x()}));
+        let mut inputs = json!({"Value": link("A", "Value"), "Value_001": 0.5, "Value_002": link("A", "Value")});
+        inputs[value] = (-0.0).into();
+        let nodes = vec![negative, math("N", "MULTIPLY_ADD", inputs), white("1D", json!({"W": link("N", "Value")}))];
+        add(format!("stored {what} value"), nodes, "Value");
+    }
+    let blend = json!({"Factor_Float": x(), "A_Float": -0.0, "B_Float": -0.0});
+    let reader = white("1D", json!({"W": link("N", "Result_Float")}));
+    add("blended".into(), vec![node("N", "Mix", json!({"data_type": "FLOAT"}), blend), reader], "Value");
     cases.agree();
 }
 
@@ -660,6 +797,8 @@ fn cycles_resolves_links_the_same_way() {
         ("float", varying("X"), None),
         ("vector", varying_vector(), None),
         ("color", link("V", "Color"), Some(voronoi("V"))),
+        // Blender makes the reroute a direction.
+        ("vector", link("V", "Normal"), Some(node("V", "Normal", json!({}), json!({"Normal": varying_vector()})))),
     ] {
         let nodes = |reader: Json| {
             let reroutes = [reroute("R", kind, input.clone()), reroute("Q", kind, link("R", "Output"))];

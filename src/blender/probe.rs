@@ -19,6 +19,8 @@ pub struct Job<'a> {
     pub targets: Vec<Target>,
     /// Number of renders; more than one only to measure time.
     pub repeat: usize,
+    /// Evaluations of each point in a render; more than one only to measure time.
+    pub samples: usize,
 }
 
 /// What Cycles said about one job.
@@ -70,6 +72,7 @@ pub fn ask_on(jobs: &[Job<'_>], kernel: Kernel, threads: u32, receive: impl FnMu
             .collect();
         requests.push(json!({
             "scene": job.scene, "points": points, "attributes": attributes, "outputs": outputs, "repeat": job.repeat,
+            "samples": job.samples,
         }));
     }
     let request = json!({"jobs": requests, "kernel": kernel.name(), "threads": threads});

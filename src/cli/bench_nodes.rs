@@ -16,8 +16,8 @@ pub(super) struct Arguments {
     /// Only this node, by Blender's label: "Math", "Voronoi Texture".
     #[arg(long, value_name = "LABEL")]
     node: Option<String>,
-    /// Points of a render at most; modes that cost much get fewer.
-    #[arg(long, default_value_t = 131_072, value_parser = clap::value_parser!(u32).range(1024..=1_048_576))]
+    /// Points at most, of which Cycles evaluates each several times; modes that cost much get fewer.
+    #[arg(long, default_value_t = 16_384, value_parser = clap::value_parser!(u32).range(1024..=1_048_576))]
     points: u32,
     /// Repetitions; the median counts.
     #[arg(long, default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..=100))]
@@ -83,7 +83,7 @@ fn table(costs: &Costs) -> String {
         );
     }
     text + &format!(
-        "{}. f32, f64 and Cycles on one thread; Cycles without what its render costs for a graph that passes the attributes on. \
+        "{}. f32, f64 and Cycles on one thread; Cycles without what its render costs for the same graph without the node. \
          Medians of {}.\n",
         costs.machine, costs.repeats
     )

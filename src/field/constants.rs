@@ -193,6 +193,7 @@ pub fn run(cases: &[Case], mut receive: impl FnMut(Message)) -> Result<super::su
             attributes: &[],
             targets: case.targets.clone(),
             repeat: 1,
+            samples: 1,
         })
         .collect();
     let answers = probe::ask(&jobs, Kernel::Sse42, &mut receive)?;

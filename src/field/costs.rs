@@ -1,15 +1,16 @@
 //! What a point of every node in every mode costs: f32 and f64 on one thread of the CPU, WGSL on the adapter, and Cycles on one
 //! thread, in one run.
 //!
-//! A graph holds `COPIES` nodes of one mode that read different attributes, so that nothing is merged. Textures read their
-//! coordinate and keep Blender's defaults for the rest; all inputs of other nodes are linked. On the CPU the node's own kernel is
-//! timed on columns in the cache; what adapter and renderer do besides is measured with a graph that passes the same attributes on to
-//! as many outputs of the same kinds, and taken off. (Separate XYZ, through which floats are read, counts with Cycles' node where the
-//! outputs are no floats: some two nanoseconds.) Measurements of ours and of Cycles alternate; medians count. Costs are those
-//! of one machine, ratios those of one run.
+//! Textures read their coordinate and keep Blender's defaults for the rest; all inputs of other nodes are linked. On the CPU the
+//! node's own kernel is timed on columns in the cache, for `COPIES` nodes that read different attributes. On the adapter the same
+//! graph is evaluated, and a graph that passes the attributes on to as many outputs of the same kinds is taken off. What Cycles
+//! renders: [`renders`]. Measurements of ours and of Cycles alternate; medians count. Costs are those of one machine, ratios those
+//! of one run.
+
+mod renders;
 
 use super::node_measurements::COSTS_FORMAT;
-use super::suite::{attribute_name, attribute_nodes, bare_scene, modes, normal};
+use super::suite::{attribute_nodes, bare_scene, modes};
 use crate::blender::{Kernel, probe};
 use crate::error::{Error, Result};
 use crate::files;
@@ -17,15 +18,13 @@ use crate::gpu::{FieldKernel, Gpu};
 use crate::graph::evaluate::{Evaluation, Points};
 use crate::graph::{Operand, Program, Target};
 use crate::nodes::{self, Column, Mode, NodeType, Oracle, Role};
-use crate::scene::{Scene, SocketType};
-use rand::{Rng, SeedableRng};
-use rand_chacha::ChaCha8Rng;
+use renders::{Render, Renders};
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value as Json, json};
 use std::path::Path;
 use std::time::Instant;
 
-/// Nodes of one graph: cheap ones would drown in what a render costs.
+/// Nodes of one graph of ours.
 const COPIES: usize = 4;
 
 /// Points of a column, as evaluation has them.
@@ -37,10 +36,10 @@ const BLOCKS: usize = 16;
 /// Seconds of one measurement on the CPU, at most.
 const SECONDS: f64 = 0.2;
 
-/// Seconds of ours that one render stands for, at most: a graph that costs more gets fewer points.
-const RENDER_SECONDS: f64 = 2.0;
+/// Seconds of ours that one evaluation stands for, at most: a graph that costs more gets fewer points.
+const EVALUATION_SECONDS: f64 = 2.0;
 
-/// Points of a render, at least.
+/// Points of an evaluation, at least.
 const FEWEST: usize = 4096;
 
 /// Modes that one Blender process measures.
@@ -91,7 +90,7 @@ pub struct Row {
     pub oracle_ns: f64,
     /// WGSL on the adapter, transfers of the values alone taken off; none without an adapter.
     pub wgsl_ns: Option<f64>,
-    /// Cycles on one thread.
+    /// Cycles on one thread; the implicit conversion of an output is part of it.
     pub cycles_ns: Option<f64>,
     /// Largest less smallest of Cycles' repetitions.
     pub cycles_spread_ns: Option<f64>,
@@ -103,13 +102,11 @@ pub struct Row {
 struct Case {
     node: &'static str,
     mode: String,
-    scene: Scene,
-    targets: Vec<Target>,
-    /// The attributes passed on to as many outputs of the same kinds.
-    idle_targets: Vec<Target>,
     attributes: Vec<(String, Vec<[f32; 3]>)>,
     program: Program,
+    /// The attributes passed on to as many outputs of the same kinds.
     idle_program: Program,
+    renders: Renders,
 }
 
 /// Times of one case, one per repetition.
@@ -238,7 +235,7 @@ fn wanted_modes(settings: &Settings) -> Result<Vec<(&'static NodeType, Map<Strin
 impl Case {
     fn new(node_type: &'static NodeType, properties: &Map<String, Json>, most: usize) -> Result<Self> {
         let mode = Mode::read(node_type, properties, node_type.label)?;
-        let is_texture = node_type.type_name.contains("Tex");
+        let is_texture = renders::is_texture(node_type);
         let mut graph: Vec<Json> = (0..COPIES).flat_map(attribute_nodes).collect();
         let mut targets = Vec::new();
         let mut idle_targets = Vec::new();
@@ -268,27 +265,22 @@ impl Case {
         let scene = bare_scene("costs", json!({"material": "Material", "nodes": graph, "groups": []}))?;
         let program = Program::compile(&scene, &targets)?;
         let idle_program = Program::compile(&scene, &idle_targets)?;
-        let colours = !is_texture && node_type.inputs_of(&mode).any(|socket| socket.kind == SocketType::Color);
-        let mut random = ChaCha8Rng::seed_from_u64(7);
-        let mut draw = |count: usize| -> Vec<[f32; 3]> {
-            let mut number = || if colours { random.random() } else { normal(&mut random, 3.0) };
-            (0..count).map(|_| std::array::from_fn(|_| number())).collect()
-        };
+        let renders = Renders::new(node_type, properties, f64::INFINITY, most)?;
+        let colours = renders.with.colours;
         let mut case = Self {
             node: node_type.label,
             mode: mode.words().join(" "),
-            scene,
-            targets,
-            idle_targets,
-            attributes: (0..COPIES).map(|number| (attribute_name(number), draw(BLOCK * BLOCKS))).collect(),
+            attributes: renders::attributes(colours, BLOCK * BLOCKS),
             program,
             idle_program,
+            renders,
         };
-        // A first measurement says how many points a render may have.
+        // A first measurement says how many points an evaluation may have, and how many copies a render needs.
         let nanoseconds = case.on_cpu::<f32>(FEWEST);
-        let affordable = RENDER_SECONDS * 1e9 / (nanoseconds.max(1e-3) * COPIES as f64);
+        let affordable = EVALUATION_SECONDS * 1e9 / (nanoseconds.max(1e-3) * COPIES as f64);
         let points = most.min(affordable as usize).max(FEWEST.min(most));
-        case.attributes = (0..COPIES).map(|number| (attribute_name(number), draw(points))).collect();
+        case.attributes = renders::attributes(colours, points);
+        case.renders = Renders::new(node_type, properties, nanoseconds, points)?;
         Ok(case)
     }
 
@@ -414,7 +406,6 @@ fn measure(cases: &[Case], settings: &Settings, gpu: Option<&Gpu>) -> Result<Vec
         .iter()
         .map(|case| gpu.map(|gpu| Ok((gpu.field(&case.program)?, gpu.field(&case.idle_program)?))).transpose())
         .collect::<Result<Vec<_>>>()?;
-    let positions: Vec<Vec<[f32; 3]>> = cases.iter().map(|case| vec![[0.0; 3]; case.points()]).collect();
     let mut times: Vec<Times> = cases.iter().map(|_| Times::default()).collect();
     // The first evaluation of a kernel pays for its memory.
     for (case, kernels) in cases.iter().zip(&kernels) {
@@ -435,29 +426,47 @@ fn measure(cases: &[Case], settings: &Settings, gpu: Option<&Gpu>) -> Result<Vec
         if !settings.with_cycles {
             continue;
         }
-        let mut jobs = Vec::new();
-        for (case, positions) in cases.iter().zip(&positions) {
-            for targets in [&case.targets, &case.idle_targets] {
-                jobs.push(probe::Job {
-                    scene: &case.scene,
-                    positions,
-                    attributes: &case.attributes,
-                    targets: targets.clone(),
-                    // The first render builds what the second one finds there.
-                    repeat: 2,
-                });
-            }
-        }
-        let answers = probe::ask_on(&jobs, Kernel::Default, 1, |_| ())?;
-        for ((case, times), answers) in cases.iter().zip(&mut times).zip(answers.jobs.chunks(2)) {
-            let last = |answer: &probe::Answer| answer.render_seconds.last().copied().unwrap_or(f64::NAN);
-            times.cycles.push(per_point(case, last(&answers[0]) - last(&answers[1])));
+        for ((case, times), [with, without]) in cases.iter().zip(&mut times).zip(render_seconds(cases)?) {
+            let evaluations = case.points() * case.renders.copies * case.renders.with.samples;
+            times.cycles.push((with - without) * 1e9 / evaluations as f64);
         }
     }
     Ok(times)
 }
 
-/// Seconds of a whole graph as nanoseconds per point and node.
+/// What Cycles takes for each case with its node and without it. Cases that are the same without their node share that render.
+fn render_seconds(cases: &[Case]) -> Result<Vec<[f64; 2]>> {
+    let mut wanted: Vec<(&Render, &Case)> = Vec::new();
+    let mut numbers = Vec::new();
+    for case in cases {
+        numbers.push([&case.renders.with, &case.renders.without].map(|render| {
+            let is_known = |(known, owner): &(&Render, &Case)| *known == render && owner.points() == case.points();
+            wanted.iter().position(is_known).unwrap_or_else(|| {
+                wanted.push((render, case));
+                wanted.len() - 1
+            })
+        }));
+    }
+    let most = cases.iter().map(Case::points).max().unwrap_or(0);
+    let positions = vec![[0.0; 3]; most];
+    let jobs: Vec<probe::Job<'_>> = wanted
+        .iter()
+        .map(|(render, case)| probe::Job {
+            scene: &render.scene,
+            positions: &positions[..case.points()],
+            attributes: &case.attributes,
+            targets: render.targets.clone(),
+            // The first render builds what the second one finds there.
+            repeat: 2,
+            samples: render.samples,
+        })
+        .collect();
+    let answers = probe::ask_on(&jobs, Kernel::Default, 1, |_| ())?;
+    let last = |number: usize| answers.jobs[number].render_seconds.last().copied().unwrap_or(f64::NAN);
+    Ok(numbers.into_iter().map(|numbers| numbers.map(last)).collect())
+}
+
+/// Seconds of a whole graph of ours as nanoseconds per point and node.
 fn per_point(case: &Case, seconds: f64) -> f64 {
     seconds * 1e9 / (case.points() * COPIES) as f64
 }
@@ -476,7 +485,7 @@ mod tests {
     fn copies_are_evaluated_each() {
         let found = case("Math", json!({"operation": "MULTIPLY_ADD"}));
         assert_eq!(found.program.instructions.len(), COPIES);
-        assert_eq!((found.targets.len(), found.idle_targets.len()), (COPIES, COPIES));
+        assert_eq!((found.program.outputs.len(), found.idle_program.outputs.len()), (COPIES, COPIES));
         assert!(found.idle_program.instructions.is_empty());
         let sine = case("Math", json!({"operation": "SINE"})).on_cpu::<f32>(1 << 16);
         let texture = case("Noise Texture", json!({})).on_cpu::<f32>(1 << 16);

@@ -178,7 +178,7 @@ pub fn compare(requests: &[Request<'_>], receive: impl FnMut(Message)) -> Result
         }
         for positions in request.positions.chunks(CHUNK) {
             let targets = vec![request.target.clone()];
-            jobs.push(probe::Job { scene: request.scene, positions, attributes: &[], targets, repeat: 1 });
+            jobs.push(probe::Job { scene: request.scene, positions, attributes: &[], targets, repeat: 1, samples: 1 });
         }
     }
     let answers = probe::ask(&jobs, Kernel::Sse42, receive)?;

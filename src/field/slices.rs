@@ -85,6 +85,7 @@ pub fn save(
                 attributes: &[],
                 targets: vec![density.clone()],
                 repeat: 1,
+                samples: 1,
             })
             .collect();
         let answers = probe::ask(&jobs, Kernel::Sse42, receive)?;

@@ -777,6 +777,7 @@ pub fn run(cases: &[Case], gpu: Option<&Gpu>, avx2: bool, mut receive: impl FnMu
             attributes: &case.attributes,
             targets: case.targets.clone(),
             repeat: 1,
+            samples: 1,
         })
         .collect();
     let answers = probe::ask(&jobs, Kernel::Sse42, &mut receive)?;

@@ -30,8 +30,10 @@ pub(super) struct FlatNode {
     /// All inputs are constant for Blender, which evaluates the node itself, by its own rules.
     pub constant: bool,
     /// First of three inputs that are the coordinate of a texture that varies. Where the coordinate itself is a constant,
-    /// Blender hands it over as a socket without a link, and the texture reads Generated instead.
+    /// Cycles takes it for a socket without a link, and the texture reads Generated instead.
     pub coordinate: Option<usize>,
+    /// For every socket of a node of Cycles, whether it is linked; empty for what stands for no such node.
+    pub linked: Vec<bool>,
 }
 
 /// The flat graph; `nodes` are in evaluation order.
@@ -574,7 +576,8 @@ impl<'a> Flattener<'a> {
             }
         }
         let number = self.flat.nodes.len();
-        self.flat.nodes.push(FlatNode { label, node_type, mode, inputs, constant, coordinate: read_late });
+        let linked = node_type.inputs_of(&mode).map(is_linked).collect();
+        self.flat.nodes.push(FlatNode { label, node_type, mode, inputs, constant, coordinate: read_late, linked });
         self.done.insert((tree, node.name.as_str()), number);
         Ok(number)
     }
@@ -725,7 +728,10 @@ impl<'a> Flattener<'a> {
         let mode = mode.with_wanted(outputs);
         // A lookup has no grid yet, and no kernel; but its index varies.
         let constant = self.folds_early(node_type, &mode, &inputs);
-        self.flat.nodes.push(FlatNode { label, node_type, mode, inputs, constant, coordinate: None });
+        // Conversions are nodes of Cycles; matrices are parts of textures.
+        let is_conversion = node_type.type_name == nodes::conversion::TYPE.type_name;
+        let linked = if is_conversion { vec![true] } else { Vec::new() };
+        self.flat.nodes.push(FlatNode { label, node_type, mode, inputs, constant, coordinate: None, linked });
         let number = self.flat.nodes.len() - 1;
         (0..components).map(|component| Source::Node(number, component)).collect()
     }

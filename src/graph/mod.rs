@@ -14,6 +14,7 @@ mod flatten;
 mod passes;
 pub mod target;
 pub mod wgsl;
+mod zero_signs;
 
 pub use target::Target;
 
@@ -91,7 +92,7 @@ pub struct Note {
     pub node: String,
     /// Blender's type.
     pub node_type: String,
-    /// What happened: inlined, folded, simplified, merged, dropped, converted, bypassed.
+    /// What happened: inlined, folded, simplified, merged, dropped, converted, bypassed, replaced.
     pub action: &'static str,
     /// The reason, with the value or the other node's place.
     pub reason: String,

@@ -2,6 +2,7 @@
 //! number the registers.
 
 use super::flatten::{Flat, Source};
+use super::zero_signs;
 use super::{Instruction, Note, Operand, Output, Program};
 use crate::nodes::{Column, Kernel, Mode, NodeType, Nudge, Nudged, Role, Simplified, affine, nudged};
 use std::collections::HashMap;
@@ -37,23 +38,12 @@ pub(super) fn run_nudged(flat: Flat, nudge: Option<Nudge>) -> Program {
     // The same for links as Cycles sees them, to which a node that only renames components is a node.
     let mut links: Vec<Vec<Source>> = Vec::with_capacity(nodes.len());
     let count_of_all = nodes.len();
+    let early: Vec<bool> = nodes.iter().map(|node| node.constant).collect();
     let mut kept: Vec<Kept> = Vec::new();
     let mut known: HashMap<String, usize> = HashMap::new();
     let mut renames: HashMap<String, usize> = HashMap::new();
     for (flat_number, node) in nodes.into_iter().enumerate() {
         let mut inputs: Vec<Source> = node.inputs.iter().map(|source| follow(&replaced, source)).collect();
-        if let Some(first) = node.coordinate
-            && inputs[first..first + 3].iter().all(|source| as_constant(source).is_some())
-        {
-            // A constant is a socket without a link for Cycles, whatever its value.
-            kept.push(Kept {
-                label: format!("{} Generated", node.label),
-                node_type: &affine::TYPE,
-                mode: generated_mode(),
-                inputs: affine_inputs(generated),
-            });
-            inputs.splice(first..first + 3, (0..3).map(|axis| Source::Node(kept.len() - 1, axis)));
-        }
         let mut note = |action: &'static str, reason: String| {
             notes.push(Note {
                 node: node.label.clone(),
@@ -62,6 +52,22 @@ pub(super) fn run_nudged(flat: Flat, nudge: Option<Nudge>) -> Program {
                 reason,
             });
         };
+        if !node.constant {
+            zero_signs::settle(&node, &early, &mut inputs);
+        }
+        if let Some(first) = node.coordinate
+            && inputs[first..first + 3].iter().all(|source| as_constant(source).is_some())
+        {
+            // A constant is a socket without a link for Cycles, whatever its value.
+            note("replaced", "its coordinate is a constant, which counts as unlinked: it reads Generated".into());
+            kept.push(Kept {
+                label: format!("{} Generated", node.label),
+                node_type: &affine::TYPE,
+                mode: generated_mode(),
+                inputs: affine_inputs(generated),
+            });
+            inputs.splice(first..first + 3, (0..3).map(|axis| Source::Node(kept.len() - 1, axis)));
+        }
         let kernel = kernel_of(node.node_type, &node.mode);
         let constants: Vec<Option<f32>> = inputs.iter().map(as_constant).collect();
         let count = components(node.node_type, &node.mode);
@@ -103,7 +109,8 @@ pub(super) fn run_nudged(flat: Flat, nudge: Option<Nudge>) -> Program {
                 let key = format!("{} {:?} {}", node.node_type.type_name, node.mode, bits(&linked));
                 let number = *renames.entry(key).or_insert(flat_number) + 2 * count_of_all;
                 links.push((0..count).map(|component| Source::Node(number, component)).collect());
-                replaced.push(indices.into_iter().map(|index| inputs[index].clone()).collect());
+                // The node stays: a constant among the components of a link that varies is none for what reads it.
+                replaced.push(indices.into_iter().map(|index| at_run_time(&inputs[index])).collect());
                 continue;
             }
             Some(Simplified::Constant(values)) => {
@@ -215,6 +222,14 @@ fn as_constant(source: &Source) -> Option<f32> {
     match source {
         Source::Constant(value) => Some(*value),
         _ => None,
+    }
+}
+
+/// What a node hands on that Cycles evaluates at every point.
+fn at_run_time(source: &Source) -> Source {
+    match source {
+        Source::Constant(value) => Source::Runtime(*value),
+        other => other.clone(),
     }
 }
 

@@ -8,6 +8,8 @@
 //! The place within a brick is a difference of the *rounded* coordinate and a multiple of the size, so
 //! coordinates, sizes and quotients round to f32; see [`Real::round_coordinate`].
 
+mod lanes;
+
 use super::real::Real;
 use super::{Column, Evaluate, InputSocket, Interval, NodeType, OutputSocket, Property, Role, always, vector_at};
 use crate::scene::SocketType;
@@ -179,6 +181,11 @@ impl Evaluate for BrickTexture {
                 outputs[next][index] = share;
             }
         }
+    }
+
+    fn evaluate_fast(&self, inputs: &[Column<'_, f32>], outputs: &mut [&mut [f32]]) -> bool {
+        lanes::evaluate(self, inputs, outputs);
+        true
     }
 
     fn enclose(&self, inputs: &[Interval], outputs: &mut [Interval]) {

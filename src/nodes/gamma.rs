@@ -14,7 +14,10 @@ pub static TYPE: NodeType = NodeType {
     module: "gamma",
     shader: include_str!("../../shaders/nodes/gamma.wgsl"),
     properties: &[],
-    inputs: &[InputSocket::color("Color", "Color", &[1.0; 3]), InputSocket::float("Gamma", "Gamma", &[1.0], always)],
+    inputs: &[
+        InputSocket::color("Color", "Color", &[1.0; 3]).hiding_value(),
+        InputSocket::float("Gamma", "Gamma", &[1.0], always),
+    ],
     outputs: &[OutputSocket::new("Color", SocketType::Color, always)],
     role: Role::Evaluated(|_| Box::new(Gamma)),
 };

@@ -68,10 +68,11 @@ pub(super) fn assert_lanes_equal_scalar(
         .filter(|output| mode.wants(output.identifier))
         .map(|output| output.kind.components())
         .sum();
-    // A vector input carries three columns even where two are read; W follows it in 4D.
+    // A vector input carries three columns even where two are read; W follows it in 4D and stands alone in 1D.
     let vectors: Vec<usize> =
         match node_type.inputs_of(&mode).take(2).map(|socket| socket.identifier).collect::<Vec<_>>()[..] {
             ["Vector", "W"] => vec![0, 1, 2, 3],
+            ["W", _] => vec![3],
             _ => vec![0, 1, 2],
         };
     let values: Vec<Vec<f32>> = vectors

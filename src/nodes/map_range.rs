@@ -25,7 +25,7 @@ pub static TYPE: NodeType = NodeType {
         InputSocket::float("To Min", "To Min", &[0.0], is_float),
         InputSocket::float("To Max", "To Max", &[1.0], is_float),
         InputSocket::float("Steps", "Steps", &[4.0], |mode| is_float(mode) && is_stepped(mode)),
-        InputSocket::vector("Vector", "Vector", &[0.0; 3], is_vector),
+        InputSocket::vector("Vector", "Vector", &[0.0; 3], is_vector).hiding_value(),
         InputSocket::vector("From_Min_FLOAT3", "From Min", &[0.0; 3], is_vector),
         InputSocket::vector("From_Max_FLOAT3", "From Max", &[1.0; 3], is_vector),
         InputSocket::vector("To_Min_FLOAT3", "To Min", &[0.0; 3], is_vector),

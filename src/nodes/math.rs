@@ -19,7 +19,8 @@ pub static TYPE: NodeType = NodeType {
     inputs: &[
         InputSocket::float("Value", "Value", &[0.5], always),
         InputSocket::float("Value_001", "Value", &[0.5], |mode| inputs_of(mode.choice("operation")) >= 2),
-        InputSocket::float("Value_002", "Value", &[0.5], |mode| inputs_of(mode.choice("operation")) >= 3),
+        InputSocket::float("Value_002", "Value", &[0.5], |mode| inputs_of(mode.choice("operation")) >= 3)
+            .zero_in_cycles(),
     ],
     outputs: &[OutputSocket::new("Value", SocketType::Float, always)],
     role: Role::Evaluated(|mode| Box::new(Math { operation: mode.choice("operation"), clamp: mode.flag("use_clamp") })),

@@ -34,7 +34,8 @@ pub mod hue_saturation;
 pub mod invert;
 #[cfg(test)]
 mod lane_tests;
-pub mod lookup_table;
+pub mod lanes;
+mod lookup_table;
 pub mod magic_texture;
 pub mod map_range;
 pub mod mapping;
@@ -264,6 +265,10 @@ pub struct InputSocket {
     pub generated_when_unlinked: bool,
     /// Blender folds the node only where this input is linked (White Noise: its unlinked Vector counts as varying).
     pub folds_only_linked: bool,
+    /// Blender's interface does not show the stored value, and a constant that is linked cannot take its place.
+    pub hides_value: bool,
+    /// The socket of Cycles begins with zeros, whatever Blender's default is.
+    pub is_zero_in_cycles: bool,
     /// Whether the socket exists in a mode.
     pub exists: fn(&Mode) -> bool,
 }
@@ -298,6 +303,8 @@ impl InputSocket {
             default,
             generated_when_unlinked: false,
             folds_only_linked: false,
+            hides_value: false,
+            is_zero_in_cycles: false,
             exists,
         }
     }
@@ -315,6 +322,8 @@ impl InputSocket {
             default,
             generated_when_unlinked: false,
             folds_only_linked: false,
+            hides_value: false,
+            is_zero_in_cycles: false,
             exists,
         }
     }
@@ -336,6 +345,8 @@ impl InputSocket {
             default,
             generated_when_unlinked: false,
             folds_only_linked: false,
+            hides_value: false,
+            is_zero_in_cycles: true,
             exists,
         }
     }
@@ -355,12 +366,22 @@ impl InputSocket {
             default: &[],
             generated_when_unlinked: false,
             folds_only_linked: false,
+            hides_value: false,
+            is_zero_in_cycles: false,
             exists: always,
         }
     }
     /// The same input of a node that Blender folds only where it is linked.
     pub const fn folding_only_linked(self) -> Self {
         Self { folds_only_linked: true, ..self }
+    }
+    /// The same input where Blender's interface does not show its stored value.
+    pub const fn hiding_value(self) -> Self {
+        Self { hides_value: true, ..self }
+    }
+    /// The same input where Cycles' own default is zero and Blender's is not. (That of a colour always is.)
+    pub const fn zero_in_cycles(self) -> Self {
+        Self { is_zero_in_cycles: true, ..self }
     }
     /// A texture's coordinate input.
     pub const fn coordinate(exists: fn(&Mode) -> bool) -> Self {
@@ -371,6 +392,8 @@ impl InputSocket {
             default: &[0.0; 3],
             generated_when_unlinked: true,
             folds_only_linked: false,
+            hides_value: true,
+            is_zero_in_cycles: false,
             exists,
         }
     }

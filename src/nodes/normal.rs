@@ -14,7 +14,7 @@ pub static TYPE: NodeType = NodeType {
     module: "normal",
     shader: include_str!("../../shaders/nodes/normal.wgsl"),
     properties: &[Property::stored_output("Normal", [0.0, 0.0, 1.0])],
-    inputs: &[InputSocket::vector("Normal", "Normal", &[0.0, 0.0, 1.0], always)],
+    inputs: &[InputSocket::vector("Normal", "Normal", &[0.0, 0.0, 1.0], always).zero_in_cycles()],
     outputs: &[
         OutputSocket::new("Normal", SocketType::Vector, always),
         OutputSocket::new("Dot", SocketType::Float, always),

@@ -19,7 +19,7 @@ pub static TYPE: NodeType = NodeType {
         Property::flag("invert", false),
     ],
     inputs: &[
-        InputSocket::vector("Vector", "Vector", &[0.0; 3], always),
+        InputSocket::vector("Vector", "Vector", &[0.0; 3], always).hiding_value(),
         InputSocket::vector("Center", "Center", &[0.0; 3], always),
         InputSocket::vector("Axis", "Axis", &[0.0, 0.0, 1.0], has_axis),
         InputSocket::float("Angle", "Angle", &[0.0], |mode| !is_euler(mode)),

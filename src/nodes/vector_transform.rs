@@ -25,7 +25,7 @@ pub static TYPE: NodeType = NodeType {
         Property::choice("convert_from", &["WORLD", "OBJECT"]),
         Property::choice("convert_to", &["OBJECT", "WORLD"]),
     ],
-    inputs: &[InputSocket::vector("Vector", "Vector", &[0.5; 3], always)],
+    inputs: &[InputSocket::vector("Vector", "Vector", &[0.5; 3], always).zero_in_cycles()],
     outputs: &[OutputSocket::new("Vector", SocketType::Vector, always)],
     role: Role::Evaluated(|mode| Box::new(VectorTransform::new(mode))),
 };

@@ -3,14 +3,16 @@
 //!
 //! Value is Jenkins' lookup3 of the 1 to 4 coordinates; the colour's first channel repeats it, the others hash the
 //! coordinates with a further number behind them, and in 4D the coordinates in other orders. Every bit of an input
-//! counts, the sign of a zero too: a coordinate that was computed has to be equal bit for bit. Unlike the other
-//! textures it has no mapping, and an unlinked Vector is the stored one.
+//! counts, the sign of a zero too: a coordinate that was computed has to be equal bit for bit. (That of a constant may get lost
+//! before: see `graph/zero_signs.rs`.) Unlike the other textures it has no mapping, and an unlinked Vector is the stored one.
 
 use super::hash::hash_floats;
+use super::lanes;
 use super::noise_texture::dimensions;
 use super::real::Real;
-use super::{Column, Evaluate, InputSocket, Interval, NodeType, OutputSocket, Property, Role, always};
+use super::{Column, Evaluate, InputSocket, Interval, NodeType, OutputSocket, Property, Role, always, lane_level};
 use crate::scene::SocketType;
+use fearless_simd::{dispatch, prelude::*};
 
 /// The node type.
 pub static TYPE: NodeType = NodeType {
@@ -21,7 +23,8 @@ pub static TYPE: NodeType = NodeType {
     properties: &[Property::choice("noise_dimensions", &["3D", "1D", "2D", "4D"])],
     inputs: &[
         InputSocket::vector("Vector", "Vector", &[0.0; 3], |mode| mode.choice("noise_dimensions") != "1D")
-            .folding_only_linked(),
+            .folding_only_linked()
+            .hiding_value(),
         InputSocket::float("W", "W", &[0.0], |mode| matches!(mode.choice("noise_dimensions"), "1D" | "4D")),
     ],
     outputs: &[
@@ -87,6 +90,54 @@ impl WhiteNoise {
     }
 }
 
+/// Value of a hash in [0, 1], as [`Real::from_hash_32`].
+#[inline(always)]
+fn lane_value<S: Simd>(hash: S::u32s) -> S::f32s {
+    S::f32s::float_from(hash) * (1.0 / 4_294_967_296.0)
+}
+
+/// [`further_channels`], one point per lane.
+#[inline(always)]
+fn further_lanes<S: Simd, const N: usize>(simd: S, p: [S::u32s; N]) -> [S::f32s; 2] {
+    let numbers = [1.0_f32, 2.0].map(|number| S::u32s::splat(simd, number.to_bits()));
+    let hashes = match N {
+        1 => numbers.map(|number| lanes::jenkins::<S, 2>(simd, [p[0], number])),
+        2 => numbers.map(|number| lanes::jenkins::<S, 3>(simd, [p[0], p[1], number])),
+        3 => numbers.map(|number| lanes::jenkins::<S, 4>(simd, [p[0], p[1], p[2], number])),
+        _ => [[p[2], p[0], p[3], p[1]], [p[3], p[2], p[1], p[0]]].map(|keys| lanes::jenkins::<S, 4>(simd, keys)),
+    };
+    hashes.map(|hash| lane_value::<S>(hash))
+}
+
+impl WhiteNoise {
+    #[inline(always)]
+    fn run_on_lanes<S: Simd, const N: usize>(&self, simd: S, inputs: &[Column<'_, f32>], outputs: &mut [&mut [f32]]) {
+        simd.vectorize(
+            #[inline(always)]
+            || {
+                let count = outputs[0].len();
+                for start in (0..count).step_by(S::f32s::LEN) {
+                    let range = start..count.min(start + S::f32s::LEN);
+                    let p: [S::u32s; N] = std::array::from_fn(|axis| {
+                        lanes::load::<S>(simd, &inputs[axis].values[range.clone()]).bitcast()
+                    });
+                    let value = lane_value::<S>(lanes::jenkins::<S, N>(simd, p));
+                    if self.value {
+                        lanes::store::<S>(value, &mut outputs[0][range.clone()]);
+                    }
+                    if self.color {
+                        let first = usize::from(self.value);
+                        let [green, blue] = further_lanes::<S, N>(simd, p);
+                        for (channel, value) in [value, green, blue].into_iter().enumerate() {
+                            lanes::store::<S>(value, &mut outputs[first + channel][range.clone()]);
+                        }
+                    }
+                }
+            },
+        );
+    }
+}
+
 impl Evaluate for WhiteNoise {
     fn folds_late(&self) -> bool {
         false
@@ -99,6 +150,16 @@ impl Evaluate for WhiteNoise {
             3 => self.evaluate_points(3, inputs, outputs),
             _ => self.evaluate_points(4, inputs, outputs),
         }
+    }
+
+    fn evaluate_fast(&self, inputs: &[Column<'_, f32>], outputs: &mut [&mut [f32]]) -> bool {
+        match self.dimensions {
+            1 => dispatch!(lane_level(), simd => self.run_on_lanes::<_, 1>(simd, inputs, outputs)),
+            2 => dispatch!(lane_level(), simd => self.run_on_lanes::<_, 2>(simd, inputs, outputs)),
+            3 => dispatch!(lane_level(), simd => self.run_on_lanes::<_, 3>(simd, inputs, outputs)),
+            _ => dispatch!(lane_level(), simd => self.run_on_lanes::<_, 4>(simd, inputs, outputs)),
+        }
+        true
     }
 
     /// Blender leaves the node alone where its coordinates are stored in its sockets. It folds those that come from
@@ -141,6 +202,7 @@ impl Evaluate for WhiteNoise {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::nodes::lane_tests::adversarial_coordinates;
 
     #[test]
     fn golden_values() {
@@ -154,6 +216,29 @@ mod tests {
         assert_eq!(channels(2, p), [0.565_657_56, 0.878_959_6, 0.479_961_34]);
         assert_eq!(channels(3, p), [0.878_745_9, 0.826_490_4, 0.987_038_55]);
         assert_eq!(channels(4, p), [0.067_933_1, 0.098_606_94, 0.443_117_53]);
+    }
+
+    #[test]
+    fn lanes_equal_the_scalar_evaluation() {
+        let rows = adversarial_coordinates(1000);
+        let values: [Vec<f32>; 4] = std::array::from_fn(|axis| rows.iter().map(|row| row[axis]).collect());
+        for dimensions in 1..=4 {
+            for (value, color) in [(true, true), (true, false), (false, true)] {
+                let node = WhiteNoise { dimensions, value, color };
+                let inputs: Vec<Column<'_, f32>> =
+                    values[..dimensions].iter().map(|values| Column { values, uniform: false }).collect();
+                let evaluate = |on_lanes: bool| {
+                    let mut outputs = vec![vec![0.0; rows.len()]; usize::from(value) + 3 * usize::from(color)];
+                    let mut slices: Vec<&mut [f32]> = outputs.iter_mut().map(Vec::as_mut_slice).collect();
+                    match on_lanes {
+                        true => assert!(node.evaluate_fast(&inputs, &mut slices)),
+                        false => node.evaluate(&inputs, &mut slices),
+                    }
+                    outputs
+                };
+                assert_eq!(evaluate(true), evaluate(false), "{dimensions} dimensions");
+            }
+        }
     }
 
     #[test]

@@ -12,6 +12,7 @@ from protocol import InputError, located
 bpy = pytest.importorskip("bpy")
 
 import point_probe  # noqa: E402
+import probe_graph  # noqa: E402
 
 pytestmark = requires_bpy
 
@@ -235,6 +236,54 @@ def test_a_texture_applies_its_own_mapping_unless_blender_folds_it(probe, tmp_pa
     varying, folded = probe(tmp_path, document, [target("V", "Fac"), target("F", "Fac")])
     np.testing.assert_array_equal(varying, np.float32([0.3, 0]) + np.float32([0.25, 0]))
     np.testing.assert_array_equal(folded, [0.5, 0.5])
+
+
+def test_a_constant_coordinate_of_a_texture_that_varies_counts_as_unlinked(probe, tmp_path, monkeypatch):
+    """With the grid's own Generated coordinates, which the probe replaces only where nothing is linked."""
+    monkeypatch.setattr(probe_graph, "_link_implicit_generated", lambda tree: None)
+    constants = {"early": [0.5, 0.25, 2.0], "late": [0.25, 0.75, 0.5]}
+    nodes = [
+        node("A", "ShaderNodeAttribute", attribute_name="w", attribute_type="GEOMETRY"),
+        node("S", "ShaderNodeSeparateXYZ", {"Vector": link("A", "Vector")}),
+        node("early", "ShaderNodeCombineXYZ", dict(zip("XYZ", constants["early"], strict=True))),
+        node(
+            "late",
+            "ShaderNodeCombineColor",
+            dict(zip(("Red", "Green", "Blue"), constants["late"], strict=True)),
+        ),
+    ]
+    vectors = {
+        "unlinked": {},
+        "early": {"Vector": link("early", "Vector")},
+        "late": {"Vector": link("late", "Color")},
+        "varies": {"Vector": link("A", "Vector")},
+    }
+    for kind, dimensions in (("Noise", "noise_dimensions"), ("Voronoi", "voronoi_dimensions")):
+        nodes += [
+            node(
+                f"{kind} {name}",
+                f"ShaderNodeTex{kind}",
+                {"W": link("S", "X"), **vector},
+                **{dimensions: "4D"},
+            )
+            for name, vector in vectors.items()
+        ]
+    targets = [target(f"Noise {name}", "Fac") for name in vectors]
+    targets += [target(f"Voronoi {name}", "Distance") for name in vectors]
+    values = probe(tmp_path, scene(nodes), targets, attributes={"w": W})
+    for unlinked, early, late, varies in (values[:4], values[4:]):
+        np.testing.assert_array_equal(early, unlinked)
+        np.testing.assert_array_equal(late, unlinked)
+        assert np.all(varies != unlinked)
+
+
+def test_a_reroute_of_a_direction_keeps_its_links(probe, tmp_path):
+    direction = node("N", "ShaderNodeNormal") | {"outputs": {"Normal": [0.0, 0.6, 0.8]}}
+    reroute = node("R", "NodeReroute", {"Input": link("N", "Normal")}) | {"socket_type": "vector"}
+    # What reads the reroute stands before it.
+    reader = node("M", "ShaderNodeVectorMath", {"Vector": link("R", "Output")}, operation="ADD")
+    (values,) = probe(tmp_path, scene([reader, reroute, direction]), [target("M", "Vector")])
+    np.testing.assert_allclose(values, np.float32([[0.0, 0.6, 0.8]] * len(POINTS)), rtol=1e-6)
 
 
 def test_inner_outputs_and_inputs_of_the_cloud(probe, tmp_path):

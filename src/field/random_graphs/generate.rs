@@ -1,6 +1,6 @@
 //! Making random graphs that Blender can build.
 
-use super::{RandomGraph, Trial};
+use super::{RandomGraph, Trial, reads_generated_for_constant};
 use crate::error::Result;
 use crate::field::suite::{attribute_name, attribute_nodes, bare_scene, json_number, normal, special_or_normal};
 use crate::graph::{Program, Target};
@@ -27,7 +27,7 @@ const CONSTANTS: [f32; 10] = [0.0, 1.0, -1.0, 0.5, 2.0, -3.0, 1e-6, 1e3, 4.0, 0.
 /// Stored values at the ends of what f32 holds.
 const EXTREME: [f32; 8] = [-0.0, 1e30, -1e30, 1e-40, -1e-45, 1e-30, 16_777_217.0, -1e9];
 
-/// How often a node is drawn again whose constants fold to what Blender folds otherwise.
+/// How often a node is drawn again that cannot be compared.
 const ATTEMPTS: usize = 5;
 
 /// An output that later nodes may read.
@@ -154,15 +154,17 @@ impl Builder {
         bare_scene(name, json!({"material": "Material", "nodes": tree.nodes, "groups": groups}))
     }
 
-    /// Whether the nodes just added compile, and fold to finite constants only: Blender's functions have other rules
-    /// for NaN and infinities than Cycles', which the nodes do not promise.
+    /// Whether the nodes just added compile, fold to finite constants only (Blender's functions have other rules for NaN and
+    /// infinities than Cycles', which the nodes do not promise), and read no coordinates that a probe does not know.
     fn is_sound(&self, tree: &Tree) -> bool {
         let folds_to_numbers = |program: &Program| {
             let is_wild = |reason: &str| reason.contains("inf") || reason.contains("NaN");
             !program.notes.iter().any(|note| note.action == "folded" && is_wild(&note.reason))
         };
         let scene = self.scene("attempt", tree);
-        scene.and_then(|scene| Program::compile(&scene, &tree.fresh)).is_ok_and(|program| folds_to_numbers(&program))
+        scene
+            .and_then(|scene| Program::compile(&scene, &tree.fresh))
+            .is_ok_and(|program| folds_to_numbers(&program) && !reads_generated_for_constant(&program))
     }
 
     fn add(&mut self, tree: &mut Tree) -> Result<()> {

@@ -1,62 +1,71 @@
-//! F1 distance on SIMD lanes, one point per lane; the same bits as the full scan.
-//!
-//! Two facts make it fast. First, the smallest distance does not depend on the order of the cells,
-//! and a cell whose *box* is not nearer than the best point so far cannot hold a nearer point. The
-//! test is exact in f32, without a margin: a point of the cell at offset +1 lies at `1 + hash`
-//! with hash >= 0, so its offset from the coordinate is at least `1 - local`, and rounding is
-//! monotone; likewise at offset -1 it is at least `local` away. The metric is monotone in each
-//! magnitude and is summed in the same order, so the bound never exceeds the true value.
-//! Second, the cells are visited near side first: per axis and lane "near" is the neighbour on the
-//! side of the coordinate within its cell, so that lanes at unrelated points agree on an order in
-//! which most of the 81 cells of 4D are skipped.
+//! The node on SIMD lanes, one point per lane; the same bits as the scalar evaluation, which the sums of the
+//! octaves follow operation by operation. What is searched in each octave is in [`cells`] and, for one
+//! dimension, in [`line`].
 
-use super::{Feature, Metric, VoronoiTexture};
-use crate::nodes::{Column, Evaluate, columns_at, lane_level};
+mod cells;
+mod line;
+
+use super::{Feature, Metric, Parameters, VoronoiTexture};
+use crate::nodes::{Column, Evaluate, Real, columns_at, lane_level};
 use fearless_simd::{dispatch, prelude::*};
-
-/// Factor and increment of the integer hash; see [`crate::nodes::hash::pcg`].
-const MULTIPLIER: i32 = 1_664_525;
-const INCREMENT: i32 = 1_013_904_223;
 
 /// Cells beyond this magnitude are left to the scalar evaluation, which knows what x86 does there.
 const LARGEST_COORDINATE: f32 = 1.0e9;
 
-/// Evaluates if this mode and these inputs have a lane version: F1, distance only, 2 to 4
-/// dimensions, any metric but Minkowski, parameters equal at all points.
+/// Evaluates if this mode and these inputs have a lane version: parameters equal at all points and
+/// finite, any metric but Minkowski, whose power is the C library's.
 pub(super) fn evaluate(node: &VoronoiTexture, inputs: &[Column<'_, f32>], outputs: &mut [&mut [f32]]) -> bool {
-    let distance_only = node.distance && !node.color && !node.position && !node.w;
-    if node.feature != Feature::F1 || !distance_only || node.metric == Metric::Minkowski || node.dimensions == 1 {
+    if node.has_exponent {
         return false;
     }
     let Some(plan) = Plan::new(node, inputs) else { return false };
     let level = lane_level();
-    let output = &mut *outputs[0];
-    match (node.dimensions, node.metric) {
-        (2, Metric::Euclidean) => dispatch!(level, simd => run::<_, 2, EUCLIDEAN>(simd, &plan, inputs, output)),
-        (2, Metric::Manhattan) => dispatch!(level, simd => run::<_, 2, MANHATTAN>(simd, &plan, inputs, output)),
-        (2, _) => dispatch!(level, simd => run::<_, 2, CHEBYCHEV>(simd, &plan, inputs, output)),
-        (3, Metric::Euclidean) => dispatch!(level, simd => run::<_, 3, EUCLIDEAN>(simd, &plan, inputs, output)),
-        (3, Metric::Manhattan) => dispatch!(level, simd => run::<_, 3, MANHATTAN>(simd, &plan, inputs, output)),
-        (3, _) => dispatch!(level, simd => run::<_, 3, CHEBYCHEV>(simd, &plan, inputs, output)),
-        (_, Metric::Euclidean) => dispatch!(level, simd => run::<_, 4, EUCLIDEAN>(simd, &plan, inputs, output)),
-        (_, Metric::Manhattan) => dispatch!(level, simd => run::<_, 4, MANHATTAN>(simd, &plan, inputs, output)),
-        (_, _) => dispatch!(level, simd => run::<_, 4, CHEBYCHEV>(simd, &plan, inputs, output)),
+    let mut redone = Vec::new();
+    match node.dimensions {
+        1 => dispatch!(level, simd => run::<_, 1>(simd, &plan, inputs, outputs, &mut redone)),
+        2 => dispatch!(level, simd => run::<_, 2>(simd, &plan, inputs, outputs, &mut redone)),
+        3 => dispatch!(level, simd => run::<_, 3>(simd, &plan, inputs, outputs, &mut redone)),
+        _ => dispatch!(level, simd => run::<_, 4>(simd, &plan, inputs, outputs, &mut redone)),
     }
-    for index in 0..output.len() {
-        let near = (0..node.dimensions)
-            .all(|axis| (inputs[axis].values[index] * plan.largest_factor).abs() < LARGEST_COORDINATE);
-        if !near {
-            node.evaluate(&columns_at(inputs, index), &mut [&mut output[index..=index]]);
-        }
+    redone.extend((0..outputs[0].len()).filter(|&index| {
+        let near = |axis: usize| (inputs[axis].values[index] * plan.largest_factor).abs() < LARGEST_COORDINATE;
+        !(0..node.dimensions).all(near)
+    }));
+    for index in redone {
+        let mut point: Vec<&mut [f32]> = outputs.iter_mut().map(|output| &mut output[index..=index]).collect();
+        node.evaluate(&columns_at(inputs, index), &mut point);
     }
     true
 }
 
-const EUCLIDEAN: u8 = 0;
-const MANHATTAN: u8 = 1;
-const CHEBYCHEV: u8 = 2;
+/// What is equal in all searches.
+#[derive(Clone, Copy)]
+struct Search {
+    metric: Metric,
+    randomness: f32,
+    smoothness: f32,
+    /// Whether the colour is wanted.
+    color: bool,
+    /// Whether the position is wanted.
+    position: bool,
+}
 
-/// One octave: factor on the scaled coordinate, and how its distance joins the sum.
+/// Result of a search. What is not wanted has no meaning.
+struct Found<S: Simd, const N: usize> {
+    distance: S::f32s,
+    color: [S::f32s; 3],
+    position: [S::f32s; N],
+}
+
+impl<S: Simd, const N: usize> Found<S, N> {
+    #[inline(always)]
+    fn of_distance(simd: S, distance: S::f32s) -> Self {
+        let zero = S::f32s::splat(simd, 0.0);
+        Self { distance, color: [zero; 3], position: [zero; N] }
+    }
+}
+
+/// One octave: factor on the scaled coordinate, and how what is found joins the sum.
 struct Octave {
     scale: f32,
     amplitude: f32,
@@ -64,270 +73,438 @@ struct Octave {
     rest: Option<f32>,
 }
 
+impl Octave {
+    /// The octaves of a fractal; a single one where the kernel takes the first as it is.
+    fn all(parameters: &Parameters<f32>, single: bool) -> Vec<Self> {
+        let (mut amplitude, mut scale) = (1.0_f32, 1.0_f32);
+        if single {
+            return vec![Self { scale, amplitude, rest: None }];
+        }
+        let mut octaves = Vec::new();
+        for _ in 0..=parameters.detail.floor() as i32 {
+            octaves.push(Self { scale, amplitude, rest: None });
+            scale *= parameters.lacunarity;
+            amplitude *= parameters.roughness;
+        }
+        let rest = parameters.detail - parameters.detail.floor();
+        if rest != 0.0 {
+            octaves.push(Self { scale, amplitude, rest: Some(rest) });
+        }
+        octaves
+    }
+}
+
+/// Sum over the octaves that starts with `start`, each octave giving the next from the last.
+fn folded(octaves: &[Octave], start: f32, next: impl Fn(f32, &Octave) -> f32) -> f32 {
+    octaves.iter().fold(start, |sum, octave| match octave.rest {
+        None => next(sum, octave),
+        Some(rest) => Real::lerp(sum, next(sum, octave), rest),
+    })
+}
+
 /// What is equal at all points.
 struct Plan {
+    feature: Feature,
+    search: Search,
+    distance: bool,
+    /// Whether the position is an output, not only its last component.
+    position: bool,
+    w: bool,
     scale: f32,
-    randomness: f32,
     octaves: Vec<Octave>,
     /// The single octave counts as it is, without amplitude.
     single: bool,
     /// Divisor of the normalised distance.
-    divisor: Option<f32>,
+    distance_divisor: Option<f32>,
+    /// Factor on the normalised colour.
+    color_factor: Option<f32>,
+    /// Factor on the position, none where it is zero.
+    position_factor: Option<f32>,
+    /// Third component of a 2D position.
+    third: f32,
     /// Largest factor on an input coordinate, for the range check.
     largest_factor: f32,
 }
 
 impl Plan {
     fn new(node: &VoronoiTexture, inputs: &[Column<'_, f32>]) -> Option<Self> {
-        let columns = node.parameter_columns();
-        for column in columns.into_iter().flatten() {
-            if !inputs[column].uniform {
-                return None;
-            }
+        let mut columns = node.parameter_columns().into_iter().flatten();
+        if !columns.all(|column| inputs[column].uniform) {
+            return None;
         }
         let parameters = node.parameters(inputs, 0);
-        let finite = [parameters.scale, parameters.detail, parameters.roughness, parameters.lacunarity];
-        if !finite.iter().all(|value| value.is_finite()) {
+        if !parameters.scale.is_finite() || !parameters.lacunarity.is_finite() {
             return None;
         }
         let single = parameters.detail == 0.0 || parameters.roughness == 0.0;
-        let whole = parameters.detail.floor() as i32;
-        let rest = parameters.detail - parameters.detail.floor();
-        let (mut amplitude, mut total, mut scale) = (1.0_f32, 0.0_f32, 1.0_f32);
-        let mut octaves = Vec::new();
-        for octave in 0..=parameters.detail.ceil() as i32 {
-            if single {
-                octaves.push(Octave { scale, amplitude, rest: None });
-                total = 1.0;
-                break;
-            }
-            if octave <= whole {
-                octaves.push(Octave { scale, amplitude, rest: None });
-                total += amplitude;
-                scale *= parameters.lacunarity;
-                amplitude *= parameters.roughness;
-            } else if rest != 0.0 {
-                octaves.push(Octave { scale, amplitude, rest: Some(rest) });
-                total = total + rest * ((total + amplitude) - total);
-            }
-        }
+        let octaves = Octave::all(&parameters, single);
+        let total = if single { 1.0 } else { folded(&octaves, 0.0, |sum, octave| sum + octave.amplitude) };
+        let third = |sum: f32, octave: &Octave| Real::lerp(sum, 0.0 * (1.0 / octave.scale), octave.amplitude);
+        let third = if single { 0.0 } else { folded(&octaves, 0.0, third) };
+        let position_factor = (parameters.scale != 0.0).then(|| 1.0 / parameters.scale);
         let largest_scale = octaves.iter().map(|octave| octave.scale.abs()).fold(1.0, f32::max);
-        let largest: f32 = match node.dimensions {
-            2 => node.largest_distance::<f32, 2>(&parameters),
-            3 => node.largest_distance::<f32, 3>(&parameters),
-            _ => node.largest_distance::<f32, 4>(&parameters),
-        };
         Some(Self {
+            feature: match node.feature {
+                Feature::SmoothF1 if parameters.smoothness == 0.0 => Feature::F1,
+                feature => feature,
+            },
+            search: Search {
+                metric: node.metric,
+                randomness: parameters.randomness,
+                smoothness: parameters.smoothness,
+                color: node.color,
+                position: node.position || node.w,
+            },
+            distance: node.distance,
+            position: node.position,
+            w: node.w,
             scale: parameters.scale,
-            randomness: parameters.randomness,
-            octaves,
             single,
-            divisor: node.normalize.then_some(total * largest),
+            distance_divisor: node.normalize.then(|| match node.feature {
+                Feature::DistanceToEdge => largest_edge(&parameters, &octaves, single),
+                _ => total * largest_distance(node, &parameters),
+            }),
+            color_factor: node.normalize.then(|| 1.0 / total),
+            position_factor,
+            third: position_factor.map_or(0.0, |factor| third * factor),
             largest_factor: parameters.scale.abs() * largest_scale,
+            octaves,
         })
     }
 }
 
+fn largest_distance(node: &VoronoiTexture, parameters: &Parameters<f32>) -> f32 {
+    match node.dimensions {
+        1 => node.largest_distance::<f32, 1>(parameters),
+        2 => node.largest_distance::<f32, 2>(parameters),
+        3 => node.largest_distance::<f32, 3>(parameters),
+        _ => node.largest_distance::<f32, 4>(parameters),
+    }
+}
+
+/// Divisor of the normalised distance to edge.
+fn largest_edge(parameters: &Parameters<f32>, octaves: &[Octave], single: bool) -> f32 {
+    let largest = 0.5 + 0.5 * parameters.randomness;
+    if single {
+        return largest;
+    }
+    folded(octaves, largest, |maximum, octave| Real::lerp(maximum, largest / octave.scale, octave.amplitude))
+}
+
+/// `[value(0), ..., value(N - 1)]`. Unlike the library's it is inlined whatever its size: as a function of its own it
+/// would be compiled without the instructions of the lanes.
 #[inline(always)]
-fn run<S: Simd, const N: usize, const METRIC: u8>(
+fn each<T: Copy, const N: usize>(value: impl Fn(usize) -> T) -> [T; N] {
+    let mut values = [value(0); N];
+    for index in 1..N {
+        values[index] = value(index);
+    }
+    values
+}
+
+#[inline(always)]
+fn run<S: Simd, const N: usize>(
     simd: S,
     plan: &Plan,
     inputs: &[Column<'_, f32>],
-    output: &mut [f32],
+    outputs: &mut [&mut [f32]],
+    redone: &mut Vec<usize>,
 ) {
     simd.vectorize(
         #[inline(always)]
-        || run_vectorized::<S, N, METRIC>(simd, plan, inputs, output),
+        || run_vectorized::<S, N>(simd, plan, inputs, outputs, redone),
     );
 }
 
+/// Evaluates all points; `redone` receives those that the scalar evaluation must do again.
 #[inline(always)]
-fn run_vectorized<S: Simd, const N: usize, const METRIC: u8>(
+fn run_vectorized<S: Simd, const N: usize>(
     simd: S,
     plan: &Plan,
     inputs: &[Column<'_, f32>],
-    output: &mut [f32],
+    outputs: &mut [&mut [f32]],
+    redone: &mut Vec<usize>,
 ) {
     let lanes = S::f32s::LEN;
-    let count = output.len();
-    let order = visiting_order::<N>();
+    let count = outputs[0].len();
     for start in (0..count).step_by(lanes) {
         let used = lanes.min(count - start);
-        let q: [S::f32s; N] = std::array::from_fn(|axis| {
-            let mut values = [0.0; 64];
-            values[..used].copy_from_slice(&inputs[axis].values[start..start + used]);
-            S::f32s::from_slice(simd, &values[..lanes]) * plan.scale
-        });
-        let mut sum = S::f32s::splat(simd, 0.0);
-        for octave in &plan.octaves {
-            let x: [S::f32s; N] = std::array::from_fn(|axis| q[axis] * octave.scale);
-            let found = f1::<S, N, METRIC>(simd, x, plan.randomness, order);
-            sum = if plan.single {
-                found
-            } else {
-                match octave.rest {
-                    None => sum + found * octave.amplitude,
-                    Some(rest) => sum + ((sum + found * octave.amplitude) - sum) * rest,
-                }
-            };
+        let q: [S::f32s; N] = each(
+            #[inline(always)]
+            |axis| {
+                let mut values = [0.0; 64];
+                values[..used].copy_from_slice(&inputs[axis].values[start..start + used]);
+                S::f32s::from_slice(simd, &values[..lanes]) * plan.scale
+            },
+        );
+        let mut sink = Sink { outputs: &mut *outputs, start, used };
+        match plan.feature {
+            Feature::DistanceToEdge => {
+                let (edge, is_doubtful) = fractal_edge::<S, N>(simd, plan, q);
+                sink.put::<S>(edge);
+                let bits = is_doubtful.to_bitmask();
+                redone.extend((0..used).filter(|lane| bits >> lane & 1 != 0).map(|lane| start + lane));
+            }
+            Feature::NSphereRadius => sink.put::<S>(n_sphere_radius::<S, N>(simd, plan, q)),
+            _ => sink.put_found(simd, plan, &fractal::<S, N>(simd, plan, q)),
         }
-        if let Some(divisor) = plan.divisor {
-            sum /= divisor;
-        }
+    }
+}
+
+/// Where the values of one group of points go.
+struct Sink<'a, 'b> {
+    /// The components that are still to come.
+    outputs: &'a mut [&'b mut [f32]],
+    start: usize,
+    used: usize,
+}
+
+impl Sink<'_, '_> {
+    /// Stores the next component.
+    #[inline(always)]
+    fn put<S: Simd>(&mut self, value: S::f32s) {
         let mut values = [0.0; 64];
-        sum.store_slice(&mut values[..lanes]);
-        output[start..start + used].copy_from_slice(&values[..used]);
+        value.store_slice(&mut values[..S::f32s::LEN]);
+        let (output, rest) = std::mem::take(&mut self.outputs).split_first_mut().expect("an output for each component");
+        output[self.start..self.start + self.used].copy_from_slice(&values[..self.used]);
+        self.outputs = rest;
     }
-}
 
-/// Cells by kind per axis (0 own, 1 near, 2 far), likely nearest first.
-fn visiting_order<const N: usize>() -> &'static [[u8; 4]] {
-    static ORDERS: std::sync::OnceLock<[Vec<[u8; 4]>; 3]> = std::sync::OnceLock::new();
-    let orders = ORDERS.get_or_init(|| {
-        [2, 3, 4].map(|dimensions: u32| {
-            let mut cells: Vec<[u8; 4]> = (0..3_u32.pow(dimensions))
-                .map(|index| {
-                    std::array::from_fn(|axis| {
-                        if (axis as u32) < dimensions { (index / 3_u32.pow(axis as u32) % 3) as u8 } else { 0 }
-                    })
-                })
-                .collect();
-            // Mean squared distance to the box of a kind, in twelfths: own 0, near 1, far 7.
-            cells.sort_by_key(|cell| cell.iter().map(|&kind| [0, 1, 7][usize::from(kind)]).sum::<u32>());
-            cells
-        })
-    });
-    &orders[N - 2]
-}
-
-/// Per axis and kind: the offset of the cell, the linear part of its hash, and the least
-/// magnitude (squared for the Euclidean metric) of an offset to its point.
-struct Axis<S: Simd> {
-    offset: [S::f32s; 3],
-    hash: [S::i32s; 3],
-    least: [S::f32s; 3],
-    local: S::f32s,
-}
-
-#[inline(always)]
-fn axis<S: Simd, const METRIC: u8>(simd: S, x: S::f32s) -> Axis<S> {
-    let floor = x.floor();
-    let local = x - floor;
-    let cell: S::i32s = S::i32s::truncate_from(floor);
-    let upper = local.simd_ge(0.5);
-    let one = S::f32s::splat(simd, 1.0);
-    let up = one - local;
-    let near = upper.select(one, -one);
-    let near_least = upper.select(up, local);
-    let far_least = upper.select(local, up);
-    let square = |value: S::f32s| if METRIC == EUCLIDEAN { value * value } else { value };
-    let hash = cell * MULTIPLIER + INCREMENT;
-    let step = S::i32s::splat(simd, MULTIPLIER);
-    let near_hash = upper.select(hash + step, hash - step);
-    let far_hash = upper.select(hash - step, hash + step);
-    let zero = S::f32s::splat(simd, 0.0);
-    Axis {
-        offset: [zero, near, -near],
-        hash: [hash, near_hash, far_hash],
-        least: [zero, square(near_least), square(far_least)],
-        local,
-    }
-}
-
-/// Joins per-axis magnitudes (squared for the Euclidean metric) in the kernel's association.
-#[inline(always)]
-fn join<S: Simd, const N: usize, const METRIC: u8>(v: [S::f32s; N]) -> S::f32s {
-    let add = |a: S::f32s, b: S::f32s| if METRIC == CHEBYCHEV { a.max(b) } else { a + b };
-    match N {
-        2 => add(v[0], v[1]),
-        3 => add(add(v[0], v[1]), v[2]),
-        _ => add(add(v[0], v[1]), add(v[2], v[3])),
-    }
-}
-
-#[inline(always)]
-fn f1<S: Simd, const N: usize, const METRIC: u8>(
-    simd: S,
-    x: [S::f32s; N],
-    randomness: f32,
-    order: &[[u8; 4]],
-) -> S::f32s {
-    let axes: [Axis<S>; N] = std::array::from_fn(|index| axis::<S, METRIC>(simd, x[index]));
-    let mut best = S::f32s::splat(simd, f32::MAX);
-    for cell in order {
-        let kind = |index: usize| usize::from(cell[index]);
-        let least = join::<S, N, METRIC>(std::array::from_fn(|index| axes[index].least[kind(index)]));
-        if least.simd_lt(best).all_false() {
-            continue;
+    /// Stores the wanted outputs' components, in socket order.
+    #[inline(always)]
+    fn put_found<S: Simd, const N: usize>(&mut self, simd: S, plan: &Plan, found: &Found<S, N>) {
+        if plan.distance {
+            self.put::<S>(found.distance);
         }
-        let hash = hash::<S, N>(std::array::from_fn(|index| axes[index].hash[kind(index)]));
-        let v: [S::f32s; N] = std::array::from_fn(|index| {
-            let axis = &axes[index];
-            // The product with 2^-31 is exact; a randomness of 1 leaves the value as it is.
-            let value: S::f32s = S::f32s::float_from(hash[index]) * (1.0 / 2_147_483_648.0);
-            let v = (axis.offset[kind(index)] + value * randomness) - axis.local;
-            if METRIC == EUCLIDEAN { v * v } else { v.abs() }
-        });
-        best = best.min(join::<S, N, METRIC>(v));
-    }
-    if METRIC == EUCLIDEAN { best.sqrt() } else { best }
-}
-
-/// The rounds of [`crate::nodes::hash::pcg`] after its linear part.
-#[inline(always)]
-fn hash<S: Simd, const N: usize>(mut v: [S::i32s; N]) -> [S::i32s; N] {
-    round::<S, N>(&mut v);
-    v = v.map(|x| x ^ (x >> 16));
-    round::<S, N>(&mut v);
-    v.map(|x| x & 0x7FFF_FFFF)
-}
-
-#[inline(always)]
-fn round<S: Simd, const N: usize>(v: &mut [S::i32s; N]) {
-    match N {
-        2 => {
-            v[0] += v[1] * MULTIPLIER;
-            v[1] += v[0] * MULTIPLIER;
+        if plan.search.color {
+            for channel in found.color {
+                self.put::<S>(channel);
+            }
         }
-        3 => {
-            v[0] += v[1] * v[2];
-            v[1] += v[2] * v[0];
-            v[2] += v[0] * v[1];
+        if plan.position {
+            for axis in 0..3 {
+                self.put::<S>(if axis < N { found.position[axis] } else { S::f32s::splat(simd, plan.third) });
+            }
         }
-        _ => {
-            v[0] += v[1] * v[3];
-            v[1] += v[2] * v[0];
-            v[2] += v[0] * v[1];
-            v[3] += v[1] * v[2];
+        if plan.w {
+            self.put::<S>(found.position[N - 1]);
         }
     }
+}
+
+/// `sum + t*(next - sum)`.
+#[inline(always)]
+fn lerp<S: Simd>(sum: S::f32s, next: S::f32s, t: f32) -> S::f32s {
+    sum + (next - sum) * t
+}
+
+/// `next`, in the fractional octave blended with `sum`.
+#[inline(always)]
+fn blended<S: Simd>(sum: S::f32s, next: S::f32s, octave: &Octave) -> S::f32s {
+    match octave.rest {
+        None => next,
+        Some(rest) => lerp::<S>(sum, next, rest),
+    }
+}
+
+/// F1, F2 or smooth F1 of one octave.
+#[inline(always)]
+fn feature<S: Simd, const N: usize>(simd: S, plan: &Plan, x: [S::f32s; N]) -> Found<S, N> {
+    match (N, plan.feature) {
+        (1, Feature::F2) => line::f2(simd, x[0], plan.search),
+        (1, Feature::SmoothF1) => line::smooth_f1(simd, x[0], plan.search),
+        (1, _) => line::f1(simd, x[0], plan.search),
+        (_, Feature::F2) => cells::f2(simd, x, plan.search),
+        (_, Feature::SmoothF1) => cells::smooth_f1(simd, x, plan.search),
+        _ => cells::f1(simd, x, plan.search),
+    }
+}
+
+/// The fractal sum of F1, F2 or smooth F1.
+#[inline(always)]
+fn fractal<S: Simd, const N: usize>(simd: S, plan: &Plan, q: [S::f32s; N]) -> Found<S, N> {
+    let mut sum = Found::of_distance(simd, S::f32s::splat(simd, 0.0));
+    for octave in &plan.octaves {
+        let found = feature::<S, N>(simd, plan, each(|axis| q[axis] * octave.scale));
+        if plan.single {
+            sum = found;
+            break;
+        }
+        add(plan.search, &mut sum, &found, octave);
+    }
+    if let Some(divisor) = plan.distance_divisor {
+        sum.distance /= divisor;
+    }
+    if let Some(factor) = plan.color_factor {
+        sum.color = each(|channel| sum.color[channel] * factor);
+    }
+    sum.position = match plan.position_factor {
+        Some(factor) => each(|axis| sum.position[axis] * factor),
+        None => [S::f32s::splat(simd, 0.0); N],
+    };
+    sum
+}
+
+/// Adds an octave.
+#[inline(always)]
+fn add<S: Simd, const N: usize>(search: Search, sum: &mut Found<S, N>, found: &Found<S, N>, octave: &Octave) {
+    let amplitude = octave.amplitude;
+    sum.distance = blended::<S>(sum.distance, sum.distance + found.distance * amplitude, octave);
+    if search.color {
+        for channel in 0..3 {
+            let next = sum.color[channel] + found.color[channel] * amplitude;
+            sum.color[channel] = blended::<S>(sum.color[channel], next, octave);
+        }
+    }
+    if search.position {
+        let inverse = 1.0 / octave.scale;
+        for axis in 0..N {
+            let next = lerp::<S>(sum.position[axis], found.position[axis] * inverse, amplitude);
+            sum.position[axis] = blended::<S>(sum.position[axis], next, octave);
+        }
+    }
+}
+
+/// The fractal of the distance to edge, and where the sign of a zero may differ from the scalar evaluation's.
+#[inline(always)]
+fn fractal_edge<S: Simd, const N: usize>(simd: S, plan: &Plan, q: [S::f32s; N]) -> (S::f32s, S::mask32s) {
+    let lesser = |a: S::f32s, b: S::f32s| a.simd_lt(b).select(a, b);
+    let mut distance = S::f32s::splat(simd, 8.0);
+    let mut is_doubtful = S::mask32s::splat(simd, false);
+    for octave in &plan.octaves {
+        let x: [S::f32s; N] = each(|axis| q[axis] * octave.scale);
+        let found = if N == 1 { line::edge(simd, x[0], plan.search) } else { cells::edge(simd, x, plan.search) };
+        is_doubtful |= found.simd_eq(0.0);
+        if plan.single {
+            distance = found;
+            break;
+        }
+        let next = lerp::<S>(distance, lesser(distance, found / octave.scale), octave.amplitude);
+        distance = match octave.rest {
+            None => next,
+            Some(rest) => lerp::<S>(distance, lesser(distance, next), rest),
+        };
+    }
+    (if let Some(divisor) = plan.distance_divisor { distance / divisor } else { distance }, is_doubtful)
+}
+
+#[inline(always)]
+fn n_sphere_radius<S: Simd, const N: usize>(simd: S, plan: &Plan, x: [S::f32s; N]) -> S::f32s {
+    if N == 1 { line::n_sphere_radius(simd, x[0], plan.search) } else { cells::n_sphere_radius(simd, x, plan.search) }
 }
 
 #[cfg(test)]
 mod tests {
-    use crate::nodes::lane_tests::{adversarial_coordinates, assert_lanes_equal_scalar};
-    use serde_json::json;
+    use super::{Feature, Metric, VoronoiTexture, evaluate};
+    use crate::nodes::lane_tests::adversarial_coordinates;
+    use crate::nodes::{Column, Evaluate as _};
+
+    const METRICS: [Metric; 3] = [Metric::Euclidean, Metric::Manhattan, Metric::Chebychev];
+
+    /// Scale, detail, roughness, lacunarity, smoothness, randomness.
+    const PARAMETERS: [[f32; 6]; 8] = [
+        [5.0, 0.0, 0.5, 2.0, 1.0, 1.0],
+        [-2.0, 4.0, 0.75, 2.5, 0.3, 1.0],
+        [0.3, 2.4, 1.0, 3.0, 0.0, 0.6],
+        [7.0, 0.25, 0.5, -1.5, 1.0, 0.0],
+        [1.0, 0.0, 0.5, 2.0, 0.3, 0.0],
+        [0.0, 1.5, 0.5, 2.0, 1e-38, 1.0],
+        [-0.5, 2.0, 0.5, 0.0, f32::NAN, f32::NAN],
+        [3.0, f32::NAN, f32::INFINITY, -2.0, 1e-12, f32::INFINITY],
+    ];
+
+    /// Asserts that the lanes evaluate this mode, and that every bit agrees with the scalar evaluation.
+    fn assert_lanes_equal_scalar(node: &VoronoiTexture, parameters: [f32; 6], coordinates: &[[f32; 4]]) {
+        let count = coordinates.len();
+        let [coordinate_columns, components] = columns_and_components(node);
+        let exists =
+            [true, is_fractal(node), is_fractal(node), is_fractal(node), node.feature == Feature::SmoothF1, true];
+        let values: Vec<Vec<f32>> = (0..coordinate_columns)
+            .map(|axis| coordinates.iter().map(|row| row[axis]).collect())
+            .chain(parameters.iter().zip(exists).filter(|(_, exists)| *exists).map(|(&value, _)| vec![value; count]))
+            .collect();
+        let columns: Vec<Column<'_, f32>> = values
+            .iter()
+            .enumerate()
+            .map(|(index, values)| Column { values, uniform: index >= coordinate_columns })
+            .collect();
+        let [mut lanes, mut scalar] = [(); 2].map(|()| vec![vec![0.0_f32; count]; components]);
+        let mut slices: Vec<&mut [f32]> = lanes.iter_mut().map(Vec::as_mut_slice).collect();
+        assert!(evaluate(node, &columns, &mut slices), "no lane version");
+        let mut slices: Vec<&mut [f32]> = scalar.iter_mut().map(Vec::as_mut_slice).collect();
+        node.evaluate(&columns, &mut slices);
+        for component in 0..components {
+            for index in 0..count {
+                let (found, expected) = (lanes[component][index], scalar[component][index]);
+                assert!(
+                    found.to_bits() == expected.to_bits() || (found.is_nan() && expected.is_nan()),
+                    "{}D {:?} {:?} {parameters:?}, component {component} at {:?}: lanes {found:?}, scalar {expected:?}",
+                    node.dimensions,
+                    node.feature,
+                    node.metric,
+                    coordinates[index]
+                );
+            }
+        }
+    }
+
+    fn is_fractal(node: &VoronoiTexture) -> bool {
+        node.feature != Feature::NSphereRadius
+    }
+
+    /// Number of coordinate columns, of which 2D reads two out of three, and of output components.
+    fn columns_and_components(node: &VoronoiTexture) -> [usize; 2] {
+        let columns = match node.dimensions {
+            1 => 1,
+            4 => 4,
+            _ => 3,
+        };
+        let color = 3 * usize::from(node.color);
+        let position = 3 * usize::from(node.position);
+        let distance = usize::from(node.distance || !is_fractal(node));
+        [columns, distance + color + position + usize::from(node.w)]
+    }
+
+    /// Distance, colour, position, W: every subset that the dimensions have.
+    fn wanted_subsets(dimensions: usize, has_color: bool) -> Vec<[bool; 4]> {
+        let subsets = (1..16).map(|bits: u32| [0, 1, 2, 3].map(|bit| bits >> bit & 1 != 0));
+        let legal = |&[distance, color, position, w]: &[bool; 4]| {
+            let only_distance = distance && !color && !position && !w;
+            (has_color || only_distance) && !(position && dimensions == 1) && !(w && matches!(dimensions, 2 | 3))
+        };
+        subsets.filter(legal).collect()
+    }
 
     #[test]
-    fn every_mode_equals_the_full_scan() {
-        let coordinates = adversarial_coordinates(4096);
-        for dimensions in ["2D", "3D", "4D"] {
-            for distance in ["EUCLIDEAN", "MANHATTAN", "CHEBYCHEV"] {
-                let properties = json!({"voronoi_dimensions": dimensions, "distance": distance, "normalize": true});
-                // Scale, detail, roughness, lacunarity, randomness.
-                for parameters in [
-                    [5.0, 0.0, 0.5, 2.0, 1.0],
-                    [-2.0, 5.0, 0.75, 2.5, 1.0],
-                    [0.3, 3.4, 1.0, 3.0, 0.6],
-                    [7.0, 0.25, 0.5, -1.5, 0.0],
-                ] {
-                    assert_lanes_equal_scalar(
-                        &crate::nodes::voronoi_texture::TYPE,
-                        &properties,
-                        vec!["Distance"],
-                        &coordinates,
-                        &parameters,
-                    );
+    fn every_mode_equals_the_scalar_evaluation() {
+        for dimensions in 1..=4 {
+            // Smooth F1 searches 5^n cells.
+            let coordinates = adversarial_coordinates([1024, 512, 256, 64][dimensions - 1]);
+            for feature in
+                [Feature::F1, Feature::F2, Feature::SmoothF1, Feature::DistanceToEdge, Feature::NSphereRadius]
+            {
+                let has_color = matches!(feature, Feature::F1 | Feature::F2 | Feature::SmoothF1);
+                let metrics = if has_color && dimensions > 1 { &METRICS[..] } else { &[Metric::Minkowski] };
+                for &metric in metrics {
+                    for (number, [distance, color, position, w]) in
+                        wanted_subsets(dimensions, has_color).into_iter().enumerate()
+                    {
+                        for (set, parameters) in PARAMETERS.into_iter().enumerate() {
+                            let normalize = (number + set) % 2 == 0;
+                            let node = VoronoiTexture {
+                                dimensions,
+                                metric,
+                                feature,
+                                normalize,
+                                has_exponent: false,
+                                distance,
+                                color,
+                                position,
+                                w,
+                            };
+                            assert_lanes_equal_scalar(&node, parameters, &coordinates);
+                        }
+                    }
                 }
             }
         }
