@@ -218,7 +218,7 @@ fn neutral_and_absorbing_constants_simplify() {
         ("DIVIDE", Some(1.0), None, Evaluated),
         ("POWER", None, Some(0.0), Constant(1.0)),
         ("POWER", Some(1.0), None, Constant(1.0)),
-        ("POWER", None, Some(1.0), Evaluated),
+        ("POWER", None, Some(1.0), Varying),
         ("POWER", Some(0.0), None, Evaluated),
         ("MODULO", None, Some(0.0), Evaluated),
         ("MINIMUM", Some(0.0), None, Evaluated),
@@ -261,6 +261,7 @@ fn neutral_and_absorbing_constants_simplify() {
         ("MULTIPLY", None, Some([1.0, 1.0, 0.0]), 1),
         ("DIVIDE", None, Some([1.0; 3]), 0),
         ("DIVIDE", Some([0.0; 3]), None, 0),
+        ("DIVIDE", None, Some([0.0; 3]), 0),
         ("CROSS_PRODUCT", None, Some([0.0; 3]), 0),
         ("DOT_PRODUCT", Some([0.0; 3]), None, 0),
         ("DISTANCE", None, Some([0.0; 3]), 1),
@@ -665,6 +666,33 @@ fn cycles_simplifies_the_same_constants() {
         let nodes = vec![vector_math("M", "SCALE", json!({"Vector": vector, "Scale": scale}))];
         cases.add(format!("SCALE {vector} {scale}"), nodes, vec![], "M", "Vector", 0.0);
     }
+    // What is left shows in what comes after: the product of a constant 0 is 0, and a blend of one link with itself is that link.
+    let product = |of: Json| vector_math("M", "MULTIPLY", json!({"Vector": of, "Vector_001": varying_vector()}));
+    let nothing = vector_math("N", "DIVIDE", json!({"Vector": varying_vector(), "Vector_001": [0.0, 0.0, 0.0]}));
+    cases.add("DIVIDE by 0", vec![nothing, product(link("N", "Vector"))], vec![], "M", "Vector", 0.0);
+    let white = node("N", "Gamma", json!({}), json!({"Color": [1.0, 1.0, 1.0, 1.0], "Gamma": varying("X")}));
+    let black = vector_math("D", "SUBTRACT", json!({"Vector": link("N", "Color"), "Vector_001": [1.0, 1.0, 1.0]}));
+    cases.add("Gamma of white", vec![white, black, product(link("D", "Vector"))], vec![], "M", "Vector", 0.0);
+    let blend = |of: Json, with: Json, kind: &str| {
+        let [a, b] = ["A", "B"].map(|side| format!("{side}_{kind}"));
+        let inputs = json!({"Factor_Float": varying("Y"), a: of, b: with});
+        let properties = json!({"data_type": kind.to_uppercase(), "clamp_factor": false});
+        (node("M", "Mix", properties, inputs), format!("Result_{kind}"))
+    };
+    let same = math("N", "POWER", json!({"Value": varying("X"), "Value_001": 1.0}));
+    let (mixed, output) = blend(link("N", "Value"), varying("X"), "Float");
+    cases.add("POWER 1", vec![same, mixed], vec![], "M", &output, 0.0);
+    let same = vector_math("N", "SCALE", json!({"Vector": varying_vector(), "Scale": 1.0}));
+    let (mixed, output) = blend(link("N", "Vector"), varying_vector(), "Vector");
+    cases.add("SCALE 1", vec![same, mixed], vec![], "M", &output, 0.0);
+    for (kind, factor, input, value, output) in [
+        ("FloatCurve", "Factor", "Value", varying("X"), "Value"),
+        ("VectorCurve", "Fac", "Vector", varying_vector(), "Vector"),
+        ("RGBCurve", "Fac", "Color", varying_vector(), "Color"),
+    ] {
+        let nodes = vec![node("M", kind, json!({}), json!({factor: 0.0, input: value}))];
+        cases.add(format!("{kind} without effect"), nodes, vec![], "M", output, 0.0);
+    }
     for operation in ["ADD", "MULTIPLY", "DIVIDE", "POWER"] {
         for (a, b) in [(link("P", "Y"), varying("X")), (varying("X"), link("P", "Z"))] {
             let nodes = vec![mixed_vector(), mixed_parts(), math("M", operation, json!({"Value": a, "Value_001": b}))];
@@ -688,15 +716,19 @@ fn cycles_loses_the_same_signs_of_zeros() {
         return;
     }
     let mut cases = Cases::default();
-    let point = || link("Texture Coordinate", "Object");
+    let point = || link("O", "Vector");
     let white =
         |dimensions: &str, inputs: Json| node("M", "TexWhiteNoise", json!({"noise_dimensions": dimensions}), inputs);
-    let coordinates = || node("T", "SeparateXYZ", json!({}), json!({"Vector": point()}));
+    // Others for each case: Cycles takes nodes for equal that differ in the sign of a zero alone, and keeps one of them.
+    let coordinates = |number: usize| {
+        let offset = json!({"Vector": link("Texture Coordinate", "Object"), "Vector_001": [number, 0.0, 0.0]});
+        [vector_math("O", "ADD", offset), node("T", "SeparateXYZ", json!({}), json!({"Vector": point()}))]
+    };
     let x = || link("T", "X");
     let white_vector = |vector: Json| white("4D", json!({"Vector": vector, "W": x()}));
     let white_w = |w: Json| white("4D", json!({"Vector": point(), "W": w}));
     // Zeros: one that Blender hands over, and two that Cycles folds.
-    let zero = || json!({"name": "Z", "type": "ShaderNodeValue", "outputs": {"Value": -0.0}});
+    let zero = || json!({"name": "Z", "type": "ShaderNodeValue", "inputs": {}, "outputs": {"Value": -0.0}});
     let late = || {
         let color = node("C", "CombineColor", json!({}), json!({"Red": 1.0}));
         let parts = node("S", "SeparateColor", json!({}), json!({"Color": link("C", "Color")}));
@@ -711,7 +743,7 @@ fn cycles_loses_the_same_signs_of_zeros() {
         vec![color, small, product("Z", link("Y", "Vector"), [1e-30, 1.0, 1.0])]
     };
     let mut add = |label: String, mut nodes: Vec<Json>, output: &str| {
-        nodes.push(coordinates());
+        nodes.extend(coordinates(cases.0.len() + 2));
         cases.add(label, nodes, vec![], "M", output, 0.0);
     };
 

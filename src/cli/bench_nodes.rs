@@ -16,6 +16,9 @@ pub(super) struct Arguments {
     /// Only this node, by Blender's label: "Math", "Voronoi Texture".
     #[arg(long, value_name = "LABEL")]
     node: Option<String>,
+    /// Only modes whose words, as the table shows them, hold this text: "MINKOWSKI".
+    #[arg(long, value_name = "TEXT")]
+    mode: Option<String>,
     /// Points at most, of which Cycles evaluates each several times; modes that cost much get fewer.
     #[arg(long, default_value_t = 16_384, value_parser = clap::value_parser!(u32).range(1024..=1_048_576))]
     points: u32,
@@ -46,6 +49,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
         points: arguments.points as usize,
         repeats: arguments.repeats as usize,
         node: arguments.node.clone(),
+        mode: arguments.mode.clone(),
         with_cycles,
     };
     let bar = super::progress_bar(1000);

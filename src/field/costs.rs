@@ -53,6 +53,8 @@ pub struct Settings {
     pub repeats: usize,
     /// Only the node of this label.
     pub node: Option<String>,
+    /// Only modes whose words hold this text.
+    pub mode: Option<String>,
     /// Ask Cycles, too.
     pub with_cycles: bool,
 }
@@ -215,11 +217,23 @@ fn wanted_modes(settings: &Settings) -> Result<Vec<(&'static NodeType, Map<Strin
         |node: &&NodeType| matches!(node.role, Role::Evaluated(_)) && node.type_name.starts_with("ShaderNode");
     let all: Vec<&'static NodeType> = nodes::registry().iter().copied().filter(is_measured).collect();
     let wanted = settings.node.as_deref();
-    let chosen: Vec<_> = all
-        .iter()
-        .filter(|node| wanted.is_none_or(|label| label == node.label))
-        .flat_map(|node| modes(node).into_iter().map(move |properties| (*node, properties)))
-        .collect();
+    let mut chosen = Vec::new();
+    for node in all.iter().filter(|node| wanted.is_none_or(|label| label == node.label)) {
+        for properties in modes(node) {
+            let words = Mode::read(node, &properties, node.label)?.words().join(" ");
+            if settings.mode.as_ref().is_none_or(|text| words.contains(text.as_str())) {
+                chosen.push((*node, properties));
+            }
+        }
+    }
+    if chosen.is_empty() && all.iter().any(|node| wanted.is_none_or(|label| label == node.label)) {
+        return Err(Error::new(
+            "--mode",
+            format!("\"{}\"", settings.mode.as_deref().unwrap_or_default()),
+            "a part of a mode's words, as the table shows them",
+            "Leave it out to see all modes.",
+        ));
+    }
     if chosen.is_empty() {
         let labels: Vec<&str> = all.iter().map(|node| node.label).collect();
         return Err(Error::new(
@@ -496,7 +510,8 @@ mod tests {
     fn rows_are_kept_and_other_conditions_are_refused() {
         let folder = tempfile::tempdir().expect("a folder");
         let path = folder.path().join("costs.json");
-        let settings = |points| Settings { points, repeats: 1, node: Some("Clamp".to_owned()), with_cycles: false };
+        let settings =
+            |points| Settings { points, repeats: 1, node: Some("Clamp".to_owned()), mode: None, with_cycles: false };
         let first = run(&settings(4096), None, Some(&path), |_, _| ()).expect("costs");
         assert_eq!(first.rows.len(), 2);
         assert!(first.rows.iter().all(|row| row.cycles_ns.is_none() && row.ratio.is_none()));

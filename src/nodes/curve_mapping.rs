@@ -8,7 +8,7 @@
 use super::lookup_table::{CELLS, Table, literal, vector};
 use super::object_property::Part;
 use super::real::Real;
-use super::{Column, Data, Evaluate, Interval, Mode};
+use super::{Column, Data, Evaluate, Interval, Mode, Simplified};
 use crate::error::{Error, Result};
 use serde_json::{Value as Json, json};
 use std::sync::Arc;
@@ -508,6 +508,11 @@ impl Evaluate for Curves {
             let tight = between && value.is_finite() && curve.is_finite();
             *output = if tight { plain.meet(value.lerp(curve, factor)) } else { plain };
         }
+    }
+
+    fn simplify_constants(&self, inputs: &[Option<f32>]) -> Option<Simplified> {
+        // Where an infinite value leads along an extrapolated curve, the formula gives NaN.
+        (inputs[0] == Some(0.0)).then(|| Simplified::Inputs(self.channels().map(|channel| 1 + channel).collect()))
     }
 
     fn fold_constants(&self, inputs: &[f32]) -> Option<Vec<f32>> {

@@ -71,10 +71,12 @@ impl Evaluate for Gamma {
     }
 
     fn simplify_constants(&self, inputs: &[Option<f32>]) -> Option<Simplified> {
+        let is_white = inputs[..3].iter().all(|channel| *channel == Some(1.0));
         // The first power and the zeroth one are exact.
         match inputs[3] {
-            Some(1.0) => Some(Simplified::Inputs(vec![0, 1, 2])),
+            _ if is_white => Some(Simplified::Constant(vec![1.0; 3])),
             Some(0.0) => Some(Simplified::Constant(vec![1.0; 3])),
+            Some(1.0) => Some(Simplified::Inputs(vec![0, 1, 2])),
             _ => None,
         }
     }

@@ -29,15 +29,22 @@ pub(super) fn store<S: Simd>(value: S::f32s, values: &mut [f32]) {
     values.copy_from_slice(&padded[..values.len()]);
 }
 
-/// Those of the first `used` lanes in which the mask is not set: the points that are left to the scalar evaluation.
+/// Those of the first `used` lanes in which the mask is set, or not set.
 #[inline(always)]
-pub(super) fn unset<S: Simd>(simd: S, mask: S::mask32s, used: usize) -> impl Iterator<Item = usize> {
-    let mut flags = [1.0; MOST];
-    if !mask.all_true() {
-        let set = mask.select(S::f32s::splat(simd, 1.0), S::f32s::splat(simd, 0.0));
-        set.store_slice(&mut flags[..S::f32s::LEN]);
+pub(super) fn marked<S: Simd>(mask: S::mask32s, is_set: bool, used: usize) -> impl Iterator<Item = usize> {
+    let bits = mask.to_bitmask();
+    (0..used).filter(move |lane| (bits >> lane & 1 != 0) == is_set)
+}
+
+/// `[value(0), ..., value(N - 1)]`. Unlike the library's it is inlined whatever its size: as a function of its own it
+/// would be compiled without the instructions of the lanes.
+#[inline(always)]
+pub(super) fn each<T: Copy, const N: usize>(value: impl Fn(usize) -> T) -> [T; N] {
+    let mut values = [value(0); N];
+    for index in 1..N {
+        values[index] = value(index);
     }
-    (0..used).filter(move |&lane| flags[lane] == 0.0)
+    values
 }
 
 /// [`crate::nodes::Real::lesser`].

@@ -249,8 +249,8 @@ pub(super) enum Kept {
     Value(f32),
 }
 
-/// Cycles' rules for neutral and absorbing constants; visible only where the other operand is NaN
-/// or infinite, because there `x*0` would not be 0.
+/// Cycles' rules for neutral and absorbing constants; visible where the other operand is NaN or infinite, because there
+/// `x*0` would not be 0, and in what reads the result: of a constant, or of a link that is passed on.
 pub(super) fn simplify(operation: &str, a: Option<f32>, b: Option<f32>) -> Option<Kept> {
     match (operation, a, b) {
         ("ADD", Some(0.0), _) => Some(Kept::Second),
@@ -259,6 +259,7 @@ pub(super) fn simplify(operation: &str, a: Option<f32>, b: Option<f32>) -> Optio
         ("MULTIPLY" | "DIVIDE", _, Some(1.0)) => Some(Kept::First),
         ("MULTIPLY", Some(0.0), _) | ("MULTIPLY", _, Some(0.0)) | ("DIVIDE", Some(0.0), _) => Some(Kept::Value(0.0)),
         ("POWER", Some(1.0), _) | ("POWER", _, Some(0.0)) => Some(Kept::Value(1.0)),
+        ("POWER", _, Some(1.0)) => Some(Kept::First),
         _ => None,
     }
 }

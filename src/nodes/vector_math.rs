@@ -275,6 +275,8 @@ impl Evaluate for VectorMath {
         let b = if self.vectors >= 2 { single(whole(3)) } else { None };
         let zero = |x: Option<f32>| x == Some(0.0);
         match self.operation {
+            // (Of floats Cycles evaluates this.)
+            "DIVIDE" if zero(b) => Some(Simplified::Constant(vec![0.0; 3])),
             "ADD" | "SUBTRACT" | "MULTIPLY" | "DIVIDE" => simplify(self.operation, a, b).map(|kept| match kept {
                 Kept::First => Simplified::Inputs(vec![0, 1, 2]),
                 Kept::Second => Simplified::Inputs(vec![3, 4, 5]),
@@ -283,6 +285,7 @@ impl Evaluate for VectorMath {
             "DOT_PRODUCT" if zero(a) || zero(b) => Some(Simplified::Constant(vec![0.0])),
             "CROSS_PRODUCT" if zero(a) || zero(b) => Some(Simplified::Constant(vec![0.0; 3])),
             "SCALE" if zero(a) || zero(inputs[3]) => Some(Simplified::Constant(vec![0.0; 3])),
+            "SCALE" if inputs[3] == Some(1.0) => Some(Simplified::Inputs(vec![0, 1, 2])),
             _ => None,
         }
     }

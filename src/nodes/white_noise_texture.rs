@@ -7,7 +7,7 @@
 //! before: see `graph/zero_signs.rs`.) Unlike the other textures it has no mapping, and an unlinked Vector is the stored one.
 
 use super::hash::hash_floats;
-use super::lanes;
+use super::lanes::{self, each};
 use super::noise_texture::dimensions;
 use super::real::Real;
 use super::{Column, Evaluate, InputSocket, Interval, NodeType, OutputSocket, Property, Role, always, lane_level};
@@ -99,14 +99,20 @@ fn lane_value<S: Simd>(hash: S::u32s) -> S::f32s {
 /// [`further_channels`], one point per lane.
 #[inline(always)]
 fn further_lanes<S: Simd, const N: usize>(simd: S, p: [S::u32s; N]) -> [S::f32s; 2] {
-    let numbers = [1.0_f32, 2.0].map(|number| S::u32s::splat(simd, number.to_bits()));
-    let hashes = match N {
-        1 => numbers.map(|number| lanes::jenkins::<S, 2>(simd, [p[0], number])),
-        2 => numbers.map(|number| lanes::jenkins::<S, 3>(simd, [p[0], p[1], number])),
-        3 => numbers.map(|number| lanes::jenkins::<S, 4>(simd, [p[0], p[1], p[2], number])),
-        _ => [[p[2], p[0], p[3], p[1]], [p[3], p[2], p[1], p[0]]].map(|keys| lanes::jenkins::<S, 4>(simd, keys)),
-    };
-    hashes.map(|hash| lane_value::<S>(hash))
+    let number = |index: usize| S::u32s::splat(simd, [1.0_f32, 2.0][index].to_bits());
+    each(
+        #[inline(always)]
+        |index| {
+            let hash = match N {
+                1 => lanes::jenkins::<S, 2>(simd, [p[0], number(index)]),
+                2 => lanes::jenkins::<S, 3>(simd, [p[0], p[1], number(index)]),
+                3 => lanes::jenkins::<S, 4>(simd, [p[0], p[1], p[2], number(index)]),
+                _ if index == 0 => lanes::jenkins::<S, 4>(simd, [p[2], p[0], p[3], p[1]]),
+                _ => lanes::jenkins::<S, 4>(simd, [p[3], p[2], p[1], p[0]]),
+            };
+            lane_value::<S>(hash)
+        },
+    )
 }
 
 impl WhiteNoise {
@@ -118,9 +124,8 @@ impl WhiteNoise {
                 let count = outputs[0].len();
                 for start in (0..count).step_by(S::f32s::LEN) {
                     let range = start..count.min(start + S::f32s::LEN);
-                    let p: [S::u32s; N] = std::array::from_fn(|axis| {
-                        lanes::load::<S>(simd, &inputs[axis].values[range.clone()]).bitcast()
-                    });
+                    let p: [S::u32s; N] =
+                        each(|axis| lanes::load::<S>(simd, &inputs[axis].values[range.clone()]).bitcast());
                     let value = lane_value::<S>(lanes::jenkins::<S, N>(simd, p));
                     if self.value {
                         lanes::store::<S>(value, &mut outputs[0][range.clone()]);

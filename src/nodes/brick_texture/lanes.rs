@@ -4,7 +4,7 @@
 use super::{
     BIAS, BrickTexture, FIRST_COLOR, HEIGHT, Layout, MORTAR, MORTAR_SIZE, MORTAR_SMOOTH, SCALE, SECOND_COLOR, WIDTH,
 };
-use crate::nodes::lanes::{self, lesser, saturate};
+use crate::nodes::lanes::{self, each, lesser, saturate};
 use crate::nodes::{Column, Evaluate, columns_at, lane_level};
 use fearless_simd::{dispatch, prelude::*};
 
@@ -46,15 +46,16 @@ fn run_vectorized<S: Simd>(
     for start in (0..count).step_by(S::f32s::LEN) {
         let used = S::f32s::LEN.min(count - start);
         let load = |column: usize| lanes::load::<S>(simd, &inputs[column].values[start..start + used]);
-        let load_color = |first: usize| -> [S::f32s; 3] { std::array::from_fn(|channel| load(first + channel)) };
-        let [x, y] = [0, 1].map(|axis| load(axis) * load(SCALE));
+        let load_color = |first: usize| -> [S::f32s; 3] { each(|channel| load(first + channel)) };
+        let scale = load(SCALE);
+        let (x, y) = (load(0) * scale, load(1) * scale);
         let height = load(HEIGHT);
         let row = (y / height).floor();
         let (width, shift) = widths(simd, &node.layout, row, load(WIDTH));
         let x = x + shift;
         let column = (x / width).floor();
         let is_near = row.abs().simd_lt(LARGEST_ROW) & column.abs().simd_lt(LARGEST_COLUMN);
-        far.extend(lanes::unset::<S>(simd, is_near, used).map(|lane| start + lane));
+        far.extend(lanes::marked::<S>(is_near, false, used).map(|lane| start + lane));
         let x = x - width * column;
         let y = y - height * row;
         let edge = lesser::<S>(lesser::<S>(x, y), lesser::<S>(width - x, height - y));
@@ -65,7 +66,7 @@ fn run_vectorized<S: Simd>(
             let tint = saturate(simd, brick_value::<S>(row, column) + load(BIAS));
             let tinted = blend(simd, first, load_color(SECOND_COLOR), tint);
             let is_mortar = share.simd_eq(one);
-            let base = std::array::from_fn(|channel| is_mortar.select(first[channel], tinted[channel]));
+            let base = each(|channel| is_mortar.select(first[channel], tinted[channel]));
             for value in blend(simd, base, load_color(MORTAR), share) {
                 lanes::store::<S>(value, &mut outputs[next][start..start + used]);
                 next += 1;
@@ -118,7 +119,7 @@ fn brick_value<S: Simd>(row: S::f32s, column: S::f32s) -> S::f32s {
 #[inline(always)]
 fn blend<S: Simd>(simd: S, a: [S::f32s; 3], b: [S::f32s; 3], t: S::f32s) -> [S::f32s; 3] {
     let rest = S::f32s::splat(simd, 1.0) - t;
-    std::array::from_fn(|channel| a[channel] * rest + b[channel] * t)
+    each(|channel| a[channel] * rest + b[channel] * t)
 }
 
 #[cfg(test)]

@@ -9,6 +9,7 @@
 //! which are called one by one in the scalar order.
 
 use super::{ANISOTROPY, FREQUENCY, GaborTexture, IMPULSES, ORIENTATION, SCALE, Waves, neighbours, phasor};
+use crate::nodes::lanes::each;
 use crate::nodes::real::dot;
 use crate::nodes::{Column, lane_level};
 use fearless_simd::{dispatch, f32x8, prelude::*, u32x8};
@@ -36,8 +37,8 @@ fn run_vectorized<S: Simd, const N: usize>(
     inputs: &[Column<'_, f32>],
     outputs: &mut [&mut [f32]],
 ) {
-    let seeds: [u32x8<S>; 3] = std::array::from_fn(|seed| {
-        let bits: [u32; IMPULSES] = std::array::from_fn(|impulse| ((3 * impulse + seed) as f32).to_bits());
+    let seeds: [u32x8<S>; 3] = each(|seed| {
+        let bits: [u32; IMPULSES] = each(|impulse| ((3 * impulse + seed) as f32).to_bits());
         u32x8::from_slice(simd, &bits)
     });
     let offsets: Vec<[f32; N]> = neighbours().collect();
@@ -50,17 +51,17 @@ fn run_vectorized<S: Simd, const N: usize>(
             Some(known) if uniform => known,
             _ => *waves.insert(Waves::new(inputs, index)),
         };
-        let p: [f32; N] = std::array::from_fn(|axis| at(axis) * at(SCALE));
-        let corner = p.map(f32::floor);
-        let fraction: [f32; N] = std::array::from_fn(|axis| p[axis] - corner[axis]);
+        let p: [f32; N] = each(|axis| at(axis) * at(SCALE));
+        let corner: [f32; N] = each(|axis| p[axis].floor());
+        let fraction: [f32; N] = each(|axis| p[axis] - corner[axis]);
         if fraction.iter().any(|place| place.is_nan()) {
             node.store([f32::NAN; 2], outputs, index);
             continue;
         }
         let mut total = [0.0_f32; 2];
         for offset in &offsets {
-            let local: [f32; N] = std::array::from_fn(|axis| fraction[axis] - offset[axis]);
-            let least: [f32; N] = std::array::from_fn(|axis| {
+            let local: [f32; N] = each(|axis| fraction[axis] - offset[axis]);
+            let least: [f32; N] = each(|axis| {
                 if offset[axis] > 0.0 {
                     local[axis]
                 } else if offset[axis] < 0.0 {
@@ -72,7 +73,7 @@ fn run_vectorized<S: Simd, const N: usize>(
             if dot(least, least) >= 1.0 {
                 continue;
             }
-            let cell = std::array::from_fn(|axis| (corner[axis] + offset[axis]).to_bits());
+            let cell = each(|axis| (corner[axis] + offset[axis]).to_bits());
             let sum = cell_sum::<S, N>(simd, cell, local, &seeds, &waves);
             total = [total[0] + sum[0], total[1] + sum[1]];
         }
@@ -124,7 +125,7 @@ fn cell_sum<S: Simd, const N: usize>(
             continue;
         }
         let wave = if scatters { waves.scattered([scatter[0][impulse], scatter[1][impulse]]) } else { waves.common };
-        let projection = dot(std::array::from_fn(|axis| offsets[axis][impulse]), wave);
+        let projection = dot(each(|axis| offsets[axis][impulse]), wave);
         let parts = phasor(squares[impulse], projection, signs[impulse] < 0.5);
         sum = [sum[0] + parts[0], sum[1] + parts[1]];
     }

@@ -3,7 +3,7 @@
 
 use super::{Fractal, NoiseTexture};
 use crate::nodes::gradient_noise::{PERIOD, SCALE, random_offset};
-use crate::nodes::lanes::{self, finished_hash, mixed_words, saturate};
+use crate::nodes::lanes::{self, each, finished_hash, mixed_words, saturate};
 use crate::nodes::{Column, Evaluate, Real, columns_at, lane_level};
 use fearless_simd::{dispatch, prelude::*};
 
@@ -146,13 +146,13 @@ fn run_vectorized<S: Simd, const N: usize>(
     let count = outputs[0].len();
     let none = [0.0_f32; N];
     let seeds: [[f32; N]; 3] = [none, random_offset(N as f32), random_offset((N + 1) as f32)];
-    let distortions: [[f32; N]; N] = std::array::from_fn(|axis| random_offset(axis as f32));
+    let distortions: [[f32; N]; N] = each(|axis| random_offset(axis as f32));
     let reach = plan.reach();
     let mut far = Vec::new();
     for start in (0..count).step_by(width) {
         let used = width.min(count - start);
         let load = |column: usize| lanes::load::<S>(simd, &inputs[column].values[start..start + used]);
-        let mut p: [S::f32s; N] = std::array::from_fn(|axis| load(axis) * plan.scale);
+        let mut p: [S::f32s; N] = each(|axis| load(axis) * plan.scale);
         let mut is_near = S::f32s::splat(simd, 0.0).simd_eq(0.0);
         let mut check = |p: &[S::f32s; N]| {
             for x in p {
@@ -164,7 +164,7 @@ fn run_vectorized<S: Simd, const N: usize>(
             let strength = load(column);
             let undistorted = p;
             for axis in 0..N {
-                let shifted = std::array::from_fn(|other| undistorted[other] + distortions[axis][other]);
+                let shifted = each(|other| undistorted[other] + distortions[axis][other]);
                 let moved = undistorted[axis] + signed_noise::<S, N>(simd, shifted) * strength;
                 p[axis] = strength.simd_eq(0.0).select(undistorted[axis], moved);
             }
@@ -177,7 +177,7 @@ fn run_vectorized<S: Simd, const N: usize>(
         let first_color = usize::from(plan.factor);
         for (channel, seed) in seeds.iter().enumerate().take(if plan.color { 3 } else { 1 }) {
             // Nothing is added to the first channel: a sum with 0 would lose the sign of a zero.
-            let place = if channel == 0 { p } else { std::array::from_fn(|axis| p[axis] + seed[axis]) };
+            let place = if channel == 0 { p } else { each(|axis| p[axis] + seed[axis]) };
             let value = fractal::<S, N>(simd, plan, place, offset, gain);
             if channel == 0 && plan.factor {
                 store(0, value);
@@ -186,7 +186,7 @@ fn run_vectorized<S: Simd, const N: usize>(
                 store(first_color + channel, value);
             }
         }
-        far.extend(lanes::unset::<S>(simd, is_near, used).map(|lane| start + lane));
+        far.extend(lanes::marked::<S>(is_near, false, used).map(|lane| start + lane));
     }
     far
 }
@@ -248,9 +248,9 @@ fn fractal<S: Simd, const N: usize>(simd: S, plan: &Plan, p: [S::f32s; N], offse
         amplitude *= plan.roughness;
         if plan.kind == Kind::Fbm {
             scale *= plan.lacunarity;
-            place = p.map(|x| x * scale);
+            place = each(|axis| p[axis] * scale);
         } else {
-            place = place.map(|x| x * plan.lacunarity);
+            place = each(|axis| place[axis] * plan.lacunarity);
         }
     }
     if plan.kind != Kind::Fbm {
@@ -265,10 +265,14 @@ fn fractal<S: Simd, const N: usize>(simd: S, plan: &Plan, p: [S::f32s; N], offse
 fn signed_noise<S: Simd, const N: usize>(simd: S, p: [S::f32s; N]) -> S::f32s {
     let half = S::f32s::splat(simd, 0.5);
     let zero = S::f32s::splat(simd, 0.0);
-    let wrapped = p.map(|x| {
-        let shift = x.abs().simd_ge(1_000_000.0).select(half, zero);
-        remainder::<S, N>(simd, x) + shift
-    });
+    let wrapped = each(
+        #[inline(always)]
+        |axis| {
+            let x = p[axis];
+            let shift = x.abs().simd_ge(1_000_000.0).select(half, zero);
+            remainder::<S, N>(simd, x) + shift
+        },
+    );
     perlin::<S, N>(simd, wrapped) * SCALE[N - 1]
 }
 
@@ -291,20 +295,24 @@ fn remainder<S: Simd, const N: usize>(simd: S, x: S::f32s) -> S::f32s {
 
 #[inline(always)]
 fn perlin<S: Simd, const N: usize>(simd: S, p: [S::f32s; N]) -> S::f32s {
-    let floors = p.map(|x| x.floor());
-    let cell: [S::u32s; N] = floors.map(|x| S::i32s::truncate_from(x).bitcast());
-    let fraction: [S::f32s; N] = std::array::from_fn(|axis| p[axis] - floors[axis]);
-    let weight = fraction.map(|f| {
-        let polynomial = f * (f * 6.0 - 15.0) + 10.0;
-        if N == 1 { ((f * f) * f) * polynomial } else { (f * f) * (f * polynomial) }
-    });
+    let floors: [S::f32s; N] = each(|axis| p[axis].floor());
+    let cell: [S::u32s; N] = each(|axis| S::i32s::truncate_from(floors[axis]).bitcast());
+    let fraction: [S::f32s; N] = each(|axis| p[axis] - floors[axis]);
+    let weight: [S::f32s; N] = each(
+        #[inline(always)]
+        |axis| {
+            let f = fraction[axis];
+            let polynomial = f * (f * 6.0 - 15.0) + 10.0;
+            if N == 1 { ((f * f) * f) * polynomial } else { (f * f) * (f * polynomial) }
+        },
+    );
     let mut corners = [S::f32s::splat(simd, 0.0); 16];
     // In four dimensions what the hash mixes of x, y and z serves both ends of w.
     let ends = if N == 4 { 2 } else { 1 };
     for index in 0..(1 << N) / ends {
         let bit = |axis: usize| (index >> axis) & 1;
-        let mixed = mixed_words::<S, N>(simd, std::array::from_fn(|axis| cell[axis] + bit(axis) as u32));
-        let mut offset: [S::f32s; N] = std::array::from_fn(|axis| fraction[axis] - bit(axis) as f32);
+        let mixed = mixed_words::<S, N>(simd, each(|axis| cell[axis] + bit(axis) as u32));
+        let mut offset: [S::f32s; N] = each(|axis| fraction[axis] - bit(axis) as f32);
         for end in 0..ends {
             let mut words = mixed;
             if N == 4 {

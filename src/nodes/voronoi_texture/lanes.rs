@@ -6,6 +6,7 @@ mod cells;
 mod line;
 
 use super::{Feature, Metric, Parameters, VoronoiTexture};
+use crate::nodes::lanes::{self, each};
 use crate::nodes::{Column, Evaluate, Real, columns_at, lane_level};
 use fearless_simd::{dispatch, prelude::*};
 
@@ -191,17 +192,6 @@ fn largest_edge(parameters: &Parameters<f32>, octaves: &[Octave], single: bool) 
     folded(octaves, largest, |maximum, octave| Real::lerp(maximum, largest / octave.scale, octave.amplitude))
 }
 
-/// `[value(0), ..., value(N - 1)]`. Unlike the library's it is inlined whatever its size: as a function of its own it
-/// would be compiled without the instructions of the lanes.
-#[inline(always)]
-fn each<T: Copy, const N: usize>(value: impl Fn(usize) -> T) -> [T; N] {
-    let mut values = [value(0); N];
-    for index in 1..N {
-        values[index] = value(index);
-    }
-    values
-}
-
 #[inline(always)]
 fn run<S: Simd, const N: usize>(
     simd: S,
@@ -225,25 +215,20 @@ fn run_vectorized<S: Simd, const N: usize>(
     outputs: &mut [&mut [f32]],
     redone: &mut Vec<usize>,
 ) {
-    let lanes = S::f32s::LEN;
+    let width = S::f32s::LEN;
     let count = outputs[0].len();
-    for start in (0..count).step_by(lanes) {
-        let used = lanes.min(count - start);
+    for start in (0..count).step_by(width) {
+        let used = width.min(count - start);
         let q: [S::f32s; N] = each(
             #[inline(always)]
-            |axis| {
-                let mut values = [0.0; 64];
-                values[..used].copy_from_slice(&inputs[axis].values[start..start + used]);
-                S::f32s::from_slice(simd, &values[..lanes]) * plan.scale
-            },
+            |axis| lanes::load::<S>(simd, &inputs[axis].values[start..start + used]) * plan.scale,
         );
         let mut sink = Sink { outputs: &mut *outputs, start, used };
         match plan.feature {
             Feature::DistanceToEdge => {
                 let (edge, is_doubtful) = fractal_edge::<S, N>(simd, plan, q);
                 sink.put::<S>(edge);
-                let bits = is_doubtful.to_bitmask();
-                redone.extend((0..used).filter(|lane| bits >> lane & 1 != 0).map(|lane| start + lane));
+                redone.extend(lanes::marked::<S>(is_doubtful, true, used).map(|lane| start + lane));
             }
             Feature::NSphereRadius => sink.put::<S>(n_sphere_radius::<S, N>(simd, plan, q)),
             _ => sink.put_found(simd, plan, &fractal::<S, N>(simd, plan, q)),
@@ -263,10 +248,8 @@ impl Sink<'_, '_> {
     /// Stores the next component.
     #[inline(always)]
     fn put<S: Simd>(&mut self, value: S::f32s) {
-        let mut values = [0.0; 64];
-        value.store_slice(&mut values[..S::f32s::LEN]);
         let (output, rest) = std::mem::take(&mut self.outputs).split_first_mut().expect("an output for each component");
-        output[self.start..self.start + self.used].copy_from_slice(&values[..self.used]);
+        lanes::store::<S>(value, &mut output[self.start..self.start + self.used]);
         self.outputs = rest;
     }
 
