@@ -4,7 +4,7 @@
 use fearless_simd::prelude::*;
 
 /// No vector has more lanes.
-const MOST: usize = 64;
+pub(super) const MOST: usize = 64;
 
 /// The values of up to a vector's width of points; 0 in the lanes that are left.
 #[inline(always)]

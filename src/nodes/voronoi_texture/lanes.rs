@@ -13,12 +13,12 @@ use fearless_simd::{dispatch, prelude::*};
 /// Cells beyond this magnitude are left to the scalar evaluation, which knows what x86 does there.
 const LARGEST_COORDINATE: f32 = 1.0e9;
 
+/// Exponents of Minkowski's metric for which bounds on powers and roots are derived. Others are left to the scalar evaluation.
+const EXPONENTS: std::ops::RangeInclusive<f32> = 0.05..=64.0;
+
 /// Evaluates if this mode and these inputs have a lane version: parameters equal at all points and
-/// finite, any metric but Minkowski, whose power is the C library's.
+/// finite, the exponent of Minkowski's metric in [`EXPONENTS`].
 pub(super) fn evaluate(node: &VoronoiTexture, inputs: &[Column<'_, f32>], outputs: &mut [&mut [f32]]) -> bool {
-    if node.has_exponent {
-        return false;
-    }
     let Some(plan) = Plan::new(node, inputs) else { return false };
     let level = lane_level();
     let mut redone = Vec::new();
@@ -39,10 +39,21 @@ pub(super) fn evaluate(node: &VoronoiTexture, inputs: &[Column<'_, f32>], output
     true
 }
 
+/// A metric with its exponent, which only Minkowski's has.
+#[derive(Clone, Copy)]
+struct Measure {
+    metric: Metric,
+    exponent: f32,
+}
+
+impl Measure {
+    const EUCLIDEAN: Self = Self { metric: Metric::Euclidean, exponent: 2.0 };
+}
+
 /// What is equal in all searches.
 #[derive(Clone, Copy)]
 struct Search {
-    metric: Metric,
+    measure: Measure,
     randomness: f32,
     smoothness: f32,
     /// Whether the colour is wanted.
@@ -137,6 +148,9 @@ impl Plan {
         if !parameters.scale.is_finite() || !parameters.lacunarity.is_finite() {
             return None;
         }
+        if node.has_exponent && !EXPONENTS.contains(&parameters.exponent) {
+            return None;
+        }
         let single = parameters.detail == 0.0 || parameters.roughness == 0.0;
         let octaves = Octave::all(&parameters, single);
         let total = if single { 1.0 } else { folded(&octaves, 0.0, |sum, octave| sum + octave.amplitude) };
@@ -150,7 +164,8 @@ impl Plan {
                 feature => feature,
             },
             search: Search {
-                metric: node.metric,
+                // The exponent of a mode that has none is not read.
+                measure: Measure { metric: node.metric, exponent: parameters.exponent },
                 randomness: parameters.randomness,
                 smoothness: parameters.smoothness,
                 color: node.color,
@@ -382,7 +397,10 @@ mod tests {
     use crate::nodes::lane_tests::adversarial_coordinates;
     use crate::nodes::{Column, Evaluate as _};
 
-    const METRICS: [Metric; 3] = [Metric::Euclidean, Metric::Manhattan, Metric::Chebychev];
+    const METRICS: [Metric; 4] = [Metric::Euclidean, Metric::Manhattan, Metric::Chebychev, Metric::Minkowski];
+
+    /// Of Minkowski's metric, the ends of what has lanes among them.
+    const SAMPLE_EXPONENTS: [f32; 7] = [0.5, 2.0, 0.05, 1.0, 64.0, 3.7, 0.2];
 
     /// Scale, detail, roughness, lacunarity, smoothness, randomness.
     const PARAMETERS: [[f32; 6]; 8] = [
@@ -397,11 +415,24 @@ mod tests {
     ];
 
     /// Asserts that the lanes evaluate this mode, and that every bit agrees with the scalar evaluation.
-    fn assert_lanes_equal_scalar(node: &VoronoiTexture, parameters: [f32; 6], coordinates: &[[f32; 4]]) {
+    fn assert_lanes_equal_scalar(
+        node: &VoronoiTexture,
+        [scale, detail, roughness, lacunarity, smoothness, randomness]: [f32; 6],
+        exponent: f32,
+        coordinates: &[[f32; 4]],
+    ) {
+        let parameters = [scale, detail, roughness, lacunarity, smoothness, exponent, randomness];
         let count = coordinates.len();
         let [coordinate_columns, components] = columns_and_components(node);
-        let exists =
-            [true, is_fractal(node), is_fractal(node), is_fractal(node), node.feature == Feature::SmoothF1, true];
+        let exists = [
+            true,
+            is_fractal(node),
+            is_fractal(node),
+            is_fractal(node),
+            node.feature == Feature::SmoothF1,
+            node.has_exponent,
+            true,
+        ];
         let values: Vec<Vec<f32>> = (0..coordinate_columns)
             .map(|axis| coordinates.iter().map(|row| row[axis]).collect())
             .chain(parameters.iter().zip(exists).filter(|(_, exists)| *exists).map(|(&value, _)| vec![value; count]))
@@ -479,13 +510,14 @@ mod tests {
                                 metric,
                                 feature,
                                 normalize,
-                                has_exponent: false,
+                                has_exponent: has_color && dimensions > 1 && metric == Metric::Minkowski,
                                 distance,
                                 color,
                                 position,
                                 w,
                             };
-                            assert_lanes_equal_scalar(&node, parameters, &coordinates);
+                            let exponent = SAMPLE_EXPONENTS[(number + 3 * set) % SAMPLE_EXPONENTS.len()];
+                            assert_lanes_equal_scalar(&node, parameters, exponent, &coordinates);
                         }
                     }
                 }

@@ -14,7 +14,8 @@
 //! than the smooth minimum by the smoothness leaves every sum of smooth F1 as it is; there the order
 //! counts, and the cells are visited as in the full scan.
 
-use super::{Found, Metric, Search, each};
+use super::{Found, Measure, Metric, Search, each};
+use crate::nodes::lanes;
 use fearless_simd::prelude::*;
 use std::sync::OnceLock;
 
@@ -65,7 +66,7 @@ fn linear_hash<S: Simd>(floor: S::f32s) -> S::i32s {
 }
 
 /// Per kind of neighbour along one axis (own, near, far): the offset of the cell, the linear part of
-/// its hash, and the least magnitude (squared for the Euclidean metric) of an offset to its point.
+/// its hash, and the least magnitude (as it enters what is compared) of an offset to its point.
 #[derive(Clone, Copy)]
 struct Axis<S: Simd> {
     offset: [S::f32s; 3],
@@ -78,17 +79,20 @@ struct Axis<S: Simd> {
 impl<S: Simd> Axis<S> {
     /// The neighbours of the cell at `corner`, which holds `place`.
     #[inline(always)]
-    fn around(simd: S, corner: S::f32s, hash: S::i32s, place: S::f32s, metric: Metric) -> Self {
+    fn around(simd: S, corner: S::f32s, hash: S::i32s, place: S::f32s, measure: Measure) -> Self {
         let (zero, one) = (S::f32s::splat(simd, 0.0), S::f32s::splat(simd, 1.0));
         let (down, up) = (place - corner, (corner + one) - place);
         let upper = down.simd_ge(0.5);
         let near = upper.select(one, -one);
         let step = S::i32s::splat(simd, MULTIPLIER);
-        let magnitude = |value: S::f32s| if metric == Metric::Euclidean { value * value } else { value };
         Self {
             offset: [corner, corner + near, corner - near],
             hash: [hash, upper.select(hash + step, hash - step), upper.select(hash - step, hash + step)],
-            least: [zero, magnitude(upper.select(up, down)), magnitude(upper.select(down, up))],
+            least: [
+                zero,
+                least_part(simd, measure, upper.select(up, down)),
+                least_part(simd, measure, upper.select(down, up)),
+            ],
             place,
         }
     }
@@ -96,17 +100,17 @@ impl<S: Simd> Axis<S> {
 
 /// The neighbourhood of the coordinates.
 #[inline(always)]
-fn axes<S: Simd, const N: usize>(simd: S, floor: [S::f32s; N], x: [S::f32s; N], metric: Metric) -> [Axis<S>; N] {
+fn axes<S: Simd, const N: usize>(simd: S, floor: [S::f32s; N], x: [S::f32s; N], measure: Measure) -> [Axis<S>; N] {
     let zero = S::f32s::splat(simd, 0.0);
     each(
         #[inline(always)]
-        |axis| Axis::around(simd, zero, linear_hash::<S>(floor[axis]), x[axis] - floor[axis], metric),
+        |axis| Axis::around(simd, zero, linear_hash::<S>(floor[axis]), x[axis] - floor[axis], measure),
     )
 }
 
-/// Joins per-axis magnitudes (squared for the Euclidean metric) in the kernel's association.
+/// Joins the parts of the axes in the kernel's association.
 #[inline(always)]
-fn join<S: Simd, const N: usize>(metric: Metric, v: [S::f32s; N]) -> S::f32s {
+fn join<S: Simd, const N: usize>(measure: Measure, v: [S::f32s; N]) -> S::f32s {
     #[inline(always)]
     fn with<V: Copy, const N: usize>(add: impl Fn(V, V) -> V, v: [V; N]) -> V {
         match N {
@@ -115,33 +119,77 @@ fn join<S: Simd, const N: usize>(metric: Metric, v: [S::f32s; N]) -> S::f32s {
             _ => add(add(v[0], v[1]), add(v[2], v[3])),
         }
     }
-    if metric == Metric::Chebychev { with(|a: S::f32s, b| a.max(b), v) } else { with(|a, b| a + b, v) }
+    if measure.metric == Metric::Chebychev { with(|a: S::f32s, b| a.max(b), v) } else { with(|a, b| a + b, v) }
+}
+
+/// Powers of the C library, lane by lane.
+#[inline(never)]
+fn power(values: &mut [f32], exponent: f32) {
+    values.iter_mut().for_each(|value| *value = value.powf(exponent));
+}
+
+#[inline(always)]
+fn powered<S: Simd>(simd: S, value: S::f32s, exponent: f32) -> S::f32s {
+    let mut values = [0.0; lanes::MOST];
+    let values = &mut values[..S::f32s::LEN];
+    value.store_slice(values);
+    power(values, exponent);
+    S::f32s::from_slice(simd, values)
+}
+
+/// What one axis gives to what is compared.
+#[inline(always)]
+fn part<S: Simd>(simd: S, measure: Measure, offset: S::f32s) -> S::f32s {
+    match measure.metric {
+        Metric::Euclidean => offset * offset,
+        Metric::Minkowski => powered(simd, offset.abs(), measure.exponent),
+        _ => offset.abs(),
+    }
+}
+
+/// A bound on [`part`] for all offsets of at least this magnitude. Powers of the C library are accurate to a unit in the last
+/// place, but need not be monotone: the margins cover that, and powers that underflow.
+#[inline(always)]
+fn least_part<S: Simd>(simd: S, measure: Measure, magnitude: S::f32s) -> S::f32s {
+    let part = part(simd, measure, magnitude);
+    if measure.metric == Metric::Minkowski { part * (1.0 - 1.0 / 1_048_576.0) - 1.0e-37 } else { part }
 }
 
 /// What orders offsets as the distance does: without the root.
 #[inline(always)]
-fn compared<S: Simd, const N: usize>(metric: Metric, v: [S::f32s; N]) -> S::f32s {
-    let euclidean = metric == Metric::Euclidean;
-    join::<S, N>(metric, each(|axis| if euclidean { v[axis] * v[axis] } else { v[axis].abs() }))
+fn compared<S: Simd, const N: usize>(simd: S, measure: Measure, v: [S::f32s; N]) -> S::f32s {
+    join::<S, N>(measure, each(|axis| part(simd, measure, v[axis])))
 }
 
 /// The distance that belongs to what was compared.
 #[inline(always)]
-fn distance_of<S: Simd>(metric: Metric, compared: S::f32s) -> S::f32s {
-    if metric == Metric::Euclidean { compared.sqrt() } else { compared }
+fn distance_of<S: Simd>(simd: S, measure: Measure, compared: S::f32s) -> S::f32s {
+    match measure.metric {
+        Metric::Euclidean => compared.sqrt(),
+        Metric::Minkowski => powered(simd, compared, 1.0 / measure.exponent),
+        _ => compared,
+    }
 }
 
 /// A limit on what is compared: whatever exceeds it belongs to a distance above `distance`. The margins cover
-/// the rounding of square and root, and squares that underflow.
+/// the rounding of powers and roots, and powers that underflow.
 #[inline(always)]
-fn limit<S: Simd>(metric: Metric, distance: S::f32s) -> S::f32s {
-    if metric == Metric::Euclidean { (distance * distance) * (1.0 + 1.0 / 1_048_576.0) + 1.0e-37 } else { distance }
+fn limit<S: Simd>(simd: S, measure: Measure, distance: S::f32s) -> S::f32s {
+    match measure.metric {
+        Metric::Euclidean => (distance * distance) * (1.0 + 1.0 / 1_048_576.0) + 1.0e-37,
+        Metric::Minkowski => {
+            // A unit in the last place of the root is that many of the power.
+            let margin = (measure.exponent + 4.0) / 1_048_576.0;
+            powered(simd, distance + 1.0e-37, measure.exponent) * (1.0 + margin) + 1.0e-37
+        }
+        _ => distance,
+    }
 }
 
 /// Least value of what is compared for any point of a cell.
 #[inline(always)]
-fn least<S: Simd, const N: usize>(axes: &[Axis<S>; N], metric: Metric, cell: &Kinds) -> S::f32s {
-    join::<S, N>(metric, each(|axis| axes[axis].least[usize::from(cell[axis])]))
+fn least<S: Simd, const N: usize>(axes: &[Axis<S>; N], measure: Measure, cell: &Kinds) -> S::f32s {
+    join::<S, N>(measure, each(|axis| axes[axis].least[usize::from(cell[axis])]))
 }
 
 /// Offset from the place to the point of a cell.
@@ -216,10 +264,10 @@ fn smallest<S: Simd, const N: usize>(simd: S, axes: &[Axis<S>; N], search: Searc
         || {
             let mut best = S::f32s::splat(simd, f32::MAX);
             for cell in cells {
-                if least(axes, search.metric, cell).simd_lt(best).all_false() {
+                if least(axes, search.measure, cell).simd_lt(best).all_false() {
                     continue;
                 }
-                best = best.min(compared::<S, N>(search.metric, offset_to(axes, search.randomness, cell)));
+                best = best.min(compared::<S, N>(simd, search.measure, offset_to(axes, search.randomness, cell)));
             }
             best
         },
@@ -236,10 +284,10 @@ fn nearest<S: Simd, const N: usize>(simd: S, axes: &[Axis<S>; N], search: Search
             let ranks = ranks(axes);
             let (mut best, mut best_rank) = (S::f32s::splat(simd, f32::MAX), S::i32s::splat(simd, 0));
             for cell in visiting_order::<N>() {
-                if least(axes, search.metric, cell).simd_le(best).all_false() {
+                if least(axes, search.measure, cell).simd_le(best).all_false() {
                     continue;
                 }
-                let value = compared::<S, N>(search.metric, offset_to(axes, search.randomness, cell));
+                let value = compared::<S, N>(simd, search.measure, offset_to(axes, search.randomness, cell));
                 let rank = rank_of::<S, N>(&ranks, cell);
                 let wins = precedes::<S>(value, rank, best, best_rank);
                 best = wins.select(value, best);
@@ -260,26 +308,27 @@ fn precedes<S: Simd>(value: S::f32s, rank: S::i32s, other: S::f32s, other_rank: 
 #[inline(always)]
 pub(super) fn f1<S: Simd, const N: usize>(simd: S, x: [S::f32s; N], search: Search) -> Found<S, N> {
     let floor: [S::f32s; N] = each(|axis| x[axis].floor());
-    let axes = axes(simd, floor, x, search.metric);
+    let axes = axes(simd, floor, x, search.measure);
     if search.color || search.position {
         let (compared, rank) = nearest(simd, &axes, search);
-        let distance = distance_of::<S>(search.metric, compared);
+        let distance = distance_of::<S>(simd, search.measure, compared);
         return Winner::of(&axes, rank, search.randomness).found(simd, distance, floor);
     }
     let compared = smallest(simd, &axes, search, visiting_order::<N>());
-    Found::of_distance(simd, distance_of::<S>(search.metric, compared))
+    Found::of_distance(simd, distance_of::<S>(simd, search.measure, compared))
 }
 
 /// F2.
 #[inline(always)]
 pub(super) fn f2<S: Simd, const N: usize>(simd: S, x: [S::f32s; N], search: Search) -> Found<S, N> {
     let floor: [S::f32s; N] = each(|axis| x[axis].floor());
-    let axes = axes(simd, floor, x, search.metric);
-    if search.color || search.position {
+    let axes = axes(simd, floor, x, search.measure);
+    // The full scan compares roots; powers of the C library need not keep the order.
+    if search.color || search.position || search.measure.metric == Metric::Minkowski {
         let (distance, rank) = second_nearest(simd, &axes, search);
         return Winner::of(&axes, rank, search.randomness).found(simd, distance, floor);
     }
-    Found::of_distance(simd, distance_of::<S>(search.metric, second_smallest(simd, &axes, search)))
+    Found::of_distance(simd, distance_of::<S>(simd, search.measure, second_smallest(simd, &axes, search)))
 }
 
 /// Second smallest value of what is compared. It belongs to the second smallest distance: a root keeps the order.
@@ -287,10 +336,10 @@ pub(super) fn f2<S: Simd, const N: usize>(simd: S, x: [S::f32s; N], search: Sear
 fn second_smallest<S: Simd, const N: usize>(simd: S, axes: &[Axis<S>; N], search: Search) -> S::f32s {
     let [mut first, mut second] = [S::f32s::splat(simd, f32::MAX); 2];
     for cell in visiting_order::<N>() {
-        if least(axes, search.metric, cell).simd_lt(second).all_false() {
+        if least(axes, search.measure, cell).simd_lt(second).all_false() {
             continue;
         }
-        let value = compared::<S, N>(search.metric, offset_to(axes, search.randomness, cell));
+        let value = compared::<S, N>(simd, search.measure, offset_to(axes, search.randomness, cell));
         second = second.min(first.max(value));
         first = first.min(value);
     }
@@ -304,13 +353,13 @@ fn second_nearest<S: Simd, const N: usize>(simd: S, axes: &[Axis<S>; N], search:
     let ranks = ranks(axes);
     let [mut first, mut second] = [S::f32s::splat(simd, f32::MAX); 2];
     let [mut first_rank, mut second_rank] = [S::i32s::splat(simd, 0); 2];
-    let mut reach = limit::<S>(search.metric, second);
+    let mut reach = limit::<S>(simd, search.measure, second);
     for cell in visiting_order::<N>() {
-        if least(axes, search.metric, cell).simd_le(reach).all_false() {
+        if least(axes, search.measure, cell).simd_le(reach).all_false() {
             continue;
         }
-        let value = compared::<S, N>(search.metric, offset_to(axes, search.randomness, cell));
-        let distance = distance_of::<S>(search.metric, value);
+        let value = compared::<S, N>(simd, search.measure, offset_to(axes, search.randomness, cell));
+        let distance = distance_of::<S>(simd, search.measure, value);
         let rank = rank_of::<S, N>(&ranks, cell);
         let is_first = precedes::<S>(distance, rank, first, first_rank);
         let is_second = precedes::<S>(distance, rank, second, second_rank);
@@ -318,13 +367,13 @@ fn second_nearest<S: Simd, const N: usize>(simd: S, axes: &[Axis<S>; N], search:
         second_rank = is_first.select(first_rank, is_second.select(rank, second_rank));
         first = is_first.select(distance, first);
         first_rank = is_first.select(rank, first_rank);
-        reach = limit::<S>(search.metric, second);
+        reach = limit::<S>(simd, search.measure, second);
     }
     (second, second_rank)
 }
 
-/// Per offset along one axis: the linear part of the cell's hash, and the least magnitude (squared for the
-/// Euclidean metric) of an offset to its point.
+/// Per offset along one axis: the linear part of the cell's hash, and the least magnitude (as it
+/// enters what is compared) of an offset to its point.
 #[derive(Clone, Copy)]
 struct WideAxis<S: Simd> {
     hash: [S::i32s; 5],
@@ -334,15 +383,14 @@ struct WideAxis<S: Simd> {
 
 impl<S: Simd> WideAxis<S> {
     #[inline(always)]
-    fn around(simd: S, floor: S::f32s, x: S::f32s, metric: Metric) -> Self {
+    fn around(simd: S, floor: S::f32s, x: S::f32s, measure: Measure) -> Self {
         let local = x - floor;
         let (one, two) = (S::f32s::splat(simd, 1.0), S::f32s::splat(simd, 2.0));
         let hash = linear_hash::<S>(floor);
         let least = [local + one, local, S::f32s::splat(simd, 0.0), one - local, two - local];
-        let euclidean = metric == Metric::Euclidean;
         Self {
             hash: each(|kind| hash + (WIDE_OFFSETS[kind] as i32).wrapping_mul(MULTIPLIER)),
-            least: each(|kind| if euclidean { least[kind] * least[kind] } else { least[kind] }),
+            least: each(|kind| least_part(simd, measure, least[kind])),
             local,
         }
     }
@@ -354,12 +402,12 @@ pub(super) fn smooth_f1<S: Simd, const N: usize>(simd: S, x: [S::f32s; N], searc
     let floor: [S::f32s; N] = each(|axis| x[axis].floor());
     let axes: [WideAxis<S>; N] = each(
         #[inline(always)]
-        |axis| WideAxis::around(simd, floor[axis], x[axis], search.metric),
+        |axis| WideAxis::around(simd, floor[axis], x[axis], search.measure),
     );
     let mut smooth = Smooth::start(simd, search);
     for cell in wide_order::<N>() {
         let kind = |axis: usize| usize::from(cell[axis]);
-        let least = join::<S, N>(search.metric, each(|axis| axes[axis].least[kind(axis)]));
+        let least = join::<S, N>(search.measure, each(|axis| axes[axis].least[kind(axis)]));
         if least.simd_le(smooth.reach).all_false() {
             continue;
         }
@@ -367,7 +415,7 @@ pub(super) fn smooth_f1<S: Simd, const N: usize>(simd: S, x: [S::f32s; N], searc
         let values = hash_values::<S, N>(hash);
         let point: [S::f32s; N] = each(|axis| values[axis] * search.randomness + WIDE_OFFSETS[kind(axis)]);
         let v = each(|axis| point[axis] - axes[axis].local);
-        let distance = distance_of::<S>(search.metric, compared::<S, N>(search.metric, v));
+        let distance = distance_of::<S>(simd, search.measure, compared::<S, N>(simd, search.measure, v));
         smooth.add(
             simd,
             search,
@@ -398,7 +446,7 @@ impl<S: Simd, const N: usize> Smooth<S, N> {
     pub(super) fn start(simd: S, search: Search) -> Self {
         let zero = S::f32s::splat(simd, 0.0);
         // The first cell replaces the start values whatever they are.
-        let reach = limit::<S>(search.metric, S::f32s::splat(simd, f32::MAX));
+        let reach = limit::<S>(simd, search.measure, S::f32s::splat(simd, f32::MAX));
         Self { found: Found::of_distance(simd, zero), empty: true, reach }
     }
 
@@ -425,7 +473,7 @@ impl<S: Simd, const N: usize> Smooth<S, N> {
         let correction = (h * search.smoothness) * (one - h);
         sum.distance = (sum.distance + h * (distance - sum.distance)) - correction;
         if search.smoothness >= SMALLEST_CULLED_SMOOTHNESS {
-            self.reach = limit::<S>(search.metric, (sum.distance + search.smoothness).max(zero));
+            self.reach = limit::<S>(simd, search.measure, (sum.distance + search.smoothness).max(zero));
         }
         if search.color || search.position {
             let correction = correction / (1.0 + 3.0 * search.smoothness);
@@ -444,27 +492,27 @@ impl<S: Simd, const N: usize> Smooth<S, N> {
 /// Distance to edge. Where it is zero, its sign may differ from the scalar evaluation's.
 #[inline(always)]
 pub(super) fn edge<S: Simd, const N: usize>(simd: S, x: [S::f32s; N], search: Search) -> S::f32s {
-    let search = Search { metric: Metric::Euclidean, ..search };
-    let axes = axes(simd, each(|axis| x[axis].floor()), x, search.metric);
+    let search = Search { measure: Measure::EUCLIDEAN, ..search };
+    let axes = axes(simd, each(|axis| x[axis].floor()), x, search.measure);
     let (square, rank) = nearest(simd, &axes, search);
     let point = Winner::of(&axes, rank, search.randomness).point;
     let nearest: [S::f32s; N] = each(|axis| point[axis] - axes[axis].place);
     let one = S::f32s::splat(simd, 1.0);
     let mut edge = S::f32s::splat(simd, f32::MAX);
-    let mut reach = limit::<S>(search.metric, edge);
+    let mut reach = limit::<S>(simd, search.measure, edge);
     let radius = square.sqrt() + 1.0e-4;
     for cell in visiting_order::<N>() {
-        if least(&axes, search.metric, cell).simd_le(reach).all_false() {
+        if least(&axes, search.measure, cell).simd_le(reach).all_false() {
             continue;
         }
         let v = offset_to(&axes, search.randomness, cell);
         let across: [S::f32s; N] = each(|axis| v[axis] - nearest[axis]);
-        let square = compared::<S, N>(search.metric, across);
+        let square = compared::<S, N>(simd, search.measure, across);
         let norm = square.sqrt();
         let inverse = one / norm;
         let direction: [S::f32s; N] = each(|axis| if N == 3 { across[axis] / norm } else { across[axis] * inverse });
         let products = each(|axis| ((nearest[axis] + v[axis]) * 0.5) * direction[axis]);
-        let distance = join::<S, N>(search.metric, products);
+        let distance = join::<S, N>(search.measure, products);
         // A point that is (nearly) the nearest itself has no edge to it.
         let smaller = square.simd_gt(0.0001) & distance.simd_lt(edge);
         edge = smaller.select(distance, edge);
@@ -479,14 +527,14 @@ pub(super) fn edge<S: Simd, const N: usize>(simd: S, x: [S::f32s; N], search: Se
 /// Radius of the n-sphere: half the distance from the nearest point to its nearest neighbour.
 #[inline(always)]
 pub(super) fn n_sphere_radius<S: Simd, const N: usize>(simd: S, x: [S::f32s; N], search: Search) -> S::f32s {
-    let search = Search { metric: Metric::Euclidean, ..search };
-    let metric = search.metric;
-    let around_place = axes(simd, each(|axis| x[axis].floor()), x, metric);
+    let search = Search { measure: Measure::EUCLIDEAN, ..search };
+    let measure = search.measure;
+    let around_place = axes(simd, each(|axis| x[axis].floor()), x, measure);
     let (_, rank) = nearest(simd, &around_place, search);
     let closest = Winner::of(&around_place, rank, search.randomness);
     let around_closest: [Axis<S>; N] = each(
         #[inline(always)]
-        |axis| Axis::around(simd, closest.offset[axis], closest.hash[axis], closest.point[axis], metric),
+        |axis| Axis::around(simd, closest.offset[axis], closest.hash[axis], closest.point[axis], measure),
     );
     // The first cell is the one that holds the point itself.
     smallest(simd, &around_closest, search, &visiting_order::<N>()[1..]).sqrt() / 2.0
