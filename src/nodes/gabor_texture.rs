@@ -159,7 +159,7 @@ fn random<R: Real, const N: usize>(cell: [R; N], seed: usize, variant: usize) ->
 }
 
 /// Real and imaginary part of an impulse's wave at a squared distance below 1, where `projection` is the offset times the
-/// wave vector.
+/// wave vector. To be added to a sum that began with +0.
 #[inline(always)]
 fn phasor<R: Real>(square: R, projection: R, negative: bool) -> [R; 2] {
     let half = R::of(0.5);
@@ -167,7 +167,9 @@ fn phasor<R: Real>(square: R, projection: R, negative: bool) -> [R; 2] {
     let envelope = (R::of(-PI) * square).library(Library::Exp) * bell;
     let angle = R::of(TAU) * projection;
     let parts = [envelope * angle.library(Library::Cos), envelope * angle.library(Library::Sin)];
-    if negative { parts.map(|part| -part) } else { parts }
+    // Cycles multiplies by -1, which leaves a NaN its sign: White Noise shows it. A negation does not. (The sign of a zero is
+    // nothing to the sum.)
+    if negative { parts.map(|part| R::of(0.0) - part) } else { parts }
 }
 
 /// Offsets of the searched cells, first axis fastest.

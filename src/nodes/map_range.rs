@@ -38,7 +38,7 @@ pub static TYPE: NodeType = NodeType {
     ],
     role: Role::Evaluated(|mode| {
         Box::new(MapRange {
-            interpolation: mode.choice("interpolation_type"),
+            interpolation: Interpolation::of(mode.choice("interpolation_type")),
             clamp: mode.flag("clamp"),
             vector: is_vector(mode),
         })
@@ -57,15 +57,41 @@ fn is_stepped(mode: &Mode) -> bool {
     mode.choice("interpolation_type") == "STEPPED"
 }
 
+/// How the factor follows the place in the range.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Interpolation {
+    Linear,
+    Stepped,
+    Smooth,
+    Smoother,
+}
+
+impl Interpolation {
+    fn of(name: &str) -> Self {
+        match name {
+            "LINEAR" => Self::Linear,
+            "STEPPED" => Self::Stepped,
+            "SMOOTHSTEP" => Self::Smooth,
+            _ => Self::Smoother,
+        }
+    }
+
+    fn is_smooth(self) -> bool {
+        matches!(self, Self::Smooth | Self::Smoother)
+    }
+}
+
 struct MapRange {
-    interpolation: &'static str,
+    interpolation: Interpolation,
     clamp: bool,
     vector: bool,
 }
 
 /// Limits `value` to the range between `a` and `b`, whichever is lower.
 fn clamp_to<R: Real>(value: R, a: R, b: R) -> R {
-    if a > b { value.clamped(b, a) } else { value.clamped(a, b) }
+    // Ends are sorted first: which one is lower is not worth predicting.
+    let (low, high) = if a > b { (b, a) } else { (a, b) };
+    value.clamped(low, high)
 }
 
 /// Factor of a stepped remap.
@@ -93,9 +119,9 @@ impl MapRange {
             };
             let linear = (value - from[0]) / (from[1] - from[0]);
             let factor = match self.interpolation {
-                "LINEAR" => linear,
-                "STEPPED" => stepped(linear, steps),
-                "SMOOTHSTEP" => mirrored(R::smooth_step),
+                Interpolation::Linear => linear,
+                Interpolation::Stepped => stepped(linear, steps),
+                Interpolation::Smooth => mirrored(R::smooth_step),
                 _ => mirrored(smoother_step),
             };
             to[0] + factor * (to[1] - to[0])
@@ -107,13 +133,13 @@ impl MapRange {
         let t = (value - from[0]).safe_divide(from[1] - from[0]);
         let limited = t.saturate();
         let factor = match self.interpolation {
-            "LINEAR" => t,
-            "STEPPED" => stepped(t, steps),
-            "SMOOTHSTEP" => (R::of(3.0) - R::of(2.0) * limited) * (limited * limited),
+            Interpolation::Linear => t,
+            Interpolation::Stepped => stepped(t, steps),
+            Interpolation::Smooth => (R::of(3.0) - R::of(2.0) * limited) * (limited * limited),
             _ => limited.quintic(),
         };
         let result = to[0] + factor * (to[1] - to[0]);
-        let clamps = self.clamp && matches!(self.interpolation, "LINEAR" | "STEPPED");
+        let clamps = self.clamp && !self.interpolation.is_smooth();
         if clamps { clamp_to(result, to[0], to[1]) } else { result }
     }
 }
@@ -164,9 +190,9 @@ impl MapRange {
             linear.saturate().increasing(function, 1e-5).meet(unit)
         };
         let factor = match self.interpolation {
-            "LINEAR" => linear,
-            "STEPPED" => enclose_stepped(linear, steps),
-            "SMOOTHSTEP" => rising(&smooth),
+            Interpolation::Linear => linear,
+            Interpolation::Stepped => enclose_stepped(linear, steps),
+            Interpolation::Smooth => rising(&smooth),
             _ => rising(&smoother),
         };
         let mut result = to[0] + factor * (to[1] - to[0]);
@@ -175,7 +201,7 @@ impl MapRange {
         } else if !self.vector && may_be_empty {
             result = result.hull(Interval::ZERO);
         }
-        let clamps = self.clamp && (!self.vector || matches!(self.interpolation, "LINEAR" | "STEPPED"));
+        let clamps = self.clamp && (!self.vector || !self.interpolation.is_smooth());
         if clamps { enclose_clamp_to(result, to[0], to[1]) } else { result }
     }
 }
@@ -218,7 +244,7 @@ impl Evaluate for MapRange {
     fn fold_constants(&self, inputs: &[f32]) -> Option<Vec<f32>> {
         // Blender's own rules for an empty source range and for negative step counts.
         if self.vector {
-            if self.interpolation != "STEPPED" || inputs[15..18].iter().all(|&steps| steps >= 0.0) {
+            if self.interpolation != Interpolation::Stepped || inputs[15..18].iter().all(|&steps| steps >= 0.0) {
                 return None;
             }
             return Some(
@@ -235,12 +261,13 @@ impl Evaluate for MapRange {
         let [value, from_min, from_max, to_min, to_max] = inputs[..5] else { return None };
         let result = if from_min == from_max {
             to_min
-        } else if self.interpolation == "STEPPED" && inputs[5] < 0.0 {
+        } else if self.interpolation == Interpolation::Stepped && inputs[5] < 0.0 {
             to_min + folded_step((value - from_min) / (from_max - from_min), inputs[5]) * (to_max - to_min)
-        } else if matches!(self.interpolation, "SMOOTHSTEP" | "SMOOTHERSTEP") {
+        } else if self.interpolation.is_smooth() {
             // Blender divides by a negative width where Cycles mirrors.
             let t = ((value - from_min) / (from_max - from_min)).saturate();
-            let factor = if self.interpolation == "SMOOTHSTEP" { (3.0 - 2.0 * t) * (t * t) } else { t.quintic() };
+            let factor =
+                if self.interpolation == Interpolation::Smooth { (3.0 - 2.0 * t) * (t * t) } else { t.quintic() };
             to_min + factor * (to_max - to_min)
         } else {
             return None;

@@ -91,13 +91,9 @@ const EPSILON: f32 = f32::EPSILON;
 
 /// Sign with the kernel's NaN rule: anything that is neither 0 nor negative gives 1.
 pub(super) fn sign<R: Real>(a: R) -> R {
-    if a == R::of(0.0) {
-        R::of(0.0)
-    } else if a < R::of(0.0) {
-        R::of(-1.0)
-    } else {
-        R::of(1.0)
-    }
+    // Two selections: signs of random values are not worth predicting.
+    let sign = if a < R::of(0.0) { R::of(-1.0) } else { R::of(1.0) };
+    if a == R::of(0.0) { R::of(0.0) } else { sign }
 }
 
 /// Polynomial smooth minimum of width `k`; the plain minimum for `k` = 0.
@@ -170,7 +166,7 @@ impl Math {
             "LESS_THAN" => binary!(|a, b| truth(a < b)),
             "GREATER_THAN" => binary!(|a, b| truth(a > b)),
             "SIGN" => unary!(sign),
-            "COMPARE" => ternary!(|a: R, b: R, c: R| truth(a == b || (a - b).abs() <= c.fmax(R::of(EPSILON)))),
+            "COMPARE" => ternary!(|a: R, b: R, c: R| truth((a == b) | ((a - b).abs() <= c.fmax(R::of(EPSILON))))),
             "SMOOTH_MIN" => ternary!(smooth_minimum),
             "SMOOTH_MAX" => ternary!(|a: R, b: R, c: R| -smooth_minimum(-a, -b, c)),
             "ROUND" => unary!(|a: R| (a + R::of(0.5)).floor()),

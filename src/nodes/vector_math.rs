@@ -138,7 +138,8 @@ fn project<R: Real>(a: [R; 3], b: [R; 3]) -> [R; 3] {
 fn wrap<R: Real>(a: R, maximum: R, minimum: R) -> R {
     let value = a - minimum;
     let range = maximum - minimum;
-    if range == R::of(0.0) { minimum } else { (value - (value / range).floor() * range) + minimum }
+    let wrapped = (value - (value / range).floor() * range) + minimum;
+    if range == R::of(0.0) { minimum } else { wrapped }
 }
 
 impl Evaluate for VectorMath {

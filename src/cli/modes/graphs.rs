@@ -51,7 +51,8 @@ pub(super) fn run(arguments: &Arguments, count: u64) -> Result<ExitCode> {
         }
     }
     bar.finish_and_clear();
-    let summary = Summary::of(&outcomes);
+    let adapter = opened.map(|gpu| format!("{} ({})", gpu.adapter().name, gpu.adapter().driver));
+    let summary = Summary::of(&outcomes, adapter);
     let document = json!({"summary": summary.json(), "graphs": outcomes});
     let json = serde_json::to_string_pretty(&document).expect("outcomes serialise") + "\n";
     if arguments.output.is_some() {
@@ -70,6 +71,8 @@ pub(super) fn run(arguments: &Arguments, count: u64) -> Result<ExitCode> {
 
 /// Figures over all graphs.
 struct Summary {
+    /// Adapter and driver of the WGSL.
+    adapter: Option<String>,
     graphs: usize,
     failed: usize,
     values: usize,
@@ -93,7 +96,7 @@ struct Summary {
 }
 
 impl Summary {
-    fn of(outcomes: &[Outcome]) -> Self {
+    fn of(outcomes: &[Outcome], adapter: Option<String>) -> Self {
         let cpu = || outcomes.iter().filter_map(|outcome| outcome.cpu.as_ref());
         let wgsl = || outcomes.iter().filter_map(|outcome| outcome.wgsl.as_ref());
         let bounds = || outcomes.iter().filter_map(|outcome| outcome.bounds.as_ref());
@@ -101,6 +104,7 @@ impl Summary {
         let determined: Vec<f32> =
             outcomes.iter().flat_map(|outcome| outcome.differences.determined.iter().copied()).collect();
         Self {
+            adapter,
             graphs: outcomes.len(),
             failed: outcomes.iter().filter(|outcome| !outcome.failures.is_empty()).count(),
             values: cpu().map(|found| found.values).sum(),
@@ -137,7 +141,7 @@ impl Summary {
                 "outputs": self.outputs, "outputs_of_library": self.outputs_of_library,
             },
             "wgsl": {
-                "graphs": self.shaders, "graphs_without_shader": self.impossible, "values": self.wgsl_values,
+                "adapter": self.adapter, "graphs": self.shaders, "graphs_without_shader": self.impossible, "values": self.wgsl_values,
                 "limit": WGSL_LIMIT, "all": percentiles(self.all), "determined": percentiles(self.determined),
                 "beyond": self.beyond, "bounded": self.bounded, "undetermined": self.undetermined,
                 "unexplained": self.unexplained,
@@ -174,7 +178,8 @@ impl Summary {
         if self.shaders > 0 {
             let show = |[p50, p99, p999]: [f64; 3]| format!("p50 {p50:.1e}, p99 {p99:.1e}, p99.9 {p999:.1e}");
             line(format_args!(
-                "WGSL against CPU: {} graphs ({} have constants that WGSL cannot write), {} ordinary values: {}",
+                "WGSL against CPU, {}: {} graphs ({} have constants that WGSL cannot write), {} ordinary values: {}",
+                self.adapter.as_deref().unwrap_or("no adapter"),
                 self.shaders,
                 self.impossible,
                 self.wgsl_values,
