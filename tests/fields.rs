@@ -215,6 +215,29 @@ fn random_graphs_agree_with_their_shaders() {
     assert!(compared > 300, "{compared} ordinary values");
 }
 
+/// With an exponent of 0 every root is infinite, and the search finds nothing.
+#[test]
+fn where_voronoi_finds_nothing_shaders_agree_too() {
+    if !support::require("vulkan") {
+        return;
+    }
+    let gpu = cloudparity::gpu::Gpu::open().expect("an adapter");
+    let properties = json!({"feature": "F2", "distance": "MINKOWSKI"});
+    let graph = json!({"material": "Material", "groups": [], "nodes": [{
+        "name": "Voronoi", "type": "ShaderNodeTexVoronoi", "properties": properties, "inputs": {"Exponent": 0.0},
+    }]});
+    let trial = Trial {
+        scene: suite::bare_scene("nothing found", graph).expect("a scene"),
+        targets: ["Color", "Position"].map(|output| Target::output("Voronoi", output)).to_vec(),
+        positions: (0..64).map(|index| [0.07 * index as f32, 0.3, -0.05 * index as f32]).collect(),
+        attributes: Vec::new(),
+    };
+    let judge = Judge { gpu: Some(&gpu), compile: &random_graphs::compile };
+    let outcomes = random_graphs::run(&[random_graphs::RandomGraph { seed: 0, trial }], &judge, &mut Ours);
+    assert!(outcomes[0].failures.is_empty(), "{:?}", outcomes[0].failures);
+    assert_eq!(outcomes[0].wgsl.as_ref().map(|figures| figures.values), Some(64 * 6));
+}
+
 #[test]
 fn a_nudge_moves_what_the_library_computes_and_nothing_else() {
     let (mut still, mut moving) = (0, 0);

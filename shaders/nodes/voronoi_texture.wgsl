@@ -423,17 +423,18 @@ fn search(site: Site, p: Parameters) -> Search {
 // ---------------------------------------------------------------------------------------------------------------------
 // Features
 
-// Distance, colour and position of the cell at an offset.
-fn octave_at(site: Site, o: vec4i, distance: f32, p: Parameters) -> Octave {
+// Distance, colour and position of the cell at an offset. Where all distances overflow (an Exponent of 0) nothing is found, and
+// the point stays at the corner of the own cell.
+fn octave_at(site: Site, o: vec4i, distance: f32, is_found: bool, p: Parameters) -> Octave {
     var octave: Octave;
     octave.distance = distance;
 #ifdef OUTPUT_COLOR
     octave.color = color_of(site.cell + o);
 #endif
 #ifdef OUTPUT_POSITION
-    octave.position = point_of(site, o, p) + site.corner;
+    octave.position = select(vec4f(0.0), point_of(site, o, p), is_found) + site.corner;
 #else ifdef OUTPUT_W
-    octave.position = point_of(site, o, p) + site.corner;
+    octave.position = select(vec4f(0.0), point_of(site, o, p), is_found) + site.corner;
 #endif
     return octave;
 }
@@ -441,17 +442,18 @@ fn octave_at(site: Site, o: vec4i, distance: f32, p: Parameters) -> Octave {
 fn first_feature(x: vec4f, p: Parameters) -> Octave {
     let site = site_of(x);
     let s = search(site, p);
+    let is_found = s.nearest < LARGEST;
 #ifdef OUTPUT_DISTANCE
-    return octave_at(site, offset_of(s.nearest_rank), root(s.nearest, p.exponent), p);
+    return octave_at(site, offset_of(s.nearest_rank), root(s.nearest, p.exponent), is_found, p);
 #else
-    return octave_at(site, offset_of(s.nearest_rank), 0.0, p);
+    return octave_at(site, offset_of(s.nearest_rank), 0.0, is_found, p);
 #endif
 }
 
 fn second_feature(x: vec4f, p: Parameters) -> Octave {
     let site = site_of(x);
     let s = search(site, p);
-    return octave_at(site, offset_of(s.second_rank), s.second, p);
+    return octave_at(site, offset_of(s.second_rank), s.second, s.second < LARGEST, p);
 }
 
 // Folds one more cell into a smooth minimum.

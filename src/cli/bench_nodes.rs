@@ -20,9 +20,9 @@ pub(super) struct Arguments {
     #[arg(long, value_name = "TEXT")]
     mode: Option<String>,
     /// Points at most, of which Cycles evaluates each several times; modes that cost much get fewer.
-    #[arg(long, default_value_t = 16_384, value_parser = clap::value_parser!(u32).range(1024..=1_048_576))]
+    #[arg(long, default_value_t = 4096, value_parser = clap::value_parser!(u32).range(1024..=1_048_576))]
     points: u32,
-    /// Repetitions; the median counts.
+    /// Repetitions; the least processor time counts (of WGSL, the median).
     #[arg(long, default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..=100))]
     repeats: u32,
     /// Leave the WGSL out.
@@ -88,7 +88,7 @@ fn table(costs: &Costs) -> String {
     }
     text + &format!(
         "{}. f32, f64 and Cycles on one thread; Cycles without what its render costs for the same graph without the node. \
-         Medians of {}.\n",
+         The least of {}.\n",
         costs.machine, costs.repeats
     )
 }

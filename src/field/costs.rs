@@ -4,8 +4,8 @@
 //! Textures read their coordinate and keep Blender's defaults for the rest; all inputs of other nodes are linked. On the CPU the
 //! node's own kernel is timed on columns in the cache, for `COPIES` nodes that read different attributes. On the adapter the same
 //! graph is evaluated, and a graph that passes the attributes on to as many outputs of the same kinds is taken off. What Cycles
-//! renders: [`renders`]. Measurements of ours and of Cycles alternate; medians count. Costs are those of one machine, ratios those
-//! of one run.
+//! renders: [`renders`]. Times of the CPU are the least processor time of several repetitions: what else a machine does only adds
+//! to it. Costs are those of one machine, ratios those of one run.
 
 mod renders;
 
@@ -18,6 +18,7 @@ use crate::gpu::{FieldKernel, Gpu};
 use crate::graph::evaluate::{Evaluation, Points};
 use crate::graph::{Operand, Program, Target};
 use crate::nodes::{self, Column, Mode, NodeType, Oracle, Role};
+use cpu_time::ThreadTime;
 use renders::{Render, Renders};
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value as Json, json};
@@ -49,7 +50,7 @@ const TOGETHER: usize = 16;
 pub struct Settings {
     /// Points of a render at most.
     pub points: usize,
-    /// Repetitions; the median counts.
+    /// Repetitions; the least time counts.
     pub repeats: usize,
     /// Only the node of this label.
     pub node: Option<String>,
@@ -94,7 +95,7 @@ pub struct Row {
     pub wgsl_ns: Option<f64>,
     /// Cycles on one thread; the implicit conversion of an output is part of it.
     pub cycles_ns: Option<f64>,
-    /// Largest less smallest of Cycles' repetitions.
+    /// How far the least two of Cycles' repetitions are apart, with and without the node together.
     pub cycles_spread_ns: Option<f64>,
     /// Cycles' over ours in f32; none where one of them costs nothing.
     pub ratio: Option<f64>,
@@ -117,7 +118,8 @@ struct Times {
     single: Vec<f64>,
     oracle: Vec<f64>,
     wgsl: Vec<f64>,
-    cycles: Vec<f64>,
+    /// The cost and its spread.
+    cycles: Option<[f64; 2]>,
 }
 
 /// Measures every mode; with `path`, rows are written there as they come, and what stands there already is not measured
@@ -175,7 +177,7 @@ fn begin(settings: &Settings, gpu: Option<&Gpu>, path: Option<&Path>) -> Result<
     let new = Costs {
         format: COSTS_FORMAT.to_owned(),
         machine: format!("{processor}, {}; {adapter}", crate::study::machine()),
-        cycles: "the kernel that Cycles chooses by itself, one thread".to_owned(),
+        cycles: "the kernel that it chooses by itself, one thread".to_owned(),
         points: settings.points,
         repeats: settings.repeats,
         rows: Vec::new(),
@@ -336,7 +338,7 @@ impl Case {
             .collect();
         let mut registers: Vec<Vec<R>> = vec![vec![R::default(); BLOCK]; self.program.registers];
         let mut go_through = |rounds: usize| {
-            let start = Instant::now();
+            let start = ThreadTime::now();
             for round in 0..rounds {
                 self.evaluate(&blocks[round % BLOCKS], &constants, &mut registers);
             }
@@ -382,24 +384,28 @@ impl Case {
     }
 
     fn row(&self, times: &Times) -> Row {
-        let (cloudparity, cycles) = (median(&times.single).unwrap_or(0.0), median(&times.cycles));
-        let ends =
-            |values: &[f64]| values.iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[a, b], &x| [a.min(x), b.max(x)]);
+        let cloudparity = least_two(&times.single)[0];
+        let cycles = times.cycles.map(|[cost, _]| cost);
         let ratio = cycles.filter(|cycles| *cycles > 0.0 && cloudparity > 0.0).map(|cycles| cycles / cloudparity);
         Row {
             node: self.node.to_owned(),
             mode: self.mode.clone(),
             cloudparity_ns: rounded(cloudparity),
-            oracle_ns: rounded(median(&times.oracle).unwrap_or(0.0)),
+            oracle_ns: rounded(least_two(&times.oracle)[0]),
             wgsl_ns: median(&times.wgsl).map(rounded),
             cycles_ns: cycles.map(rounded),
-            cycles_spread_ns: (!times.cycles.is_empty()).then(|| {
-                let [low, high] = ends(&times.cycles);
-                rounded(high - low)
-            }),
+            cycles_spread_ns: times.cycles.map(|[_, spread]| rounded(spread)),
             ratio: ratio.map(rounded),
         }
     }
+}
+
+/// The least two.
+fn least_two(values: &[f64]) -> [f64; 2] {
+    let mut sorted = values.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    let least = sorted.first().copied().unwrap_or(f64::NAN);
+    [least, sorted.get(1).copied().unwrap_or(least)]
 }
 
 /// Four digits: more are noise.
@@ -437,19 +443,22 @@ fn measure(cases: &[Case], settings: &Settings, gpu: Option<&Gpu>) -> Result<Vec
                 times.wgsl.push(per_point(case, seconds));
             }
         }
-        if !settings.with_cycles {
-            continue;
-        }
-        for ((case, times), [with, without]) in cases.iter().zip(&mut times).zip(render_seconds(cases)?) {
+    }
+    if settings.with_cycles {
+        for ((case, times), [with, without]) in
+            cases.iter().zip(&mut times).zip(render_seconds(cases, settings.repeats)?)
+        {
             let evaluations = case.points() * case.renders.copies * case.renders.with.samples;
-            times.cycles.push((with - without) * 1e9 / evaluations as f64);
+            let spread = (with[1] - with[0]) + (without[1] - without[0]);
+            times.cycles = Some([with[0] - without[0], spread].map(|seconds| seconds * 1e9 / evaluations as f64));
         }
     }
     Ok(times)
 }
 
-/// What Cycles takes for each case with its node and without it. Cases that are the same without their node share that render.
-fn render_seconds(cases: &[Case]) -> Result<Vec<[f64; 2]>> {
+/// The least two times that Cycles takes for each case with its node and without it. Cases that are the same without their node
+/// share those renders.
+fn render_seconds(cases: &[Case], repeats: usize) -> Result<Vec<[[f64; 2]; 2]>> {
     let mut wanted: Vec<(&Render, &Case)> = Vec::new();
     let mut numbers = Vec::new();
     for case in cases {
@@ -470,14 +479,14 @@ fn render_seconds(cases: &[Case]) -> Result<Vec<[f64; 2]>> {
             positions: &positions[..case.points()],
             attributes: &case.attributes,
             targets: render.targets.clone(),
-            // The first render builds what the second one finds there.
-            repeat: 2,
+            // The first render builds what the others find there.
+            repeat: repeats + 1,
             samples: render.samples,
         })
         .collect();
     let answers = probe::ask_on(&jobs, Kernel::Default, 1, |_| ())?;
-    let last = |number: usize| answers.jobs[number].render_seconds.last().copied().unwrap_or(f64::NAN);
-    Ok(numbers.into_iter().map(|numbers| numbers.map(last)).collect())
+    let least = |number: usize| least_two(answers.jobs[number].processor_seconds.get(1..).unwrap_or_default());
+    Ok(numbers.into_iter().map(|numbers| numbers.map(least)).collect())
 }
 
 /// Seconds of a whole graph of ours as nanoseconds per point and node.

@@ -96,7 +96,8 @@ fn clamp_to<R: Real>(value: R, a: R, b: R) -> R {
 
 /// Factor of a stepped remap.
 fn stepped<R: Real>(t: R, steps: R) -> R {
-    if steps > R::of(0.0) { (t * (steps + R::of(1.0))).floor() / steps } else { R::of(0.0) }
+    let step = (t * (steps + R::of(1.0))).floor() / steps;
+    if steps > R::of(0.0) { step } else { R::of(0.0) }
 }
 
 /// Smootherstep between two edges.
@@ -104,43 +105,64 @@ fn smoother_step<R: Real>(value: R, edge0: R, edge1: R) -> R {
     (value - edge0).safe_divide(edge1 - edge0).clamped(R::of(0.0), R::of(1.0)).quintic()
 }
 
+/// The factor of one value, whose way is known where this is compiled: loops over points hold no decision then.
+#[inline(always)]
+fn factor<R: Real>(interpolation: Interpolation, value: R, from: [R; 2], steps: R) -> R {
+    let linear = (value - from[0]) / (from[1] - from[0]);
+    // Smooth factors of a reversed range are mirrored, not divided by a negative width.
+    let is_reversed = from[0] > from[1];
+    let [low, high] = if is_reversed { [from[1], from[0]] } else { from };
+    let mirrored = |step: R| if is_reversed { R::of(1.0) - step } else { step };
+    match interpolation {
+        Interpolation::Linear => linear,
+        Interpolation::Stepped => stepped(linear, steps),
+        Interpolation::Smooth => mirrored(value.smooth_step(low, high)),
+        Interpolation::Smoother => mirrored(smoother_step(value, low, high)),
+    }
+}
+
+/// [`factor`] of a vector's component, which has rules of its own.
+#[inline(always)]
+fn component_factor<R: Real>(interpolation: Interpolation, value: R, from: [R; 2], steps: R) -> R {
+    let t = (value - from[0]).safe_divide(from[1] - from[0]);
+    let limited = t.saturate();
+    match interpolation {
+        Interpolation::Linear => t,
+        Interpolation::Stepped => stepped(t, steps),
+        Interpolation::Smooth => (R::of(3.0) - R::of(2.0) * limited) * (limited * limited),
+        Interpolation::Smoother => limited.quintic(),
+    }
+}
+
 impl MapRange {
-    fn float<R: Real>(&self, value: R, from: [R; 2], to: [R; 2], steps: R) -> R {
-        let result = if from[0] == from[1] {
-            R::of(0.0)
+    /// One result; an empty source range of a float gives 0.
+    #[inline(always)]
+    fn remapped<R: Real>(&self, interpolation: Interpolation, value: R, from: [R; 2], to: [R; 2], steps: R) -> R {
+        let result = if self.vector {
+            to[0] + component_factor(interpolation, value, from, steps) * (to[1] - to[0])
         } else {
-            // Smooth factors of a reversed range are mirrored, not divided by a negative width.
-            let mirrored = |step: fn(R, R, R) -> R| {
-                if from[0] > from[1] {
-                    R::of(1.0) - step(value, from[1], from[0])
-                } else {
-                    step(value, from[0], from[1])
-                }
-            };
-            let linear = (value - from[0]) / (from[1] - from[0]);
-            let factor = match self.interpolation {
-                Interpolation::Linear => linear,
-                Interpolation::Stepped => stepped(linear, steps),
-                Interpolation::Smooth => mirrored(R::smooth_step),
-                _ => mirrored(smoother_step),
-            };
-            to[0] + factor * (to[1] - to[0])
+            let result = to[0] + factor(interpolation, value, from, steps) * (to[1] - to[0]);
+            if from[0] == from[1] { R::of(0.0) } else { result }
         };
-        if self.clamp { clamp_to(result, to[0], to[1]) } else { result }
+        let clamps = self.clamp && !(self.vector && interpolation.is_smooth());
+        if clamps { clamp_to(result, to[0], to[1]) } else { result }
     }
 
-    fn component<R: Real>(&self, value: R, from: [R; 2], to: [R; 2], steps: R) -> R {
-        let t = (value - from[0]).safe_divide(from[1] - from[0]);
-        let limited = t.saturate();
-        let factor = match self.interpolation {
-            Interpolation::Linear => t,
-            Interpolation::Stepped => stepped(t, steps),
-            Interpolation::Smooth => (R::of(3.0) - R::of(2.0) * limited) * (limited * limited),
-            _ => limited.quintic(),
-        };
-        let result = to[0] + factor * (to[1] - to[0]);
-        let clamps = self.clamp && !self.interpolation.is_smooth();
-        if clamps { clamp_to(result, to[0], to[1]) } else { result }
+    #[inline(always)]
+    fn evaluate_as<R: Real>(&self, interpolation: Interpolation, inputs: &[Column<'_, R>], outputs: &mut [&mut [R]]) {
+        let width = if self.vector { 3 } else { 1 };
+        for (axis, output) in outputs.iter_mut().enumerate() {
+            let count = output.len();
+            let column = |socket: usize| inputs.get(socket * width + axis).map(|column| &column.values[..count]);
+            let [value, from_min, from_max, to_min, to_max] =
+                [0, 1, 2, 3, 4].map(|socket| column(socket).expect("five inputs in every mode"));
+            // Only the stepped modes have the sixth input.
+            let steps = column(5).unwrap_or(value);
+            for index in 0..count {
+                let (from, to) = ([from_min[index], from_max[index]], [to_min[index], to_max[index]]);
+                output[index] = self.remapped(interpolation, value[index], from, to, steps[index]);
+            }
+        }
     }
 }
 
@@ -212,22 +234,11 @@ impl Evaluate for MapRange {
     }
 
     fn evaluate<R: Real>(&self, inputs: &[Column<'_, R>], outputs: &mut [&mut [R]]) {
-        let width = if self.vector { 3 } else { 1 };
-        for (axis, output) in outputs.iter_mut().enumerate() {
-            let column = |socket: usize| inputs.get(socket * width + axis).map(|column| column.values);
-            let [value, from_min, from_max, to_min, to_max] =
-                [0, 1, 2, 3, 4].map(|socket| column(socket).expect("five inputs in every mode"));
-            // Only the stepped modes have the sixth input.
-            let steps = column(5).unwrap_or(value);
-            for (index, result) in output.iter_mut().enumerate() {
-                let from = [from_min[index], from_max[index]];
-                let to = [to_min[index], to_max[index]];
-                *result = if self.vector {
-                    self.component(value[index], from, to, steps[index])
-                } else {
-                    self.float(value[index], from, to, steps[index])
-                };
-            }
+        match self.interpolation {
+            Interpolation::Linear => self.evaluate_as(Interpolation::Linear, inputs, outputs),
+            Interpolation::Stepped => self.evaluate_as(Interpolation::Stepped, inputs, outputs),
+            Interpolation::Smooth => self.evaluate_as(Interpolation::Smooth, inputs, outputs),
+            Interpolation::Smoother => self.evaluate_as(Interpolation::Smoother, inputs, outputs),
         }
     }
 

@@ -125,14 +125,11 @@ pub trait Real:
     /// The kernel's cubic step between two edges.
     #[inline(always)]
     fn smooth_step(self, edge0: Self, edge1: Self) -> Self {
-        if self < edge0 {
-            Self::of(0.0)
-        } else if self >= edge1 {
-            Self::of(1.0)
-        } else {
-            let t = (self - edge0) / (edge1 - edge0);
-            (Self::of(3.0) - Self::of(2.0) * t) * (t * t)
-        }
+        // Selections, so that loops over points hold no branch.
+        let t = (self - edge0) / (edge1 - edge0);
+        let step = (Self::of(3.0) - Self::of(2.0) * t) * (t * t);
+        let at_most_one = if self >= edge1 { Self::of(1.0) } else { step };
+        if self < edge0 { Self::of(0.0) } else { at_most_one }
     }
     /// `t^3 (t (6 t - 15) + 10)` in the kernel's order.
     #[inline(always)]

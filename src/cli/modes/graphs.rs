@@ -27,6 +27,7 @@ pub(super) fn run(arguments: &Arguments, count: u64) -> Result<ExitCode> {
     let opened = gpu.as_ref().and_then(|found| found.as_ref().ok());
     let judge = Judge { gpu: opened, compile: &random_graphs::compile };
     let folder = arguments.output.clone().unwrap_or_else(|| PathBuf::from(FOLDER));
+    let adapter = opened.map(|gpu| format!("{} ({})", gpu.adapter().name, gpu.adapter().driver));
     let bar = cli::progress_bar(count);
     let mut outcomes: Vec<Outcome> = Vec::new();
     let mut done = 0;
@@ -46,19 +47,18 @@ pub(super) fn run(arguments: &Arguments, count: u64) -> Result<ExitCode> {
         let failed = outcomes.iter().filter(|outcome| !outcome.failures.is_empty()).count();
         bar.set_position(done);
         bar.set_message(format!("{failed} failing"));
+        // What is known so far, should the run be stopped.
+        if arguments.output.is_some() {
+            let json = document(&Summary::of(&outcomes, adapter.clone()), &outcomes);
+            files::write_atomically(&folder.join("graphs.json"), json.as_bytes())?;
+        }
         if arguments.first.is_some_and(|most| failed >= most) {
             break;
         }
     }
     bar.finish_and_clear();
-    let adapter = opened.map(|gpu| format!("{} ({})", gpu.adapter().name, gpu.adapter().driver));
     let summary = Summary::of(&outcomes, adapter);
-    let document = json!({"summary": summary.json(), "graphs": outcomes});
-    let json = serde_json::to_string_pretty(&document).expect("outcomes serialise") + "\n";
-    if arguments.output.is_some() {
-        files::write_atomically(&folder.join("graphs.json"), json.as_bytes())?;
-    }
-    cli::print(&if arguments.json { json } else { summary.text(&outcomes) })?;
+    cli::print(&if arguments.json { document(&summary, &outcomes) } else { summary.text(&outcomes) })?;
     if let Some(Err(error)) = &gpu {
         eprintln!("left out: WGSL: {error}");
     }
@@ -67,6 +67,12 @@ pub(super) fn run(arguments: &Arguments, count: u64) -> Result<ExitCode> {
         (true, Some(Err(_))) => ExitCode::from(cli::COULD_NOT),
         _ => ExitCode::SUCCESS,
     })
+}
+
+/// All figures as JSON.
+fn document(summary: &Summary, outcomes: &[Outcome]) -> String {
+    let document = json!({"summary": summary.json(), "graphs": outcomes});
+    serde_json::to_string_pretty(&document).expect("outcomes serialise") + "\n"
 }
 
 /// Figures over all graphs.

@@ -27,7 +27,7 @@ const SAMPLES: [usize; 3] = [1, 4, 16];
 const ENOUGH: f64 = 400.0;
 
 /// Seconds of a render that are enough, by the node's cost here.
-const ENOUGH_SECONDS: f64 = 0.5;
+const ENOUGH_SECONDS: f64 = 0.05;
 
 /// One graph and the socket of each kind that sums it.
 #[derive(PartialEq)]
@@ -154,6 +154,9 @@ fn graph(
         .inputs_of(mode)
         .filter(|socket| !is_texture(node_type) || matches!(socket.identifier, "Vector" | "W"))
         .collect();
+    let kinds: Vec<SocketType> =
+        inputs.iter().map(|socket| socket.kind).chain(node_type.outputs_of(mode).map(|socket| socket.kind)).collect();
+    let uses = |vector: bool| kinds.iter().any(|&kind| is_vector(kind) == vector);
     let mut sums =
         Sums { nodes: (0..ATTRIBUTES).flat_map(attribute_nodes).collect(), float: None, vector: None, number: 0 };
     sums.nodes.extend((0..inputs.len().min(copies)).flat_map(source_nodes));
@@ -163,9 +166,13 @@ fn graph(
         }
         let [float, vector] = sources(copy);
         let [float, vector] = [link(&float, "Value"), link(&vector, "Vector")];
-        // Both kinds, so that neither graph lacks a source that the other one has.
-        sums.add(SocketType::Float, float.clone());
-        sums.add(SocketType::Vector, vector.clone());
+        // In both graphs, so that neither lacks a source that the other one has.
+        if uses(false) {
+            sums.add(SocketType::Float, float.clone());
+        }
+        if uses(true) {
+            sums.add(SocketType::Vector, vector.clone());
+        }
         let name = format!("Copy {copy}");
         if let Some(properties) = properties {
             let linked: Map<String, Json> = inputs

@@ -135,13 +135,16 @@ mod tests {
         values.extend(color.iter().chain(&parameters).map(|&value| vec![value; rows.len()]));
         let inputs: Vec<Column<'_, f32>> = values.iter().map(|values| Column { values, uniform: false }).collect();
         let node = BrickTexture { layout, color: true, factor: true };
-        let run = |evaluate: &dyn Fn(&[Column<'_, f32>], &mut [&mut [f32]])| {
+        let run = |on_lanes: bool| {
             let mut outputs = vec![vec![0.0; rows.len()]; 4];
-            evaluate(&inputs, &mut outputs.iter_mut().map(Vec::as_mut_slice).collect::<Vec<_>>());
+            let mut slices: Vec<&mut [f32]> = outputs.iter_mut().map(Vec::as_mut_slice).collect();
+            match on_lanes {
+                true => assert!(node.evaluate_fast(&inputs, &mut slices)),
+                false => node.evaluate(&inputs, &mut slices),
+            }
             outputs
         };
-        let lanes = run(&|inputs, outputs| assert!(node.evaluate_fast(inputs, outputs)));
-        let scalar = run(&|inputs, outputs| node.evaluate(inputs, outputs));
+        let (lanes, scalar) = (run(true), run(false));
         for (lane, expected) in lanes.iter().flatten().zip(scalar.iter().flatten()) {
             assert!(lane.to_bits() == expected.to_bits() || (lane.is_nan() && expected.is_nan()), "{lane} {expected}");
         }

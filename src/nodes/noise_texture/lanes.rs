@@ -156,7 +156,7 @@ fn run_vectorized<S: Simd, const N: usize>(
         let mut is_near = S::f32s::splat(simd, 0.0).simd_eq(0.0);
         let mut check = |p: &[S::f32s; N]| {
             for x in p {
-                is_near = is_near & x.abs().simd_lt(reach);
+                is_near &= x.abs().simd_lt(reach);
             }
         };
         check(&p);
