@@ -647,7 +647,7 @@ fn voronoi_texture_1i_root(measure_2: f32, exponent_3: f32) -> f32 {
     return sqrt(measure_2);
 }
 
-fn voronoi_texture_1i_octave_at(site_1: voronoi_texture_1i_Site, o_3: vec4<i32>, distance_: f32, p_8: voronoi_texture_1i_Parameters) -> voronoi_texture_1i_Octave {
+fn voronoi_texture_1i_octave_at(site_1: voronoi_texture_1i_Site, o_3: vec4<i32>, distance_: f32, is_found: bool, p_8: voronoi_texture_1i_Parameters) -> voronoi_texture_1i_Octave {
     var octave: voronoi_texture_1i_Octave;
 
     octave.distance = distance_;
@@ -658,10 +658,11 @@ fn voronoi_texture_1i_octave_at(site_1: voronoi_texture_1i_Site, o_3: vec4<i32>,
 fn voronoi_texture_1i_first_feature(x_10: vec4<f32>, p_9: voronoi_texture_1i_Parameters) -> voronoi_texture_1i_Octave {
     let _e1 = voronoi_texture_1i_site_of(x_10);
     let _e3 = voronoi_texture_1i_search(_e1, p_9);
-    let _e5 = voronoi_texture_1i_offset_of(_e3.nearest_rank);
-    let _e8 = voronoi_texture_1i_root(_e3.nearest, p_9.exponent);
-    let _e9 = voronoi_texture_1i_octave_at(_e1, _e5, _e8, p_9);
-    return _e9;
+    let is_found_1 = (_e3.nearest < numeric_LARGEST);
+    let _e8 = voronoi_texture_1i_offset_of(_e3.nearest_rank);
+    let _e11 = voronoi_texture_1i_root(_e3.nearest, p_9.exponent);
+    let _e12 = voronoi_texture_1i_octave_at(_e1, _e8, _e11, is_found_1, p_9);
+    return _e12;
 }
 
 fn voronoi_texture_1i_feature(x_11: vec4<f32>, p_10: voronoi_texture_1i_Parameters) -> voronoi_texture_1i_Octave {
