@@ -8,8 +8,8 @@ Result: {"jobs": [{"outputs": [{"components": 1 or 3}], "render_seconds": [...],
                     "processor_seconds": [...]}], "kernel", "blender"}.
 
 Points are f32 [n, 3] in the object space of the volume; each attribute is f32 [n, 3]; each output is written
-as f32 [n] (float) or [n, 3] (vector, colour). More than one repeat or sample serves to measure time: renders, and
-evaluations of every point in each. How it works, and its limits: point_probe.py.
+as f32 [n] (float) or [n, 3] (vector, colour). More than one repeat or sample serves to measure time: renders,
+and evaluations of every point in each. How it works, and its limits: point_probe.py.
 """
 
 import os
