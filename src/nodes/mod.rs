@@ -34,8 +34,8 @@ pub mod hue_saturation;
 pub mod invert;
 #[cfg(test)]
 mod lane_tests;
-pub mod lanes;
-mod lookup_table;
+mod lanes;
+pub mod lookup_table;
 pub mod magic_texture;
 pub mod map_range;
 pub mod mapping;
