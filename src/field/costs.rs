@@ -4,7 +4,7 @@
 //! Textures read their coordinate and keep Blender's defaults for the rest; all inputs of other nodes are linked. On the CPU the
 //! node's own kernel is timed on columns in the cache, for `COPIES` nodes that read different attributes. On the adapter the same
 //! graph is evaluated, and a graph that passes the attributes on to as many outputs of the same kinds is taken off. What Cycles
-//! renders: [`renders`]. Times of the CPU are the least processor time of several repetitions: what else a machine does only adds
+//! renders: `costs/renders.rs`. Times of the CPU are the least processor time of several repetitions: what else a machine does only adds
 //! to it. Costs are those of one machine, ratios those of one run.
 
 mod renders;
