@@ -75,6 +75,12 @@ pub(super) fn jenkins<S: Simd, const N: usize>(simd: S, keys: [S::u32s; N]) -> S
     finished_hash::<S>(words)
 }
 
+/// Value of a hash in [0, 1], as [`crate::nodes::Real::from_hash_32`].
+#[inline(always)]
+pub(super) fn hash_value<S: Simd>(hash: S::u32s) -> S::f32s {
+    S::f32s::float_from(hash) * (1.0 / 4_294_967_296.0)
+}
+
 /// The words of Jenkins' hash before its last round, without the fourth key.
 #[inline(always)]
 pub(super) fn mixed_words<S: Simd, const N: usize>(simd: S, keys: [S::u32s; N]) -> [S::u32s; 3] {

@@ -90,12 +90,6 @@ impl WhiteNoise {
     }
 }
 
-/// Value of a hash in [0, 1], as [`Real::from_hash_32`].
-#[inline(always)]
-fn lane_value<S: Simd>(hash: S::u32s) -> S::f32s {
-    S::f32s::float_from(hash) * (1.0 / 4_294_967_296.0)
-}
-
 /// [`further_channels`], one point per lane.
 #[inline(always)]
 fn further_lanes<S: Simd, const N: usize>(simd: S, p: [S::u32s; N]) -> [S::f32s; 2] {
@@ -110,7 +104,7 @@ fn further_lanes<S: Simd, const N: usize>(simd: S, p: [S::u32s; N]) -> [S::f32s;
                 _ if index == 0 => lanes::jenkins::<S, 4>(simd, [p[2], p[0], p[3], p[1]]),
                 _ => lanes::jenkins::<S, 4>(simd, [p[3], p[2], p[1], p[0]]),
             };
-            lane_value::<S>(hash)
+            lanes::hash_value::<S>(hash)
         },
     )
 }
@@ -126,7 +120,7 @@ impl WhiteNoise {
                     let range = start..count.min(start + S::f32s::LEN);
                     let p: [S::u32s; N] =
                         each(|axis| lanes::load::<S>(simd, &inputs[axis].values[range.clone()]).bitcast());
-                    let value = lane_value::<S>(lanes::jenkins::<S, N>(simd, p));
+                    let value = lanes::hash_value::<S>(lanes::jenkins::<S, N>(simd, p));
                     if self.value {
                         lanes::store::<S>(value, &mut outputs[0][range.clone()]);
                     }

@@ -3,6 +3,7 @@
 
 use super::cells::Smooth;
 use super::{Found, Search, each};
+use crate::nodes::lanes;
 use fearless_simd::prelude::*;
 
 /// A coordinate taken apart.
@@ -28,12 +29,11 @@ impl<S: Simd> Cell<S> {
     #[inline(always)]
     fn color(&self, simd: S, offset: S::f32s) -> [S::f32s; 3] {
         let place = self.floor + offset;
-        let bits: S::u32s = place.bitcast();
-        [
-            hash_of_place(simd, place),
-            hash_value(simd, bits, Some(1.0_f32.to_bits())),
-            hash_value(simd, bits, Some(2.0_f32.to_bits())),
-        ]
+        let numbered = |number: f32| {
+            let keys = [place.bitcast(), S::u32s::splat(simd, number.to_bits())];
+            lanes::hash_value::<S>(lanes::jenkins::<S, 2>(simd, keys))
+        };
+        [hash_of_place(simd, place), numbered(1.0), numbered(2.0)]
     }
 
     /// What was found in the cell at `offset`.
@@ -80,17 +80,24 @@ impl<S: Simd> Best<S> {
     }
 }
 
+/// The cell whose point is nearest to the coordinate.
+#[inline(always)]
+fn nearest<S: Simd>(simd: S, cell: &Cell<S>, randomness: f32) -> Best<S> {
+    let mut best = Best::start(simd);
+    for offset in [-1.0, 0.0, 1.0] {
+        let offset = S::f32s::splat(simd, offset);
+        let point = cell.point(simd, offset, randomness);
+        let distance = (point - cell.local).abs();
+        best = Best { distance, point, offset }.select(distance.simd_lt(best.distance), &best);
+    }
+    best
+}
+
 /// F1.
 #[inline(always)]
 pub(super) fn f1<S: Simd, const N: usize>(simd: S, x: S::f32s, search: Search) -> Found<S, N> {
     let cell = Cell::<S>::of(x);
-    let mut best = Best::start(simd);
-    for offset in [-1.0, 0.0, 1.0] {
-        let offset = S::f32s::splat(simd, offset);
-        let point = cell.point(simd, offset, search.randomness);
-        let distance = (point - cell.local).abs();
-        best = Best { distance, point, offset }.select(distance.simd_lt(best.distance), &best);
-    }
+    let best = nearest(simd, &cell, search.randomness);
     cell.found(simd, search, best.distance, best.point, best.offset)
 }
 
@@ -143,20 +150,14 @@ pub(super) fn edge<S: Simd>(simd: S, x: S::f32s, search: Search) -> S::f32s {
     let one = S::f32s::splat(simd, 1.0);
     let left = to(cell.point(simd, -one, search.randomness));
     let right = to(cell.point(simd, one, search.randomness));
-    left.simd_lt(right).select(left, right)
+    lanes::lesser::<S>(left, right)
 }
 
 /// Radius of the n-sphere: half the distance from the nearest point to its nearest neighbour.
 #[inline(always)]
 pub(super) fn n_sphere_radius<S: Simd>(simd: S, x: S::f32s, search: Search) -> S::f32s {
     let cell = Cell::<S>::of(x);
-    let mut closest = Best::start(simd);
-    for offset in [-1.0, 0.0, 1.0] {
-        let offset = S::f32s::splat(simd, offset);
-        let point = cell.point(simd, offset, search.randomness);
-        let distance = (point - cell.local).abs();
-        closest = Best { distance, point, offset }.select(distance.simd_lt(closest.distance), &closest);
-    }
+    let closest = nearest(simd, &cell, search.randomness);
     let left = cell.point(simd, closest.offset - 1.0, search.randomness);
     let right = cell.point(simd, closest.offset + 1.0, search.randomness);
     (left - closest.point).abs().min((right - closest.point).abs()) / 2.0
@@ -165,26 +166,5 @@ pub(super) fn n_sphere_radius<S: Simd>(simd: S, x: S::f32s, search: Search) -> S
 /// Hash value of a cell's place, as [`crate::nodes::hash::hash_floats`] of one value.
 #[inline(always)]
 fn hash_of_place<S: Simd>(simd: S, place: S::f32s) -> S::f32s {
-    hash_value(simd, place.bitcast(), None)
-}
-
-/// Value in [0, 1] of [`crate::nodes::hash::jenkins`] of one or two words.
-#[inline(always)]
-fn hash_value<S: Simd>(simd: S, first: S::u32s, second: Option<u32>) -> S::f32s {
-    let words = 1 + u32::from(second.is_some());
-    let start = S::u32s::splat(simd, 0xDEAD_BEEF_u32.wrapping_add(4 * words).wrapping_add(13));
-    let (a, b, c) = (start + first, start + second.unwrap_or(0), start);
-    let c = last::<S>(c, b, 14);
-    let a = last::<S>(a, c, 11);
-    let b = last::<S>(b, a, 25);
-    let c = last::<S>(c, b, 16);
-    let a = last::<S>(a, c, 4);
-    let b = last::<S>(b, a, 14);
-    S::f32s::float_from(last::<S>(c, b, 24)) * (1.0 / 4_294_967_296.0)
-}
-
-/// One final step of the hash: the new x.
-#[inline(always)]
-fn last<S: Simd>(x: S::u32s, y: S::u32s, count: u32) -> S::u32s {
-    (x ^ y) - ((y << count) | (y >> (32 - count)))
+    lanes::hash_value::<S>(lanes::jenkins::<S, 1>(simd, [place.bitcast()]))
 }
