@@ -8,7 +8,7 @@
 // may miss a nearer point outside the searched cells, as it does in Blender.
 #import cloudparity::hash::{pcg2_rounds, pcg3_rounds, pcg4_rounds, pcg3, pcg4, hash_float1, hash_float2}
 #import cloudparity::hash::{PCG_MULTIPLIER, PCG_INCREMENT, PCG_UNIT}
-#import cloudparity::numeric::{safe_pow, to_int, LARGEST}
+#import cloudparity::numeric::{exp_of, safe_pow, to_int, LARGEST, SMALLEST_NORMAL}
 
 struct Parameters {
     randomness: f32,
@@ -49,13 +49,24 @@ fn mix_point(a: vec4f, b: vec4f, t: f32) -> vec4f {
 
 #ifndef VORONOI_DIMENSIONS_1D
 
+// C's power of a base from 0 to infinity: with an exponent below 0, 0 becomes infinity and infinity 0.
+fn power(base: f32, exponent: f32) -> f32 {
+    if exponent < 0.0 && base < SMALLEST_NORMAL {
+        return exp_of(LARGEST);
+    }
+    if base > LARGEST && exponent != 0.0 {
+        return select(0.0, base, exponent > 0.0);
+    }
+    return safe_pow(base, exponent);
+}
+
 fn power_each(v: vec4f, exponent: f32) -> vec4f {
-    var t = vec4f(safe_pow(v.x, exponent), safe_pow(v.y, exponent), 0.0, 0.0);
+    var t = vec4f(power(v.x, exponent), power(v.y, exponent), 0.0, 0.0);
 #ifndef VORONOI_DIMENSIONS_2D
-    t.z = safe_pow(v.z, exponent);
+    t.z = power(v.z, exponent);
 #endif
 #ifdef VORONOI_DIMENSIONS_4D
-    t.w = safe_pow(v.w, exponent);
+    t.w = power(v.w, exponent);
 #endif
     return t;
 }
@@ -110,7 +121,7 @@ fn root(measure: f32, exponent: f32) -> f32 {
 #else ifdef DISTANCE_CHEBYCHEV
     return measure;
 #else ifdef DISTANCE_MINKOWSKI
-    return safe_pow(measure, 1.0 / exponent);
+    return power(measure, 1.0 / exponent);
 #else
     return sqrt(measure);
 #endif
@@ -281,6 +292,12 @@ fn visit(s: ptr<function, Search>, a: Axes, o: vec4f, hash: vec4i) {
 
 // Where the cell matters, an equal measure may still win by its rank.
 fn hopeless(s: ptr<function, Search>, a: Axes, bounds: vec4f) -> bool {
+#ifdef FEATURE_F2
+#ifdef DISTANCE_MINKOWSKI
+    // Powers and their root round within a few ulp, not monotonically, and fall where the exponent is below 0.
+    return false;
+#endif
+#endif
     let bound = comparable(combine(bounds, a.one), a.exponent);
 #ifdef FEATURE_F2
     return bound > (*s).second;
@@ -380,8 +397,7 @@ fn bound_terms(axis_distance: vec4f, exponent: f32) -> vec4f {
 #else ifdef FEATURE_N_SPHERE_RADIUS
     return terms(axis_distance, exponent);
 #else ifdef DISTANCE_MINKOWSKI
-    // The power rounds within a few ulp, not monotonically; with exponents up to 0 it falls with the distance; and the
-    // root of F2 has both faults.
+    // The power rounds within a few ulp, not monotonically, and with exponents up to 0 it falls with the distance.
 #ifdef FEATURE_F2
     return vec4f(0.0);
 #else
@@ -423,8 +439,8 @@ fn search(site: Site, p: Parameters) -> Search {
 // ---------------------------------------------------------------------------------------------------------------------
 // Features
 
-// Distance, colour and position of the cell at an offset. Where all distances overflow (an Exponent of 0) nothing is found, and
-// the point stays at the corner of the own cell.
+// Distance, colour and position of the cell at an offset. Where all distances overflow (Exponents of 0 and far below)
+// nothing is found, and the point stays at the corner of the own cell.
 fn octave_at(site: Site, o: vec4i, distance: f32, is_found: bool, p: Parameters) -> Octave {
     var octave: Octave;
     octave.distance = distance;
@@ -444,7 +460,12 @@ fn first_feature(x: vec4f, p: Parameters) -> Octave {
     let s = search(site, p);
     let is_found = s.nearest < LARGEST;
 #ifdef OUTPUT_DISTANCE
+#ifdef DISTANCE_MINKOWSKI
+    let own = combine(terms(-site.local, p.exponent), p.one);
+    return octave_at(site, offset_of(s.nearest_rank), root(select(own, s.nearest, is_found), p.exponent), is_found, p);
+#else
     return octave_at(site, offset_of(s.nearest_rank), root(s.nearest, p.exponent), is_found, p);
+#endif
 #else
     return octave_at(site, offset_of(s.nearest_rank), 0.0, is_found, p);
 #endif
