@@ -55,16 +55,15 @@ class PointProbe:
     def run(self, job):
         """Run one job of a probe request (see probe.py) and write its output files.
 
-        Returns {"outputs": [{"components": 1 or 3}], "render_seconds": [seconds of each repeat],
-        "processor_seconds": [the same in time of all threads]}.
+        Returns {"outputs": [{"components": 1 or 3}], "render_seconds": [seconds of each repeat]}. (Processor
+        time says less: of two threads that one render thread has, one waits busily.)
         """
         scene = job["scene"]
         check_format(scene)
         points = _load_vectors(job["points"], "job.points")
         attributes = _load_attributes(job.get("attributes", {}), len(points))
         outputs = job["outputs"]
-        # Rows: by the clock, and of all threads' processor time.
-        seconds = np.zeros((2, _positive(job, "repeat")))
+        seconds = np.zeros(_positive(job, "repeat"))
         self._scene.cycles.samples = _positive(job, "samples")
         values = []
         for start in range(0, len(outputs), MAX_AOVS):
@@ -77,12 +76,11 @@ class PointProbe:
                 np.save(stream, value)
         return {
             "outputs": [{"components": 1 if value.ndim == 1 else 3} for value in values],
-            "render_seconds": seconds[0].tolist(),
-            "processor_seconds": seconds[1].tolist(),
+            "render_seconds": seconds.tolist(),
         }
 
     def _evaluate(self, material, inputs, count, volume, seconds):
-        """Render `inputs` {attribute name: f32 [count, 3]} and add the times to `seconds` [2, repeats].
+        """Render `inputs` {attribute name: f32 [count, 3]} and add the times to `seconds` [repeats].
 
         Returns f32 [count] or [count, 3] for each AOV of the material. `volume` describes the shaded object.
         """
@@ -92,10 +90,10 @@ class PointProbe:
             chunk = slice(start, min(start + LARGEST_SIDE**2, count))
             grid = self._show_grid(chunk.stop - chunk.start, material, volume)
             grid.fill({name: data[chunk] for name, data in inputs.items()})
-            for repeat in range(seconds.shape[1]):
-                begin = time.perf_counter(), time.process_time()
+            for repeat in range(len(seconds)):
+                begin = time.perf_counter()
                 bpy.ops.render.render()
-                seconds[:, repeat] += np.subtract((time.perf_counter(), time.process_time()), begin)
+                seconds[repeat] += time.perf_counter() - begin
             for value, image in zip(values, self._read_aovs(material.components), strict=True):
                 value[chunk] = image[: chunk.stop - chunk.start]
         return values

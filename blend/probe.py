@@ -4,8 +4,7 @@ Request: {"jobs": [{"scene": {...}, "points": "p.npy", "attributes": {"name": "a
                     "outputs": [{"target": <target>, "file": "o.npy"}], "repeat": 1, "samples": 1}],
           "kernel": "sse42" or "default", "threads": 0}
 Target: {"groups": [group node names from the material down], "node": "...", "output" or "input": identifier}.
-Result: {"jobs": [{"outputs": [{"components": 1 or 3}], "render_seconds": [...],
-                    "processor_seconds": [...]}], "kernel", "blender"}.
+Result: {"jobs": [{"outputs": [{"components": 1 or 3}], "render_seconds": [...]}], "kernel", "blender"}.
 
 Points are f32 [n, 3] in the object space of the volume; each attribute is f32 [n, 3]; each output is written
 as f32 [n] (float) or [n, 3] (vector, colour). More than one repeat or sample serves to measure time: renders,

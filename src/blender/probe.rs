@@ -31,8 +31,6 @@ pub struct Answer {
     pub components: Vec<usize>,
     /// Seconds of each render.
     pub render_seconds: Vec<f64>,
-    /// The same in processor time of all threads.
-    pub processor_seconds: Vec<f64>,
 }
 
 /// Answers of a call and the Blender that gave them.
@@ -94,15 +92,9 @@ pub fn ask_on(jobs: &[Job<'_>], kernel: Kernel, threads: u32, receive: impl FnMu
             values.push(found);
             components.push(count);
         }
-        let seconds = |key: &str| -> Result<Vec<f64>> {
-            Ok(answer[key].as_array().ok_or_else(broken)?.iter().filter_map(Json::as_f64).collect())
-        };
-        answers.push(Answer {
-            values,
-            components,
-            render_seconds: seconds("render_seconds")?,
-            processor_seconds: seconds("processor_seconds")?,
-        });
+        let render_seconds =
+            answer["render_seconds"].as_array().ok_or_else(broken)?.iter().filter_map(Json::as_f64).collect();
+        answers.push(Answer { values, components, render_seconds });
     }
     Ok(Answers { jobs: answers, blender: result["blender"].as_str().unwrap_or_default().to_owned() })
 }

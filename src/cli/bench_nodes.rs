@@ -22,7 +22,7 @@ pub(super) struct Arguments {
     /// Points at most, of which Cycles evaluates each several times; modes that cost much get fewer.
     #[arg(long, default_value_t = 4096, value_parser = clap::value_parser!(u32).range(1024..=1_048_576))]
     points: u32,
-    /// Repetitions; the least processor time counts (of WGSL, the median).
+    /// Repetitions; the least time counts (of WGSL, the median).
     #[arg(long, default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..=100))]
     repeats: u32,
     /// Leave the WGSL out.

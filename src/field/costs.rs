@@ -4,8 +4,9 @@
 //! Textures read their coordinate and keep Blender's defaults for the rest; all inputs of other nodes are linked. On the CPU the
 //! node's own kernel is timed on columns in the cache, for `COPIES` nodes that read different attributes. On the adapter the same
 //! graph is evaluated, and a graph that passes the attributes on to as many outputs of the same kinds is taken off. What Cycles
-//! renders: `costs/renders.rs`. Times of the CPU are the least processor time of several repetitions: what else a machine does only adds
-//! to it. Costs are those of one machine, ratios those of one run.
+//! renders: `costs/renders.rs`. Ours on the CPU is the least processor time of several repetitions, Cycles' the least time by the
+//! clock, since its waiting threads take processor time, too: what else a machine does only adds to both. Costs are those of one
+//! machine, ratios those of one run.
 
 mod renders;
 
@@ -42,6 +43,9 @@ const EVALUATION_SECONDS: f64 = 2.0;
 
 /// Points of an evaluation, at least.
 const FEWEST: usize = 4096;
+
+/// Times that Blender goes through the renders, at most; every time repeats each render.
+const ROUNDS: usize = 2;
 
 /// Modes that one Blender process measures.
 const TOGETHER: usize = 16;
@@ -472,20 +476,25 @@ fn render_seconds(cases: &[Case], repeats: usize) -> Result<Vec<[[f64; 2]; 2]>> 
     }
     let most = cases.iter().map(Case::points).max().unwrap_or(0);
     let positions = vec![[0.0; 3]; most];
-    let jobs: Vec<probe::Job<'_>> = wanted
-        .iter()
+    // In rounds, so that a slow while of the machine does not meet all repetitions of one render.
+    let rounds = repeats.min(ROUNDS);
+    let jobs: Vec<probe::Job<'_>> = (0..rounds)
+        .flat_map(|_| &wanted)
         .map(|(render, case)| probe::Job {
             scene: &render.scene,
             positions: &positions[..case.points()],
             attributes: &case.attributes,
             targets: render.targets.clone(),
-            // The first render builds what the others find there.
-            repeat: repeats + 1,
+            repeat: repeats.div_ceil(rounds),
             samples: render.samples,
         })
         .collect();
     let answers = probe::ask_on(&jobs, Kernel::Default, 1, |_| ())?;
-    let least = |number: usize| least_two(answers.jobs[number].processor_seconds.get(1..).unwrap_or_default());
+    let least = |number: usize| {
+        let answers = answers.jobs.iter().skip(number).step_by(wanted.len());
+        let seconds: Vec<f64> = answers.flat_map(|answer| answer.render_seconds.iter()).copied().collect();
+        least_two(&seconds)
+    };
     Ok(numbers.into_iter().map(|numbers| numbers.map(least)).collect())
 }
 

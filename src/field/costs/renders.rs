@@ -21,7 +21,7 @@ const ATTRIBUTES: usize = 4;
 const COPIES: [usize; 4] = [4, 8, 16, 32];
 
 /// Evaluations of a point in a render.
-const SAMPLES: [usize; 3] = [1, 4, 16];
+const SAMPLES: [usize; 4] = [1, 4, 16, 64];
 
 /// Nanoseconds of all copies at a point that are enough, by the node's cost here.
 const ENOUGH: f64 = 400.0;
@@ -154,9 +154,11 @@ fn graph(
         .inputs_of(mode)
         .filter(|socket| !is_texture(node_type) || matches!(socket.identifier, "Vector" | "W"))
         .collect();
-    let kinds: Vec<SocketType> =
-        inputs.iter().map(|socket| socket.kind).chain(node_type.outputs_of(mode).map(|socket| socket.kind)).collect();
-    let uses = |vector: bool| kinds.iter().any(|&kind| is_vector(kind) == vector);
+    // Whose sources the graph without the node would lack: those that take the place of no output.
+    let is_lost = |vector: bool| {
+        inputs.iter().any(|socket| is_vector(socket.kind) == vector)
+            && !node_type.outputs_of(mode).any(|socket| is_vector(socket.kind) == vector)
+    };
     let mut sums =
         Sums { nodes: (0..ATTRIBUTES).flat_map(attribute_nodes).collect(), float: None, vector: None, number: 0 };
     sums.nodes.extend((0..inputs.len().min(copies)).flat_map(source_nodes));
@@ -166,11 +168,10 @@ fn graph(
         }
         let [float, vector] = sources(copy);
         let [float, vector] = [link(&float, "Value"), link(&vector, "Vector")];
-        // In both graphs, so that neither lacks a source that the other one has.
-        if uses(false) {
+        if is_lost(false) {
             sums.add(SocketType::Float, float.clone());
         }
-        if uses(true) {
+        if is_lost(true) {
             sums.add(SocketType::Vector, vector.clone());
         }
         let name = format!("Copy {copy}");
@@ -214,7 +215,7 @@ mod tests {
         let count = |render: &Render| {
             Program::compile(&render.scene, &render.targets).expect("a graph that compiles").instructions.len()
         };
-        assert_eq!((renders.copies, renders.with.samples), (32, 16));
+        assert_eq!((renders.copies, renders.with.samples), (32, 64));
         assert_eq!(count(&renders.with), count(&renders.without) + renders.copies);
     }
 }
