@@ -4,7 +4,9 @@
 //! Textures read their coordinate and keep Blender's defaults for the rest; all inputs of other nodes are linked. On the CPU the
 //! node's own kernel is timed on columns in the cache, for `COPIES` nodes that read different attributes. On the adapter the same
 //! graph is evaluated, and a graph that passes the attributes on to as many outputs of the same kinds is taken off. What Cycles
-//! renders: `costs/renders.rs`. Ours on the CPU is the least processor time of several repetitions, Cycles' the least time by the
+//! renders: `costs/renders.rs`. Both sides go through the same points again and again, so that a processor has learnt the
+//! decisions that it can learn; among points that it has not seen, functions of the C library cost up to twice as much, wherever
+//! they are called. Ours on the CPU is the least processor time of several repetitions, Cycles' the least time by the
 //! clock, since its waiting threads take processor time, too: what else a machine does only adds to both. Costs are those of one
 //! machine, ratios those of one run.
 
@@ -32,11 +34,14 @@ const COPIES: usize = 4;
 /// Points of a column, as evaluation has them.
 const BLOCK: usize = 512;
 
-/// Columns that are gone through again and again.
+/// Columns that are gone through again and again; one where Cycles sees a point [`OFTEN`] times in a row.
 const BLOCKS: usize = 16;
 
-/// Seconds of one measurement on the CPU, at most.
-const SECONDS: f64 = 0.2;
+/// Evaluations in a row after which a processor knows a point's decisions.
+const OFTEN: usize = 16;
+
+/// Seconds of one measurement on the CPU, at least and at most.
+const SECONDS: [f64; 2] = [0.015, 0.2];
 
 /// Seconds of ours that one evaluation stands for, at most: a graph that costs more gets fewer points.
 const EVALUATION_SECONDS: f64 = 2.0;
@@ -325,7 +330,8 @@ impl Case {
             let values = attributes[attribute];
             (0..BLOCK).map(|index| R::of(values[(block * BLOCK + index) % values.len()][axis])).collect()
         };
-        let blocks: Vec<Vec<Vec<R>>> = (0..BLOCKS)
+        let count = if self.renders.with.samples >= OFTEN { 1 } else { BLOCKS };
+        let blocks: Vec<Vec<Vec<R>>> = (0..count)
             .map(|block| (0..3 * attributes.len()).map(|index| column(block, index / 3, index % 3)).collect())
             .collect();
         let constants: Vec<Vec<Vec<R>>> = self
@@ -344,15 +350,17 @@ impl Case {
         let mut go_through = |rounds: usize| {
             let start = ThreadTime::now();
             for round in 0..rounds {
-                self.evaluate(&blocks[round % BLOCKS], &constants, &mut registers);
+                self.evaluate(&blocks[round % count], &constants, &mut registers);
             }
             std::hint::black_box(&registers);
             start.elapsed().as_secs_f64()
         };
-        // The first round fills the caches, the second says what one costs.
+        // The first round fills the caches, the second says what one costs, and the next let branches be learnt.
         go_through(1);
         let one = go_through(1).max(1e-9);
-        let rounds = points.div_ceil(BLOCK).min((SECONDS / one) as usize).max(1);
+        let [least, most] = SECONDS.map(|seconds| (seconds / one) as usize);
+        go_through(least);
+        let rounds = points.div_ceil(BLOCK).max(least).min(most).max(1);
         go_through(rounds) * 1e9 / (rounds * BLOCK * COPIES) as f64
     }
 

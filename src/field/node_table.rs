@@ -354,6 +354,19 @@ struct Worst {
     wgsl: Option<f64>,
     failing: usize,
     cost: Option<[f64; 2]>,
+    /// Cycles' cost over ours.
+    ratio: Option<[f64; 2]>,
+}
+
+/// The range with a further value in it.
+fn widened(range: Option<[f64; 2]>, value: f64) -> Option<[f64; 2]> {
+    let [low, high] = range.unwrap_or([value; 2]);
+    Some([low.min(value), high.max(value)])
+}
+
+/// A range in words, each end by `words`; one of them where they are equal.
+fn in_words([low, high]: [f64; 2], words: fn(f64) -> String) -> String {
+    if words(low) == words(high) { words(low) } else { format!("{} to {}", words(low), words(high)) }
 }
 
 impl NodeEntry {
@@ -368,14 +381,16 @@ impl NodeEntry {
                 worst.wgsl = Some(worst.wgsl.unwrap_or(0.0).max(error));
             }
         }
-        for cost in self.modes.iter().filter_map(|mode| mode.cost.map(|cost| cost.cloudparity_ns)) {
-            let [low, high] = worst.cost.unwrap_or([cost; 2]);
-            worst.cost = Some([low.min(cost), high.max(cost)]);
+        for cost in self.modes.iter().filter_map(|mode| mode.cost) {
+            worst.cost = widened(worst.cost, cost.cloudparity_ns);
+            if let Some(ratio) = cost.ratio {
+                worst.ratio = widened(worst.ratio, ratio);
+            }
         }
         worst
     }
 
-    fn summary_cells(&self) -> [String; 5] {
+    fn summary_cells(&self) -> [String; 6] {
         let worst = self.worst();
         let unmeasured = || if self.modes.is_empty() { String::new() } else { NOT_MEASURED.to_owned() };
         let (cpu, wgsl) = match (worst.measured, worst.differing_modes) {
@@ -386,13 +401,12 @@ impl NodeEntry {
                 (format!("{} in {differing} modes", error(worst.cpu)), worst.wgsl.map_or_else(unmeasured, error))
             }
         };
-        let cost = worst.cost.map_or_else(unmeasured, |[low, high]| {
-            if low == high { nanoseconds(low) } else { format!("{} to {}", nanoseconds(low), nanoseconds(high)) }
-        });
+        let cost = worst.cost.map_or_else(unmeasured, |range| in_words(range, nanoseconds));
+        let ratio = worst.ratio.map_or_else(String::new, |range| in_words(range, ratio_in_words));
         let modes = if self.modes.is_empty() { String::new() } else { self.modes.len().to_string() };
         let failing =
             if worst.failing > 0 { format!("; {} beyond their limits", worst.failing) } else { String::new() };
-        [self.label.to_owned(), modes, cpu + &failing, wgsl, cost]
+        [self.label.to_owned(), modes, cpu + &failing, wgsl, cost, ratio]
     }
 }
 
@@ -404,6 +418,10 @@ fn error(error: f64) -> String {
 
 fn nanoseconds(time: f64) -> String {
     if time < 100.0 { format!("{time:.1} ns") } else { format!("{time:.0} ns") }
+}
+
+fn ratio_in_words(ratio: f64) -> String {
+    if ratio < 10.0 { format!("{ratio:.1}") } else { format!("{ratio:.0}") }
 }
 
 /// Writes one line.
@@ -423,7 +441,8 @@ fn head(text: &mut String, names: &[&str]) {
     row(text, &vec!["---"; names.len()]);
 }
 
-const SUMMARY_HEAD: [&str; 5] = ["node", "modes", "f32 against Cycles", "WGSL: largest error", "CPU per point"];
+const SUMMARY_HEAD: [&str; 6] =
+    ["node", "modes", "f32 against Cycles", "WGSL: largest error", "CPU per point", "Cycles / CPU"];
 
 impl Table {
     /// Labels that the compiler gives its own nodes begin with a parenthesis.
@@ -433,8 +452,8 @@ impl Table {
 
     /// A line per node.
     pub fn text(&self) -> String {
-        let rows: Vec<[String; 5]> = self.blenders().map(NodeEntry::summary_cells).collect();
-        let widths: [usize; 5] = std::array::from_fn(|column| {
+        let rows: Vec<[String; 6]> = self.blenders().map(NodeEntry::summary_cells).collect();
+        let widths: [usize; 6] = std::array::from_fn(|column| {
             rows.iter().map(|row| row[column].chars().count()).chain([SUMMARY_HEAD[column].len()]).max().unwrap_or(0)
         });
         let mut text = String::new();
@@ -472,7 +491,14 @@ impl Table {
             None => line(&mut text, format_args!("Errors: not measured (`cloudparity modes --summary`).")),
         }
         match &self.costs_from {
-            Some(machine) => line(&mut text, format_args!("Costs are nanoseconds per point: {machine}.")),
+            Some(machine) => line(
+                &mut text,
+                format_args!(
+                    "Costs are nanoseconds per point on one thread, and on the adapter with the transfer of values taken off: \
+                     {machine}.\nAfter ± stands how far Cycles' two least times are apart. Both sides see the same points again and \
+                     again, so that processors have\nlearnt their decisions."
+                ),
+            ),
             None => line(&mut text, format_args!("Costs: not measured (`cloudparity bench-nodes`).")),
         }
         text.push_str(
@@ -619,9 +645,13 @@ impl ModeEntry {
         match self.cost {
             None => cells.extend(std::iter::once(NOT_MEASURED.to_owned()).chain(vec![String::new(); 4])),
             Some(cost) => {
-                let all = [Some(cost.cloudparity_ns), Some(cost.oracle_ns), cost.wgsl_ns, cost.cycles_ns];
+                // What is taken off an evaluation in WGSL may be more than its spread leaves.
+                let all = [Some(cost.cloudparity_ns), Some(cost.oracle_ns), cost.wgsl_ns.map(|time| time.max(0.0))];
                 cells.extend(all.map(|time| time.map(nanoseconds).unwrap_or_default()));
-                cells.push(cost.ratio.map(|ratio| format!("{ratio:.1}")).unwrap_or_default());
+                let spread =
+                    cost.cycles_spread_ns.map(|spread| format!(" ± {}", nanoseconds(spread))).unwrap_or_default();
+                cells.push(cost.cycles_ns.map(|time| nanoseconds(time) + &spread).unwrap_or_default());
+                cells.push(cost.ratio.map(ratio_in_words).unwrap_or_default());
             }
         }
         cells

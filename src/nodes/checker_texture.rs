@@ -4,9 +4,7 @@
 //! numbers is odd; the cell at the origin is even.
 
 use super::real::Real;
-use super::{
-    Column, Evaluate, InputSocket, Interval, NodeType, OutputSocket, Property, Role, always, lane_level, vector_at,
-};
+use super::{Column, Evaluate, InputSocket, Interval, NodeType, OutputSocket, Property, Role, always, lane_level};
 use crate::scene::SocketType;
 use fearless_simd::{dispatch, prelude::*};
 
@@ -65,20 +63,35 @@ struct Checker {
     factor: bool,
 }
 
+/// Points whose cells are looked at before their colours.
+const ABREAST: usize = 64;
+
 impl Checker {
     #[inline(always)]
     fn evaluate_points<R: Real>(&self, inputs: &[Column<'_, R>], outputs: &mut [&mut [R]]) {
-        for index in 0..outputs[0].len() {
-            let place = displaced(vector_at(inputs, 0, index), inputs[SCALE].values[index]);
-            let odd = is_odd(place.map(Real::floor));
+        let count = outputs[0].len();
+        let columns: [&[R]; 4] = [0, 1, 2, SCALE].map(|column| &inputs[column].values[..count]);
+        let colors = COLORS.map(|first| [0, 1, 2].map(|axis| &inputs[first + axis].values[..count]));
+        for start in (0..count).step_by(ABREAST) {
+            let range = start..count.min(start + ABREAST);
+            let mut odd = [false; ABREAST];
+            for (odd, index) in odd.iter_mut().zip(range.clone()) {
+                let [x, y, z, scale] = columns.map(|column| column[index]);
+                *odd = is_odd(displaced([x, y, z], scale).map(Real::floor));
+            }
             if self.color {
-                let first = COLORS[usize::from(!odd)];
                 for axis in 0..3 {
-                    outputs[axis][index] = inputs[first + axis].values[index];
+                    let [first, second] = [colors[0][axis], colors[1][axis]].map(|column| &column[range.clone()]);
+                    let results = outputs[axis][range.clone()].iter_mut();
+                    for (((result, &odd), &first), &second) in results.zip(&odd).zip(first).zip(second) {
+                        *result = if odd { first } else { second };
+                    }
                 }
             }
             if self.factor {
-                outputs[if self.color { 3 } else { 0 }][index] = R::of(if odd { 1.0 } else { 0.0 });
+                for (result, &odd) in outputs[if self.color { 3 } else { 0 }][range].iter_mut().zip(&odd) {
+                    *result = R::of(if odd { 1.0 } else { 0.0 });
+                }
             }
         }
     }

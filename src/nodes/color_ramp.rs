@@ -325,13 +325,21 @@ impl ColorRamp {
     }
 }
 
+/// Points that are looked up before their channels are written.
+const ABREAST: usize = 64;
+
 impl Evaluate for ColorRamp {
     fn evaluate<R: Real>(&self, inputs: &[Column<'_, R>], outputs: &mut [&mut [R]]) {
         let table = self.ramp.table();
-        for (index, &factor) in inputs[0].values.iter().enumerate().take(outputs[0].len()) {
-            let place = table.place(factor);
+        let factors = &inputs[0].values[..outputs[0].len()];
+        for (batch, factors) in factors.chunks(ABREAST).enumerate() {
+            let mut colors = [[R::of(0.0); 4]; ABREAST];
+            for (color, &factor) in colors.iter_mut().zip(factors) {
+                *color = table.values(table.place(factor));
+            }
             for (output, &channel) in outputs.iter_mut().zip(&self.channels) {
-                output[index] = table.value(channel, place);
+                let results = &mut output[batch * ABREAST..][..factors.len()];
+                results.iter_mut().zip(&colors).for_each(|(result, color)| *result = color[channel]);
             }
         }
     }

@@ -6,6 +6,7 @@
 
 use super::bounds::Interval;
 use super::real::Real;
+use super::vector_output;
 
 /// Luminance weights of linear Rec. 709 primaries.
 const LUMINANCE: [f32; 3] = [0.212_639_12, 0.715_169_13, 0.072_192_76];
@@ -113,16 +114,17 @@ fn hsv<R: Real>([red, green, blue]: [R; 3], quotient: impl Fn(R, R) -> R) -> [R;
         return [zero, saturation, value];
     }
     let [lacks_red, lacks_green, lacks_blue] = [red, green, blue].map(|channel| quotient(value - channel, chroma));
-    let sixths = if red == value {
-        lacks_blue - lacks_green
-    } else if green == value {
-        (R::of(2.0) + lacks_red) - lacks_blue
-    } else {
-        (R::of(4.0) + lacks_green) - lacks_red
-    };
+    // Selections, no branches: which channel is the largest is not worth predicting.
+    let [from_red, from_green, from_blue] =
+        [lacks_blue - lacks_green, (R::of(2.0) + lacks_red) - lacks_blue, (R::of(4.0) + lacks_green) - lacks_red];
+    let sixths = if green == value { from_green } else { from_blue };
+    let sixths = if red == value { from_red } else { sixths };
     let hue = sixths * R::of(1.0 / 6.0);
     [if hue < zero { hue + one } else { hue }, saturation, value]
 }
+
+/// Which level each channel has in a sixth of the hues: 0 the value, 1 falling, 2 the least, 3 rising.
+const SECTORS: [[usize; 3]; 6] = [[0, 3, 2], [1, 0, 2], [2, 0, 3], [2, 1, 0], [3, 2, 0], [0, 2, 1]];
 
 /// The colour of a hue, saturation and value.
 #[inline]
@@ -139,20 +141,11 @@ pub fn hsv_to_rgb<R: Real>([hue, saturation, value]: [R; 3]) -> [R; 3] {
     let least = value * (one - saturation);
     let falling = value * (one - saturation * place);
     let rising = value * (one - saturation * (one - place));
-    let is = |number: f32| sector == R::of(number);
-    if is(0.0) {
-        [value, rising, least]
-    } else if is(1.0) {
-        [falling, value, least]
-    } else if is(2.0) {
-        [least, value, rising]
-    } else if is(3.0) {
-        [least, falling, value]
-    } else if is(4.0) {
-        [rising, least, value]
-    } else {
-        [value, least, falling]
-    }
+    // Looked up, not decided: sectors are not worth predicting. All that are not the first five are as the last.
+    let levels = [value, falling, least, rising];
+    let sector = sector.to_int();
+    let row = SECTORS[if (0..5).contains(&sector) { sector as usize } else { 5 }];
+    row.map(|level| levels[level])
 }
 
 /// Hue, saturation and lightness of a colour.
@@ -194,11 +187,9 @@ pub fn hsl_to_rgb<R: Real>([hue, saturation, lightness]: [R; 3]) -> [R; 3] {
 /// Fills the columns of a colour output, point by point.
 #[inline(always)]
 pub(super) fn fill<R: Real>(outputs: &mut [&mut [R]], color_at: impl Fn(usize) -> [R; 3]) {
-    let points = outputs.first().map_or(0, |output| output.len());
-    for index in 0..points {
-        for (output, channel) in outputs.iter_mut().zip(color_at(index)) {
-            output[index] = channel;
-        }
+    let [red, green, blue] = vector_output(outputs);
+    for index in 0..red.len() {
+        [red[index], green[index], blue[index]] = color_at(index);
     }
 }
 

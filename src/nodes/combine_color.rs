@@ -32,7 +32,12 @@ struct CombineColor {
 
 impl Evaluate for CombineColor {
     fn evaluate<R: Real>(&self, inputs: &[Column<'_, R>], outputs: &mut [&mut [R]]) {
-        fill(outputs, |index| self.space.combine(vector_at(inputs, 0, index)));
+        // The space is known where each loop is compiled.
+        match self.space {
+            ColorSpace::Rgb => fill(outputs, |index| ColorSpace::Rgb.combine(vector_at(inputs, 0, index))),
+            ColorSpace::Hsv => fill(outputs, |index| ColorSpace::Hsv.combine(vector_at(inputs, 0, index))),
+            ColorSpace::Hsl => fill(outputs, |index| ColorSpace::Hsl.combine(vector_at(inputs, 0, index))),
+        }
     }
 
     fn enclose(&self, inputs: &[Interval], outputs: &mut [Interval]) {

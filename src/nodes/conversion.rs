@@ -2,10 +2,11 @@
 //! or colour output to a float input. (A float feeds a vector by repetition, and vectors and
 //! colours exchange unchanged; neither needs a node.)
 //!
-//! Vector to float is the mean, colour to float the luminance of linear Rec. 709 with the weights
+//! Vector to float is the mean, colour to float the luminance of linear Rec. 709 ([`luminance`]) with the weights
 //! of Blender's default configuration. Constants are converted by Blender itself, with luminance
 //! weights of four digits and a division by three.
 
+use super::color_space::{enclose_luminance, luminance};
 use super::real::Real;
 use super::{Column, Evaluate, InputSocket, Interval, NodeType, OutputSocket, Property, Role, Simplified, always, map};
 use crate::scene::SocketType;
@@ -22,9 +23,6 @@ pub static TYPE: NodeType = NodeType {
     role: Role::Evaluated(|mode| Box::new(Conversion { luminance: mode.choice("from") == "COLOR" })),
 };
 
-/// Luminance weights of linear Rec. 709 primaries.
-const LUMINANCE: [f32; 3] = [0.212_639_12, 0.715_169_13, 0.072_192_76];
-
 /// Weights that Blender folds constant colours with.
 const FOLDED_LUMINANCE: [f32; 3] = [0.2126, 0.7152, 0.0722];
 
@@ -35,8 +33,7 @@ struct Conversion {
 impl Evaluate for Conversion {
     fn evaluate<R: Real>(&self, inputs: &[Column<'_, R>], outputs: &mut [&mut [R]]) {
         if self.luminance {
-            let [red, green, blue] = LUMINANCE.map(R::of);
-            map(inputs, [0, 1, 2], outputs[0], |[r, g, b]: [R; 3]| (r * red + g * green) + b * blue);
+            map(inputs, [0, 1, 2], outputs[0], luminance);
         } else {
             map(inputs, [0, 1, 2], outputs[0], |[x, y, z]: [R; 3]| ((x + y) + z) * R::of(1.0 / 3.0));
         }
@@ -55,11 +52,7 @@ impl Evaluate for Conversion {
 
     fn enclose(&self, inputs: &[Interval], outputs: &mut [Interval]) {
         let [x, y, z] = [inputs[0], inputs[1], inputs[2]];
-        outputs[0] = if self.luminance {
-            let [red, green, blue] = LUMINANCE.map(Interval::point);
-            (x * red + y * green) + z * blue
-        } else {
-            ((x + y) + z) * Interval::point(1.0 / 3.0)
-        };
+        outputs[0] =
+            if self.luminance { enclose_luminance([x, y, z]) } else { ((x + y) + z) * Interval::point(1.0 / 3.0) };
     }
 }

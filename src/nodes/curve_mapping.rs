@@ -400,11 +400,17 @@ impl CurveMapping {
     /// A channel as Cycles evaluates it: the curve's value at `x`.
     #[inline]
     pub fn look_up<R: Real>(&self, channel: usize, x: R) -> R {
-        self.at(channel, (x - R::of(self.start)) / R::of(self.width))
+        self.at(channel, self.place(x))
     }
 
-    /// A channel at a place in the table, 0 at its start and 1 at its end.
-    #[inline]
+    /// The place in the table, 0 at its start and 1 at its end.
+    #[inline(always)]
+    fn place<R: Real>(&self, x: R) -> R {
+        (x - R::of(self.start)) / R::of(self.width)
+    }
+
+    /// A channel at a place in the table.
+    #[inline(always)]
     fn at<R: Real>(&self, channel: usize, place: R) -> R {
         let entries = self.table.entries(channel);
         let [first, second, before_last, last] =
@@ -489,12 +495,28 @@ impl Curves {
     }
 }
 
+/// Points that are taken through the steps of the evaluation together.
+const ABREAST: usize = 64;
+
 impl Evaluate for Curves {
     fn evaluate<R: Real>(&self, inputs: &[Column<'_, R>], outputs: &mut [&mut [R]]) {
+        // Apart from the lookups, the steps hold no decisions and take several points at once.
+        let mapping = &*self.mapping;
         for (channel, output) in outputs.iter_mut().enumerate() {
-            super::map(inputs, [0, 1 + channel], output, |[factor, value]: [R; 2]| {
-                (R::of(1.0) - factor) * value + factor * self.mapping.look_up(channel, value)
-            });
+            let output = &mut **output;
+            let [factors, values] = [0, 1 + channel].map(|column| &inputs[column].values[..output.len()]);
+            let batches = output.chunks_mut(ABREAST).zip(factors.chunks(ABREAST)).zip(values.chunks(ABREAST));
+            for ((results, factors), values) in batches {
+                for (result, &value) in results.iter_mut().zip(values) {
+                    *result = mapping.place(value);
+                }
+                for result in &mut *results {
+                    *result = mapping.at(channel, *result);
+                }
+                for ((result, &factor), &value) in results.iter_mut().zip(factors).zip(values) {
+                    *result = (R::of(1.0) - factor) * value + factor * *result;
+                }
+            }
         }
     }
 

@@ -104,7 +104,8 @@ impl<R: Real, const N: usize> Waves<R, N> {
         if N == 2 {
             let angle = at(ORIENTATION);
             if isotropy == zero {
-                let direction = [angle.library(Library::Cos), angle.library(Library::Sin), zero];
+                let [sine, cosine] = angle.sine_and_cosine();
+                let direction = [cosine, sine, zero];
                 waves.common = wave_vector(frequency, direction);
             } else {
                 waves.angles[0] = angle;
@@ -118,7 +119,10 @@ impl<R: Real, const N: usize> Waves<R, N> {
             waves.common = wave_vector(frequency, [x, y, z]);
         } else {
             let azimuth = (x / length([x, y])).library(Library::Acos);
-            waves.angles = [z.library(Library::Acos), if y < zero { -azimuth } else { azimuth }];
+            let azimuth = if y < zero { -azimuth } else { azimuth };
+            // Where the orientation's length underflows, both angles are NaN, of unlike signs; Cycles' is the azimuth's.
+            let inclination = if azimuth.is_nan() { azimuth } else { z.library(Library::Acos) };
+            waves.angles = [inclination, azimuth];
         }
         waves
     }
@@ -130,18 +134,13 @@ impl<R: Real, const N: usize> Waves<R, N> {
         let [first, second] = self.angles;
         if N == 2 {
             let angle = first + ((random[0] - R::of(0.5)) * pi) * self.isotropy;
-            let direction = [angle.library(Library::Cos), angle.library(Library::Sin), R::of(0.0)];
-            return wave_vector(self.frequency, direction);
+            let [sine, cosine] = angle.sine_and_cosine();
+            return wave_vector(self.frequency, [cosine, sine, R::of(0.0)]);
         }
         let inclination = first + (random[0] * pi) * self.isotropy;
         let azimuth = second + (random[1] * pi) * self.isotropy;
-        let sine = inclination.library(Library::Sin);
-        let direction = [
-            sine * azimuth.library(Library::Cos),
-            sine * azimuth.library(Library::Sin),
-            inclination.library(Library::Cos),
-        ];
-        wave_vector(self.frequency, direction)
+        let [[sine, cosine], [azimuth_sine, azimuth_cosine]] = [inclination, azimuth].map(R::sine_and_cosine);
+        wave_vector(self.frequency, [sine * azimuth_cosine, sine * azimuth_sine, cosine])
     }
 }
 
@@ -165,8 +164,8 @@ fn phasor<R: Real>(square: R, projection: R, negative: bool) -> [R; 2] {
     let half = R::of(0.5);
     let bell = half + half * (R::of(PI) * square).library(Library::Cos);
     let envelope = (R::of(-PI) * square).library(Library::Exp) * bell;
-    let angle = R::of(TAU) * projection;
-    let parts = [envelope * angle.library(Library::Cos), envelope * angle.library(Library::Sin)];
+    let [sine, cosine] = (R::of(TAU) * projection).sine_and_cosine();
+    let parts = [envelope * cosine, envelope * sine];
     // Cycles multiplies by -1, which leaves a NaN its sign: White Noise shows it. A negation does not. (The sign of a zero is
     // nothing to the sum.)
     if negative { parts.map(|part| R::of(0.0) - part) } else { parts }

@@ -26,6 +26,8 @@ const ROUNDING: f64 = 1e-6;
 pub struct Table {
     /// Entries of each channel.
     channels: Vec<Vec<f32>>,
+    /// The same entry by entry for a table of four channels, whose lookups read them all; the last one twice.
+    rows: Vec<[f32; 4]>,
     interpolates: bool,
     /// Half of the largest difference between neighbours, per channel.
     half_steps: Vec<f32>,
@@ -54,7 +56,8 @@ impl Table {
                 .fold(0.0, |most: f32, step| most.max(step.abs()))
         };
         let half_steps = channels.iter().map(|entries| largest(entries)).collect();
-        Self { channels, interpolates, half_steps }
+        let rows = (0..=CELLS + 1).filter_map(|index| rows.get(index.min(CELLS))?.as_slice().try_into().ok()).collect();
+        Self { channels, rows, interpolates, half_steps }
     }
 
     /// Entries of a channel.
@@ -83,15 +86,31 @@ impl Table {
     #[inline]
     pub fn value<R: Real>(&self, channel: usize, place: Place<R>) -> R {
         let entries = &self.channels[channel];
-        let low = R::of(entries[place.index]);
-        let value = if self.interpolates && place.rest > R::of(0.0) {
-            let high = R::of(entries[(place.index + 1).min(CELLS)]);
-            (R::of(1.0) - place.rest) * low + place.rest * high
-        } else {
-            low
-        };
-        // Subtracting +0 changes no bit.
-        value - place.doubt * R::of(self.half_steps[channel])
+        let value = self.between(place.rest, entries[place.index], entries[(place.index + 1).min(CELLS)]);
+        self.doubted(channel, place, value)
+    }
+
+    /// The values of all channels of a table of four.
+    #[inline]
+    pub fn values<R: Real>(&self, place: Place<R>) -> [R; 4] {
+        let (low, high) = (self.rows[place.index], self.rows[place.index + 1]);
+        let value = |channel: usize| self.between(place.rest, low[channel], high[channel]);
+        let values: [R; 4] = std::array::from_fn(value);
+        if R::IS_PLAIN { values } else { std::array::from_fn(|channel| self.doubted(channel, place, values[channel])) }
+    }
+
+    /// The value between two entries. Both count only where the place is beyond the first: 0 times an entry may be -0.
+    #[inline(always)]
+    fn between<R: Real>(&self, rest: R, low: f32, high: f32) -> R {
+        let (low, high) = (R::of(low), R::of(high));
+        let mixed = (R::of(1.0) - rest) * low + rest * high;
+        if self.interpolates && rest > R::of(0.0) { mixed } else { low }
+    }
+
+    /// The value with the doubt of its place, for numbers that carry one.
+    #[inline(always)]
+    fn doubted<R: Real>(&self, channel: usize, place: Place<R>, value: R) -> R {
+        if R::IS_PLAIN { value } else { value - place.doubt * R::of(self.half_steps[channel]) }
     }
 
     /// Encloses a channel's values for the factors of an interval.

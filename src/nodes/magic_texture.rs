@@ -73,42 +73,53 @@ fn cos<R: Real>(x: R) -> R {
     x.library(Library::Cos)
 }
 
+/// Points whose waves are computed side by side, since those of one point wait for one another.
+const ABREAST: usize = 16;
+
 impl Magic {
-    /// The colour.
+    /// Turns coordinates into colours; every point has a scale and a distortion.
     #[inline(always)]
-    fn at<R: Real>(&self, p: [R; 3], scale: R, distortion: R) -> [R; 3] {
-        let [a, b, c] = p.map(|x| x.fmod(R::of(TURN)));
-        let argument = |sum: R| ((sum * R::of(5.0)).round_coordinate() * scale).round_coordinate();
-        let mut x = sin(argument(sum(a, b, c)));
-        let mut y = cos(argument(sum(-a, b, -c)));
-        let mut z = -cos(argument(sum(-a, -b, c)));
-        if self.depth > 0 {
-            x = x * distortion;
-            y = y * distortion;
-            z = z * distortion;
+    fn color_all<R: Real>(&self, points: &mut [[R; 3]], scale: &[R], distortion: &[R]) {
+        for (p, &scale) in points.iter_mut().zip(scale) {
+            let [a, b, c] = p.map(|x| x.fmod(R::of(TURN)));
+            let argument = |sum: R| ((sum * R::of(5.0)).round_coordinate() * scale).round_coordinate();
+            *p = [sin(argument(sum(a, b, c))), cos(argument(sum(-a, b, -c))), -cos(argument(sum(-a, -b, c)))];
         }
-        for step in 1..=self.depth {
-            match step {
-                1 => y = -cos(sum(x, -y, z)) * distortion,
-                2 => x = cos(sum(x, -y, -z)) * distortion,
-                3 => z = sin(sum(-x, -y, -z)) * distortion,
-                4 => x = -cos(sum(-x, y, -z)) * distortion,
-                5 => y = -sin(sum(-x, y, z)) * distortion,
-                6 => y = -cos(sum(-x, y, z)) * distortion,
-                7 => x = cos(sum(x, y, z)) * distortion,
-                8 => z = sin(sum(x, y, -z)) * distortion,
-                9 => x = -cos(sum(-x, -y, z)) * distortion,
-                _ => y = -sin(sum(x, -y, z)) * distortion,
+        if self.depth > 0 {
+            for (p, &distortion) in points.iter_mut().zip(distortion) {
+                *p = p.map(|wave| wave * distortion);
             }
         }
-        if distortion != R::of(0.0) {
-            // The kernel's division by a scalar: one reciprocal for three products.
-            let inverse = R::of(1.0) / (distortion * R::of(2.0));
-            x = x * inverse;
-            y = y * inverse;
-            z = z * inverse;
+        for step in 1..=self.depth {
+            macro_rules! set {
+                ($axis:expr, |$x:ident, $y:ident, $z:ident| $wave:expr) => {
+                    for (p, &distortion) in points.iter_mut().zip(distortion) {
+                        let [$x, $y, $z] = *p;
+                        p[$axis] = $wave * distortion;
+                    }
+                };
+            }
+            match step {
+                1 => set!(1, |x, y, z| -cos(sum(x, -y, z))),
+                2 => set!(0, |x, y, z| cos(sum(x, -y, -z))),
+                3 => set!(2, |x, y, z| sin(sum(-x, -y, -z))),
+                4 => set!(0, |x, y, z| -cos(sum(-x, y, -z))),
+                5 => set!(1, |x, y, z| -sin(sum(-x, y, z))),
+                6 => set!(1, |x, y, z| -cos(sum(-x, y, z))),
+                7 => set!(0, |x, y, z| cos(sum(x, y, z))),
+                8 => set!(2, |x, y, z| sin(sum(x, y, -z))),
+                9 => set!(0, |x, y, z| -cos(sum(-x, -y, z))),
+                _ => set!(1, |x, y, z| -sin(sum(x, -y, z))),
+            }
         }
-        [x, y, z].map(|wave| R::of(0.5) - wave)
+        for (p, &distortion) in points.iter_mut().zip(distortion) {
+            if distortion != R::of(0.0) {
+                // The kernel's division by a scalar: one reciprocal for three products.
+                let inverse = R::of(1.0) / (distortion * R::of(2.0));
+                *p = p.map(|wave| wave * inverse);
+            }
+            *p = p.map(|wave| R::of(0.5) - wave);
+        }
     }
 
     /// Bounds of the waves that the colour is 1/2 minus of.
@@ -180,17 +191,26 @@ impl Evaluate for Magic {
     }
 
     fn evaluate<R: Real>(&self, inputs: &[Column<'_, R>], outputs: &mut [&mut [R]]) {
-        for index in 0..outputs[0].len() {
-            let p = vector_at(inputs, 0, index);
-            let color = self.at(p, inputs[SCALE].values[index], inputs[DISTORTION].values[index]);
-            if self.color {
-                for axis in 0..3 {
-                    outputs[axis][index] = color[axis];
-                }
+        let count = outputs[0].len();
+        for start in (0..count).step_by(ABREAST) {
+            let range = start..count.min(start + ABREAST);
+            let mut colors = [[R::of(0.0); 3]; ABREAST];
+            let colors = &mut colors[..range.len()];
+            for (p, index) in colors.iter_mut().zip(range.clone()) {
+                *p = vector_at(inputs, 0, index);
             }
-            if self.factor {
-                let mean = ((color[0] + color[1]) + color[2]) * R::of(THIRD);
-                outputs[if self.color { 3 } else { 0 }][index] = mean;
+            let [scale, distortion] = [SCALE, DISTORTION].map(|column| &inputs[column].values[range.clone()]);
+            self.color_all(colors, scale, distortion);
+            for (color, index) in colors.iter().zip(range) {
+                if self.color {
+                    for axis in 0..3 {
+                        outputs[axis][index] = color[axis];
+                    }
+                }
+                if self.factor {
+                    let mean = ((color[0] + color[1]) + color[2]) * R::of(THIRD);
+                    outputs[if self.color { 3 } else { 0 }][index] = mean;
+                }
             }
         }
     }
@@ -211,6 +231,15 @@ impl Evaluate for Magic {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    impl Magic {
+        /// The colour of one point.
+        fn at<R: Real>(&self, p: [R; 3], scale: R, distortion: R) -> [R; 3] {
+            let mut points = [p];
+            self.color_all(&mut points, &[scale], &[distortion]);
+            points[0]
+        }
+    }
 
     fn node(depth: i32) -> Magic {
         Magic { depth, color: true, factor: true }

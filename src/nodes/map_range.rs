@@ -88,6 +88,7 @@ struct MapRange {
 }
 
 /// Limits `value` to the range between `a` and `b`, whichever is lower.
+#[inline(always)]
 fn clamp_to<R: Real>(value: R, a: R, b: R) -> R {
     // Ends are sorted first: which one is lower is not worth predicting.
     let (low, high) = if a > b { (b, a) } else { (a, b) };
@@ -95,6 +96,7 @@ fn clamp_to<R: Real>(value: R, a: R, b: R) -> R {
 }
 
 /// Factor of a stepped remap.
+#[inline(always)]
 fn stepped<R: Real>(t: R, steps: R) -> R {
     let step = (t * (steps + R::of(1.0))).floor() / steps;
     if steps > R::of(0.0) { step } else { R::of(0.0) }
@@ -135,23 +137,27 @@ fn component_factor<R: Real>(interpolation: Interpolation, value: R, from: [R; 2
 }
 
 impl MapRange {
-    /// One result; an empty source range of a float gives 0.
+    /// The node of a mode that is known where this is compiled, smooth vectors without limits: see [`factor`].
     #[inline(always)]
-    fn remapped<R: Real>(&self, interpolation: Interpolation, value: R, from: [R; 2], to: [R; 2], steps: R) -> R {
-        let result = if self.vector {
-            to[0] + component_factor(interpolation, value, from, steps) * (to[1] - to[0])
-        } else {
-            let result = to[0] + factor(interpolation, value, from, steps) * (to[1] - to[0]);
-            if from[0] == from[1] { R::of(0.0) } else { result }
+    fn evaluate_as<R: Real, const VECTOR: bool, const CLAMP: bool>(
+        interpolation: Interpolation,
+        inputs: &[Column<'_, R>],
+        outputs: &mut [&mut [R]],
+    ) {
+        let remapped = |value: R, from: [R; 2], to: [R; 2], steps: R| {
+            let result = if VECTOR {
+                to[0] + component_factor(interpolation, value, from, steps) * (to[1] - to[0])
+            } else {
+                let result = to[0] + factor(interpolation, value, from, steps) * (to[1] - to[0]);
+                // An empty source range of a float gives 0.
+                if from[0] == from[1] { R::of(0.0) } else { result }
+            };
+            if CLAMP && !(VECTOR && interpolation.is_smooth()) { clamp_to(result, to[0], to[1]) } else { result }
         };
-        let clamps = self.clamp && !(self.vector && interpolation.is_smooth());
-        if clamps { clamp_to(result, to[0], to[1]) } else { result }
-    }
-
-    #[inline(always)]
-    fn evaluate_as<R: Real>(&self, interpolation: Interpolation, inputs: &[Column<'_, R>], outputs: &mut [&mut [R]]) {
-        let width = if self.vector { 3 } else { 1 };
+        let width = if VECTOR { 3 } else { 1 };
         for (axis, output) in outputs.iter_mut().enumerate() {
+            // A slice of its own: the loop need not ask where it stands after every value.
+            let output = &mut **output;
             let count = output.len();
             let column = |socket: usize| inputs.get(socket * width + axis).map(|column| &column.values[..count]);
             let [value, from_min, from_max, to_min, to_max] =
@@ -160,8 +166,21 @@ impl MapRange {
             let steps = column(5).unwrap_or(value);
             for index in 0..count {
                 let (from, to) = ([from_min[index], from_max[index]], [to_min[index], to_max[index]]);
-                output[index] = self.remapped(interpolation, value[index], from, to, steps[index]);
+                output[index] = remapped(value[index], from, to, steps[index]);
             }
+        }
+    }
+
+    fn evaluate_mode<R: Real, const VECTOR: bool, const CLAMP: bool>(
+        &self,
+        inputs: &[Column<'_, R>],
+        outputs: &mut [&mut [R]],
+    ) {
+        match self.interpolation {
+            Interpolation::Linear => Self::evaluate_as::<R, VECTOR, CLAMP>(Interpolation::Linear, inputs, outputs),
+            Interpolation::Stepped => Self::evaluate_as::<R, VECTOR, CLAMP>(Interpolation::Stepped, inputs, outputs),
+            Interpolation::Smooth => Self::evaluate_as::<R, VECTOR, CLAMP>(Interpolation::Smooth, inputs, outputs),
+            Interpolation::Smoother => Self::evaluate_as::<R, VECTOR, CLAMP>(Interpolation::Smoother, inputs, outputs),
         }
     }
 }
@@ -234,11 +253,11 @@ impl Evaluate for MapRange {
     }
 
     fn evaluate<R: Real>(&self, inputs: &[Column<'_, R>], outputs: &mut [&mut [R]]) {
-        match self.interpolation {
-            Interpolation::Linear => self.evaluate_as(Interpolation::Linear, inputs, outputs),
-            Interpolation::Stepped => self.evaluate_as(Interpolation::Stepped, inputs, outputs),
-            Interpolation::Smooth => self.evaluate_as(Interpolation::Smooth, inputs, outputs),
-            Interpolation::Smoother => self.evaluate_as(Interpolation::Smoother, inputs, outputs),
+        match (self.vector, self.clamp) {
+            (false, false) => self.evaluate_mode::<R, false, false>(inputs, outputs),
+            (false, true) => self.evaluate_mode::<R, false, true>(inputs, outputs),
+            (true, false) => self.evaluate_mode::<R, true, false>(inputs, outputs),
+            (true, true) => self.evaluate_mode::<R, true, true>(inputs, outputs),
         }
     }
 

@@ -8,7 +8,7 @@ use super::real::{Real, safe_unit};
 use super::rotation::{self, Rows};
 use super::{
     Column, Evaluate, InputSocket, Interval, Mode, NodeType, OutputSocket, Property, Role, Simplified, always,
-    vector_at,
+    vector_at, vector_output,
 };
 use crate::scene::SocketType;
 
@@ -27,7 +27,10 @@ pub static TYPE: NodeType = NodeType {
     ],
     outputs: &[OutputSocket::new("Vector", SocketType::Vector, always)],
     role: Role::Evaluated(|mode| {
-        Box::new(Mapping { kind: mode.choice("vector_type"), rotation: if has_location(mode) { 6 } else { 3 } })
+        Box::new(Mapping {
+            kind: Kind::of(mode.choice("vector_type")),
+            rotation: if has_location(mode) { 6 } else { 3 },
+        })
     }),
 };
 
@@ -35,8 +38,27 @@ fn has_location(mode: &Mode) -> bool {
     matches!(mode.choice("vector_type"), "POINT" | "TEXTURE")
 }
 
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Kind {
+    Point,
+    Texture,
+    Vector,
+    Normal,
+}
+
+impl Kind {
+    fn of(name: &str) -> Self {
+        match name {
+            "POINT" => Self::Point,
+            "TEXTURE" => Self::Texture,
+            "VECTOR" => Self::Vector,
+            _ => Self::Normal,
+        }
+    }
+}
+
 struct Mapping {
-    kind: &'static str,
+    kind: Kind,
     /// First column of the rotation; the scale follows it. The location stands before it, if there is one.
     rotation: usize,
 }
@@ -49,29 +71,32 @@ impl Mapping {
         self.rotation + 3
     }
 
+    #[inline(always)]
     fn matrix<R: Real>(&self, inputs: &[Column<'_, R>], index: usize) -> Rows<R> {
         rotation::euler(vector_at(inputs, self.rotation, index).map(rotation::sine_and_cosine))
     }
 
+    #[inline(always)]
     fn mapped<R: Real>(&self, inputs: &[Column<'_, R>], rows: &Rows<R>, index: usize) -> [R; 3] {
         let (vector, scale) = (vector_at(inputs, 0, index), vector_at(inputs, self.scale(), index));
         let location = || vector_at(inputs, LOCATION, index);
         let each =
             |a: [R; 3], b: [R; 3], function: fn(R, R) -> R| std::array::from_fn(|axis| function(a[axis], b[axis]));
         match self.kind {
-            "POINT" => each(rotation::apply(rows, each(vector, scale, R::mul)), location(), R::add),
-            "TEXTURE" => {
+            Kind::Point => each(rotation::apply(rows, each(vector, scale, R::mul)), location(), R::add),
+            Kind::Texture => {
                 let moved = each(vector, location(), R::sub);
                 each(rotation::apply_from_left(&rotation::transposed(rows), moved), scale, R::safe_divide)
             }
-            "VECTOR" => rotation::apply(rows, each(vector, scale, R::mul)),
-            _ => safe_unit(rotation::apply(rows, each(vector, scale, R::safe_divide))),
+            Kind::Vector => rotation::apply(rows, each(vector, scale, R::mul)),
+            Kind::Normal => safe_unit(rotation::apply(rows, each(vector, scale, R::safe_divide))),
         }
     }
 }
 
 impl Evaluate for Mapping {
     fn evaluate<R: Real>(&self, inputs: &[Column<'_, R>], outputs: &mut [&mut [R]]) {
+        let outputs = vector_output(outputs);
         // Angles are constants nearly always.
         let angles = &inputs[self.rotation..self.rotation + 3];
         let is_fixed = angles.iter().all(|column| column.uniform) && !outputs[0].is_empty();
@@ -94,14 +119,14 @@ impl Evaluate for Mapping {
         };
         let rotated = |vector: [Interval; 3]| rotation::no_longer_than(rotation::apply(&rows, vector), vector);
         let result: [Interval; 3] = match self.kind {
-            "POINT" => each(rotated(each(vector, scale, |a, b| a * b)), at(LOCATION), |a, b| a + b),
-            "TEXTURE" => {
+            Kind::Point => each(rotated(each(vector, scale, |a, b| a * b)), at(LOCATION), |a, b| a + b),
+            Kind::Texture => {
                 let moved = each(vector, at(LOCATION), |a, b| a - b);
                 let turned = rotation::apply_from_left(&rotation::transposed(&rows), moved);
                 each(rotation::no_longer_than(turned, moved), scale, Interval::safe_divide)
             }
-            "VECTOR" => rotated(each(vector, scale, |a, b| a * b)),
-            _ => super::vector_math::bounds::safe_unit(rotated(each(vector, scale, Interval::safe_divide))),
+            Kind::Vector => rotated(each(vector, scale, |a, b| a * b)),
+            Kind::Normal => super::vector_math::bounds::safe_unit(rotated(each(vector, scale, Interval::safe_divide))),
         };
         outputs.copy_from_slice(&result);
     }
@@ -117,13 +142,13 @@ impl Evaluate for Mapping {
         let rows = rotation::euler(at(self.rotation).map(rotation::sine_and_cosine));
         let scaled = |function: fn(f32, f32) -> f32| std::array::from_fn(|axis| function(vector[axis], scale[axis]));
         let result: [f32; 3] = match self.kind {
-            "POINT" => {
+            Kind::Point => {
                 let rotated = rotation::apply_from_left(&rows, scaled(|value, factor| value * factor));
                 std::array::from_fn(|axis| rotated[axis] + inputs[LOCATION + axis])
             }
-            "VECTOR" => rotation::apply_from_left(&rows, scaled(|value, factor| value * factor)),
-            "NORMAL" => safe_unit(rotation::apply_from_left(&rows, scaled(f32::safe_divide))),
-            _ => return None,
+            Kind::Vector => rotation::apply_from_left(&rows, scaled(|value, factor| value * factor)),
+            Kind::Normal => safe_unit(rotation::apply_from_left(&rows, scaled(f32::safe_divide))),
+            Kind::Texture => return None,
         };
         Some(result.to_vec())
     }
@@ -135,7 +160,7 @@ impl Evaluate for Mapping {
         }
         let stays = self.rotation == LOCATION || is(LOCATION, 0.0);
         let changes_nothing = stays && is(self.rotation, 0.0) && is(self.scale(), 1.0);
-        (self.kind != "NORMAL" && changes_nothing).then(|| Simplified::Inputs(vec![0, 1, 2]))
+        (self.kind != Kind::Normal && changes_nothing).then(|| Simplified::Inputs(vec![0, 1, 2]))
     }
 }
 

@@ -838,6 +838,15 @@ pub fn columns_at<'a, R>(inputs: &[Column<'a, R>], index: usize) -> Vec<Column<'
     inputs.iter().map(|column| Column { values: &column.values[index..=index], uniform: true }).collect()
 }
 
+/// The three columns of a vector's output. As slices of their own they stay where they are while a loop writes to them, which a
+/// compiler cannot know of what `outputs` points to: it looks there again after every value.
+#[inline(always)]
+pub fn vector_output<'a, R>(outputs: &'a mut [&mut [R]]) -> [&'a mut [R]; 3] {
+    let [x, y, z] = outputs else { unreachable!("an output of {} components, not a vector", outputs.len()) };
+    let count = x.len();
+    [x, &mut y[..count], &mut z[..count]]
+}
+
 /// Reads three components of point `index` starting at column `first`.
 #[inline(always)]
 pub fn vector_at<R: Real>(inputs: &[Column<'_, R>], first: usize, index: usize) -> [R; 3] {

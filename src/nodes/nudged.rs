@@ -23,7 +23,8 @@ pub enum Nudge {
     Nothing,
     /// Results of the C library, by a unit in the last place.
     Library(u64),
-    /// Every inexact result: by a unit in the last place, divisions and square roots by two.
+    /// Every inexact result: by a unit in the last place, divisions and square roots by two. And the sign of a zero that was
+    /// computed, which WGSL does not promise to keep (its specification, section "Floating point evaluation").
     Everything(u64),
 }
 
@@ -113,6 +114,11 @@ fn from_arithmetic(value: f32, exact: bool, function: u64, arguments: [f32; 2], 
         Nudge::Everything(seed) if !exact && value.is_finite() => {
             Nudged(moved(value, direction(seed, function, arguments), units))
         }
+        Nudge::Everything(seed) if value == 0.0 => Nudged(match direction(seed, function, arguments) {
+            1 => 0.0,
+            -1 => -0.0,
+            _ => value,
+        }),
         _ => Nudged(value),
     }
 }
@@ -266,6 +272,15 @@ mod tests {
             assert!(sine(std::f32::consts::FRAC_PI_2, nudge) <= 1.0);
             assert!(with(nudge, || Nudged(-200.0).library(Library::Exp).0) >= 0.0);
         }
+    }
+
+    #[test]
+    fn signs_of_computed_zeros_move_with_everything_and_not_with_the_library() {
+        let zero = |nudge| with(nudge, || (Nudged(0.0) * Nudged(3.0)).0.to_bits());
+        assert_eq!(zero(Nudge::Everything(0)), 0.0_f32.to_bits());
+        assert_eq!(zero(Nudge::Everything(1)), 0.0_f32.to_bits());
+        assert_eq!(zero(Nudge::Everything(2)), (-0.0_f32).to_bits());
+        assert_eq!(zero(Nudge::Library(2)), 0.0_f32.to_bits());
     }
 
     #[test]

@@ -24,6 +24,9 @@ pub trait Real:
     + Neg<Output = Self>
     + 'static
 {
+    /// Whether a number is its value and nothing else, such as a bound of its error.
+    const IS_PLAIN: bool = false;
+
     /// Exact conversion.
     fn of(value: f32) -> Self;
     /// Rounds to f32.
@@ -58,6 +61,11 @@ pub trait Real:
     fn powf(self, exponent: Self) -> Self;
     /// A function of one argument of the C library.
     fn library(self, function: Library) -> Self;
+    /// Sine and cosine of the C library.
+    #[inline(always)]
+    fn sine_and_cosine(self) -> [Self; 2] {
+        [self.library(Library::Sin), self.library(Library::Cos)]
+    }
     /// Two-argument arctangent, `self` is y.
     fn atan2(self, x: Self) -> Self;
     /// C `fmin`: the operand that is not NaN.
@@ -183,7 +191,45 @@ fn int_of(value: f64) -> i32 {
     if value > -2147483649.0 && value < 2147483648.0 { value as i32 } else { i32::MIN }
 }
 
+/// C `fmod`, which is exact, without the C library's loop over the quotient's bits.
+///
+/// The quotient of two f32 of magnitude 1 and more is a whole number or at least 2^-24 away from one. Below 2^28 an f64 is half
+/// a unit in its last place, 2^-26, from what it stands for at most, so that it has the right whole part; and products of a whole
+/// number below 2^28 with an f32 are exact, and so is the difference.
+#[inline(always)]
+fn remainder(a: f32, b: f32) -> f32 {
+    let (x, y) = (f64::from(a), f64::from(b));
+    let quotient = (x / y).trunc();
+    if quotient.abs() < 268_435_456.0 && b.is_finite() { ((x - quotient * y) as f32).copysign(a) } else { a % b }
+}
+
+/// Sine and cosine of the C library, which computes both for hardly more than one: for each of the 2^32 arguments glibc's
+/// function gives the bits of `sinf` and `cosf`.
+#[cfg(all(target_os = "linux", target_env = "gnu"))]
+#[inline(always)]
+fn sine_and_cosine(angle: f32) -> [f32; 2] {
+    #[allow(unsafe_code, reason = "the C library's function is declared here: it is GNU's, and Rust has none for it")]
+    unsafe extern "C" {
+        fn sincosf(angle: f32, sine: *mut f32, cosine: *mut f32);
+    }
+    let [mut sine, mut cosine] = [0.0; 2];
+    #[allow(unsafe_code, reason = "it writes two numbers through pointers to them")]
+    unsafe {
+        sincosf(angle, &raw mut sine, &raw mut cosine);
+    }
+    [sine, cosine]
+}
+
+/// The same where no such function is known.
+#[cfg(not(all(target_os = "linux", target_env = "gnu")))]
+#[inline(always)]
+fn sine_and_cosine(angle: f32) -> [f32; 2] {
+    [angle.sin(), angle.cos()]
+}
+
 impl Real for f32 {
+    const IS_PLAIN: bool = true;
+
     #[inline(always)]
     fn of(value: f32) -> Self {
         value
@@ -230,14 +276,21 @@ impl Real for f32 {
     }
     #[inline(always)]
     fn fmod(self, divisor: Self) -> Self {
-        self % divisor
+        remainder(self, divisor)
     }
+    #[inline(always)]
     fn powf(self, exponent: Self) -> Self {
         self.powf(exponent)
     }
+    #[inline(always)]
     fn library(self, function: Library) -> Self {
         library!(self, function)
     }
+    #[inline(always)]
+    fn sine_and_cosine(self) -> [Self; 2] {
+        sine_and_cosine(self)
+    }
+    #[inline(always)]
     fn atan2(self, x: Self) -> Self {
         self.atan2(x)
     }
@@ -251,11 +304,14 @@ impl Real for f32 {
     }
     #[inline(always)]
     fn to_int(self) -> i32 {
-        int_of(f64::from(self))
+        // In f32 no number lies between -2^31 - 1 and -2^31.
+        if (-2_147_483_648.0..2_147_483_648.0).contains(&self) { self as i32 } else { i32::MIN }
     }
 }
 
 impl Real for f64 {
+    const IS_PLAIN: bool = true;
+
     #[inline(always)]
     fn of(value: f32) -> Self {
         f64::from(value)
@@ -470,5 +526,50 @@ mod tests {
         undefined::<f32>();
         undefined::<f64>();
         undefined::<Oracle>();
+    }
+
+    /// Random bits, most of them of ordinary magnitude, and special values.
+    fn adversarial(count: usize) -> Vec<f32> {
+        let mut state = 0x1234_5678_9ABC_DEF1_u64;
+        let mut random = move || {
+            state ^= state << 13;
+            state ^= state >> 7;
+            state ^= state << 17;
+            (state >> 32) as u32
+        };
+        let drawn = (0..count).map(|index| {
+            let bits = random();
+            match index % 4 {
+                0 => f32::from_bits(bits),
+                // Whole numbers and their halves, so that quotients are often whole.
+                1 => (bits % 4096) as f32 * 0.5 - 1024.0,
+                // Exponents from -3 to 28.
+                _ => f32::from_bits((bits & 0x807F_FFFF) | ((124 + (bits >> 23) % 32) << 23)),
+            }
+        });
+        let special = [0.0, 1.0, f32::MIN_POSITIVE, 1e-45, f32::MAX, f32::INFINITY, f32::NAN];
+        drawn.chain(special.into_iter().flat_map(|value| [value, -value])).collect()
+    }
+
+    fn equal(a: f32, b: f32) -> bool {
+        a.to_bits() == b.to_bits() || (a.is_nan() && b.is_nan())
+    }
+
+    #[test]
+    fn remainders_are_those_of_the_c_library() {
+        let values = adversarial(2048);
+        for &a in &values {
+            for &b in &values {
+                assert!(equal(remainder(a, b), a % b), "{a:e} and {b:e}: {:e}, not {:e}", remainder(a, b), a % b);
+            }
+        }
+    }
+
+    #[test]
+    fn sines_and_cosines_at_once_are_those_of_two_calls() {
+        for angle in adversarial(1 << 18) {
+            let [sine, cosine] = sine_and_cosine(angle);
+            assert!(equal(sine, angle.sin()) && equal(cosine, angle.cos()), "{angle:e}");
+        }
     }
 }

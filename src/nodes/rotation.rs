@@ -5,7 +5,7 @@
 //! numbers and for intervals.
 
 use super::bounds::Interval;
-use super::real::{Library, Real};
+use super::real::Real;
 use super::vector_math::bounds;
 use std::ops::{Add, Mul, Neg, Sub};
 
@@ -20,7 +20,7 @@ pub type Rows<T> = [[T; 3]; 3];
 /// Sine and cosine of an angle in radians.
 #[inline]
 pub fn sine_and_cosine<R: Real>(angle: R) -> [R; 2] {
-    [angle.library(Library::Sin), angle.library(Library::Cos)]
+    angle.sine_and_cosine()
 }
 
 /// Encloses [`sine_and_cosine`]. The angle 0 is exact everywhere.

@@ -9,7 +9,7 @@ use super::math::{Kept, sign, simplify};
 use super::real::{Library, Real, dot, length, safe_unit};
 use super::{
     Column, Evaluate, InputSocket, Interval, Mode, NodeType, OutputSocket, Property, Role, Simplified, always,
-    vector_at,
+    vector_at, vector_output,
 };
 use crate::scene::SocketType;
 
@@ -157,6 +157,7 @@ impl Evaluate for VectorMath {
             }
             return;
         }
+        let outputs = vector_output(outputs);
         macro_rules! vectors {
             (|$index:ident| $body:expr) => {
                 for $index in 0..outputs[0].len() {

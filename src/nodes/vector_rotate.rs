@@ -5,7 +5,10 @@
 
 use super::real::{Real, dot, length};
 use super::rotation::{self, Rows};
-use super::{Column, Evaluate, InputSocket, Interval, Mode, NodeType, OutputSocket, Property, Role, always, vector_at};
+use super::{
+    Column, Evaluate, InputSocket, Interval, Mode, NodeType, OutputSocket, Property, Role, always, vector_at,
+    vector_output,
+};
 use crate::scene::SocketType;
 
 /// The node type.
@@ -27,7 +30,7 @@ pub static TYPE: NodeType = NodeType {
     ],
     outputs: &[OutputSocket::new("Vector", SocketType::Vector, always)],
     role: Role::Evaluated(|mode| {
-        Box::new(VectorRotate { kind: mode.choice("rotation_type"), invert: mode.flag("invert") })
+        Box::new(VectorRotate { turn: Turn::of(mode.choice("rotation_type")), invert: mode.flag("invert") })
     }),
 };
 
@@ -39,8 +42,51 @@ fn is_euler(mode: &Mode) -> bool {
     mode.choice("rotation_type") == "EULER_XYZ"
 }
 
+/// What says how to turn.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Turn {
+    /// An axis and an angle.
+    AboutVector,
+    /// An angle about a coordinate axis.
+    About(usize),
+    /// Euler angles.
+    Euler,
+}
+
+impl Turn {
+    fn of(name: &str) -> Self {
+        match name {
+            "AXIS_ANGLE" => Self::AboutVector,
+            "X_AXIS" => Self::About(0),
+            "Y_AXIS" => Self::About(1),
+            "Z_AXIS" => Self::About(2),
+            _ => Self::Euler,
+        }
+    }
+
+    /// Number of columns that it takes.
+    fn columns(self) -> usize {
+        match self {
+            Self::AboutVector => 4,
+            Self::About(_) => 1,
+            Self::Euler => 3,
+        }
+    }
+
+    /// The coordinate axis, where there is one.
+    #[inline(always)]
+    fn fixed_axis(self) -> Option<[f32; 3]> {
+        match self {
+            Self::About(0) => Some([1.0, 0.0, 0.0]),
+            Self::About(1) => Some([0.0, 1.0, 0.0]),
+            Self::About(_) => Some([0.0, 0.0, 1.0]),
+            _ => None,
+        }
+    }
+}
+
 struct VectorRotate {
-    kind: &'static str,
+    turn: Turn,
     invert: bool,
 }
 
@@ -54,34 +100,16 @@ const TURN: usize = 6;
 const SMALLEST_FOLDED_SQUARE: f32 = 1e-35;
 
 impl VectorRotate {
-    /// The coordinate axis to turn about, in the modes that have a fixed one.
-    fn fixed_axis(&self) -> Option<[f32; 3]> {
-        match self.kind {
-            "X_AXIS" => Some([1.0, 0.0, 0.0]),
-            "Y_AXIS" => Some([0.0, 1.0, 0.0]),
-            "Z_AXIS" => Some([0.0, 0.0, 1.0]),
-            _ => None,
-        }
-    }
-
-    /// Number of columns that say how to turn.
-    fn turning(&self) -> usize {
-        match self.kind {
-            "AXIS_ANGLE" => 4,
-            "EULER_XYZ" => 3,
-            _ => 1,
-        }
-    }
-
-    /// The rotation; none for an axis without length.
-    fn matrix<R: Real>(&self, inputs: &[Column<'_, R>], index: usize) -> Option<Rows<R>> {
-        if self.kind == "EULER_XYZ" {
+    /// The rotation; none for an axis without length. `kind` is the node's, known where this is compiled.
+    #[inline(always)]
+    fn matrix<R: Real>(&self, kind: Turn, inputs: &[Column<'_, R>], index: usize) -> Option<Rows<R>> {
+        if kind == Turn::Euler {
             let rows = rotation::euler(vector_at(inputs, TURN, index).map(rotation::sine_and_cosine));
             return Some(if self.invert { rotation::transposed(&rows) } else { rows });
         }
-        let angle = inputs[TURN + self.turning() - 1].values[index];
+        let angle = inputs[TURN + kind.columns() - 1].values[index];
         let turn = rotation::sine_and_cosine(if self.invert { -angle } else { angle });
-        let axis = match self.fixed_axis() {
+        let axis = match kind.fixed_axis() {
             Some(axis) => axis.map(R::of),
             None => {
                 let axis = vector_at(inputs, TURN, index);
@@ -95,21 +123,47 @@ impl VectorRotate {
         Some(rotation::about_axis(axis, turn, R::of(1.0)))
     }
 
+    #[inline(always)]
+    fn evaluate_as<R: Real>(&self, kind: Turn, inputs: &[Column<'_, R>], outputs: &mut [&mut [R]]) {
+        let outputs = vector_output(outputs);
+        // Angles and axes are constants nearly always.
+        let is_fixed = inputs[TURN..TURN + kind.columns()].iter().all(|column| column.uniform);
+        let fixed = (is_fixed && !outputs[0].is_empty()).then(|| self.matrix(kind, inputs, 0));
+        for index in 0..outputs[0].len() {
+            let (vector, center) = (vector_at(inputs, 0, index), vector_at(inputs, CENTER, index));
+            let result: [R; 3] = match fixed.unwrap_or_else(|| self.matrix(kind, inputs, index)) {
+                Some(rows) => {
+                    let from_center = std::array::from_fn(|axis| vector[axis] - center[axis]);
+                    let turned = if self.adds_from_right() {
+                        rotation::apply(&rows, from_center)
+                    } else {
+                        rotation::apply_from_left(&rows, from_center)
+                    };
+                    std::array::from_fn(|axis| turned[axis] + center[axis])
+                }
+                None => vector,
+            };
+            for axis in 0..3 {
+                outputs[axis][index] = result[axis];
+            }
+        }
+    }
+
     /// Whether sums go from the right: the plain matrix of Euler angles.
     fn adds_from_right(&self) -> bool {
-        self.kind == "EULER_XYZ" && !self.invert
+        self.turn == Turn::Euler && !self.invert
     }
 
     /// Encloses the rotation, and says whether it is one: not a vanishing axis, nor one that overflows.
     fn enclose_matrix(&self, inputs: &[Interval]) -> (Rows<Interval>, bool) {
-        if self.kind == "EULER_XYZ" {
+        if self.turn == Turn::Euler {
             let angles = [inputs[TURN], inputs[TURN + 1], inputs[TURN + 2]];
             let rows = rotation::euler(angles.map(rotation::enclose_sine_and_cosine));
             return (if self.invert { rotation::transposed(&rows) } else { rows }, true);
         }
-        let angle = inputs[TURN + self.turning() - 1];
+        let angle = inputs[TURN + self.turn.columns() - 1];
         let turn = rotation::enclose_sine_and_cosine(if self.invert { -angle } else { angle });
-        let (axis, sound) = match self.fixed_axis() {
+        let (axis, sound) = match self.turn.fixed_axis() {
             Some(axis) => (axis.map(Interval::point), true),
             None => {
                 let axis = [inputs[TURN], inputs[TURN + 1], inputs[TURN + 2]];
@@ -182,43 +236,29 @@ impl Evaluate for VectorRotate {
     }
 
     fn evaluate<R: Real>(&self, inputs: &[Column<'_, R>], outputs: &mut [&mut [R]]) {
-        // Angles and axes are constants nearly always.
-        let is_fixed = inputs[TURN..TURN + self.turning()].iter().all(|column| column.uniform);
-        let fixed = (is_fixed && !outputs[0].is_empty()).then(|| self.matrix(inputs, 0));
-        for index in 0..outputs[0].len() {
-            let (vector, center) = (vector_at(inputs, 0, index), vector_at(inputs, CENTER, index));
-            let result: [R; 3] = match fixed.unwrap_or_else(|| self.matrix(inputs, index)) {
-                Some(rows) => {
-                    let from_center = std::array::from_fn(|axis| vector[axis] - center[axis]);
-                    let turned = if self.adds_from_right() {
-                        rotation::apply(&rows, from_center)
-                    } else {
-                        rotation::apply_from_left(&rows, from_center)
-                    };
-                    std::array::from_fn(|axis| turned[axis] + center[axis])
-                }
-                None => vector,
-            };
-            for axis in 0..3 {
-                outputs[axis][index] = result[axis];
-            }
+        match self.turn {
+            Turn::AboutVector => self.evaluate_as(Turn::AboutVector, inputs, outputs),
+            Turn::About(0) => self.evaluate_as(Turn::About(0), inputs, outputs),
+            Turn::About(1) => self.evaluate_as(Turn::About(1), inputs, outputs),
+            Turn::About(_) => self.evaluate_as(Turn::About(2), inputs, outputs),
+            Turn::Euler => self.evaluate_as(Turn::Euler, inputs, outputs),
         }
     }
 
     fn fold_constants(&self, inputs: &[f32]) -> Option<Vec<f32>> {
-        let rows = match self.kind {
-            "EULER_XYZ" => {
+        let rows = match self.turn {
+            Turn::Euler => {
                 let rows = folded_euler([inputs[TURN], inputs[TURN + 1], inputs[TURN + 2]]);
                 if self.invert { folded_inverse(&rows) } else { rows }
             }
-            "AXIS_ANGLE" => {
+            Turn::AboutVector => {
                 let angle = inputs[TURN + 3];
                 folded_about(
                     [inputs[TURN], inputs[TURN + 1], inputs[TURN + 2]],
                     if self.invert { -angle } else { angle },
                 )
             }
-            _ => return None,
+            Turn::About(_) => return None,
         };
         // Blender goes through the centre in any case.
         let turned = rotation::apply_from_left(&rows, std::array::from_fn(|axis| inputs[axis] - inputs[CENTER + axis]));

@@ -8,7 +8,7 @@ use super::real::{Real, dot, length, safe_unit};
 use super::rotation::enclose_unit;
 use super::{
     Column, Evaluate, InputSocket, Interval, Mode, NodeType, OutputSocket, Property, Role, Simplified, always,
-    vector_at,
+    vector_at, vector_output,
 };
 use crate::error::{Error, Result};
 use crate::scene::{Matrix, SocketType};
@@ -89,8 +89,16 @@ fn inverse(rows: &Rows) -> Rows {
     })
 }
 
+/// What the vector is.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Kind {
+    Point,
+    Vector,
+    Normal,
+}
+
 struct VectorTransform {
-    kind: &'static str,
+    kind: Kind,
     /// From a space to itself.
     stays: bool,
     /// The rows that the vector is multiplied with: of a normal, those of the opposite matrix' transpose.
@@ -101,12 +109,16 @@ struct VectorTransform {
 
 impl VectorTransform {
     fn new(mode: &Mode) -> Self {
-        let kind = mode.choice("vector_type");
+        let kind = match mode.choice("vector_type") {
+            "POINT" => Kind::Point,
+            "VECTOR" => Kind::Vector,
+            _ => Kind::Normal,
+        };
         let frame = mode.frame();
         let to_object = mode.choice("convert_to") == "OBJECT";
         let [along, against] =
             if to_object { [frame.to_object, frame.to_world] } else { [frame.to_world, frame.to_object] };
-        let rows = if kind == "NORMAL" {
+        let rows = if kind == Kind::Normal {
             [0, 1, 2].map(|axis| [against[0][axis], against[1][axis], against[2][axis], 0.0])
         } else {
             along
@@ -114,21 +126,32 @@ impl VectorTransform {
         Self { kind, stays: mode.choice("convert_from") == mode.choice("convert_to"), rows, guarded: to_object }
     }
 
-    fn transformed<R: Real>(&self, [x, y, z]: [R; 3]) -> [R; 3] {
-        if self.stays {
-            return [x, y, z];
-        }
-        let rows = self.rows.map(|row| row.map(R::of));
-        match self.kind {
-            "POINT" => rows.map(|row| ((row[3] + z * row[2]) + y * row[1]) + x * row[0]),
-            "VECTOR" => rows.map(|row| (z * row[2] + y * row[1]) + x * row[0]),
-            _ => {
+    /// `kind` is the node's, known where this is compiled.
+    #[inline(always)]
+    fn transformed<R: Real>(&self, kind: Kind, rows: &[[R; 4]; 3], [x, y, z]: [R; 3]) -> [R; 3] {
+        match kind {
+            Kind::Point => rows.map(|row| ((row[3] + z * row[2]) + y * row[1]) + x * row[0]),
+            Kind::Vector => rows.map(|row| (z * row[2] + y * row[1]) + x * row[0]),
+            Kind::Normal => {
                 let normal = rows.map(|row| dot([x, y, z], [row[0], row[1], row[2]]));
                 if self.guarded {
                     return safe_unit(normal);
                 }
                 let norm = length(normal);
                 normal.map(|x| x / norm)
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn evaluate_as<R: Real>(&self, kind: Kind, inputs: &[Column<'_, R>], outputs: &mut [&mut [R]]) {
+        let outputs = vector_output(outputs);
+        let rows = self.rows.map(|row| row.map(R::of));
+        for index in 0..outputs[0].len() {
+            let vector = vector_at(inputs, 0, index);
+            let result = if self.stays { vector } else { self.transformed(kind, &rows, vector) };
+            for axis in 0..3 {
+                outputs[axis][index] = result[axis];
             }
         }
     }
@@ -140,11 +163,10 @@ impl Evaluate for VectorTransform {
     }
 
     fn evaluate<R: Real>(&self, inputs: &[Column<'_, R>], outputs: &mut [&mut [R]]) {
-        for index in 0..outputs[0].len() {
-            let result = self.transformed(vector_at(inputs, 0, index));
-            for axis in 0..3 {
-                outputs[axis][index] = result[axis];
-            }
+        match self.kind {
+            Kind::Point => self.evaluate_as(Kind::Point, inputs, outputs),
+            Kind::Vector => self.evaluate_as(Kind::Vector, inputs, outputs),
+            Kind::Normal => self.evaluate_as(Kind::Normal, inputs, outputs),
         }
     }
 
@@ -153,9 +175,9 @@ impl Evaluate for VectorTransform {
         let rows = self.rows.map(|row| row.map(Interval::point));
         let result = match (self.stays, self.kind) {
             (true, _) => [x, y, z],
-            (_, "POINT") => rows.map(|row| ((row[3] + z * row[2]) + y * row[1]) + x * row[0]),
-            (_, "VECTOR") => rows.map(|row| (z * row[2] + y * row[1]) + x * row[0]),
-            _ => {
+            (_, Kind::Point) => rows.map(|row| ((row[3] + z * row[2]) + y * row[1]) + x * row[0]),
+            (_, Kind::Vector) => rows.map(|row| (z * row[2] + y * row[1]) + x * row[0]),
+            (_, Kind::Normal) => {
                 let normal = rows.map(|row| (x * row[0] + y * row[1]) + z * row[2]);
                 if self.guarded { super::vector_math::bounds::safe_unit(normal) } else { enclose_unit(normal) }
             }

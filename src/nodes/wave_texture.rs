@@ -13,6 +13,7 @@ use super::noise_texture::{Fractal, enclose_fbm, fbm_values};
 use super::real::{Library, Real, length};
 use super::{Column, Evaluate, InputSocket, Interval, Mode, NodeType, OutputSocket, Property, Role, always, vector_at};
 use crate::scene::SocketType;
+use std::ops::Range;
 
 /// The node type.
 pub static TYPE: NodeType = NodeType {
@@ -129,8 +130,7 @@ impl Shape {
             Self::Bands(axis) => p[axis] * R::of(20.0),
             Self::DiagonalBands => ((p[0] + p[1]) + p[2]) * R::of(10.0),
             Self::Rings(axis) => {
-                let mut around = p;
-                around[axis] = R::of(0.0);
+                let around: [R; 3] = std::array::from_fn(|other| if other == axis { R::of(0.0) } else { p[other] });
                 length(around) * R::of(20.0)
             }
             Self::Spheres => length(p) * R::of(20.0),
@@ -156,6 +156,15 @@ impl Shape {
 }
 
 impl Profile {
+    /// Turns phases into values. The profile is known where the loops are compiled.
+    fn apply<R: Real>(self, phases: &mut [R]) {
+        match self {
+            Self::Sine => phases.iter_mut().for_each(|phase| *phase = Self::Sine.value(*phase)),
+            Self::Saw => phases.iter_mut().for_each(|phase| *phase = Self::Saw.value(*phase)),
+            Self::Triangle => phases.iter_mut().for_each(|phase| *phase = Self::Triangle.value(*phase)),
+        }
+    }
+
     /// Value at a phase.
     #[inline(always)]
     fn value<R: Real>(self, phase: R) -> R {
@@ -218,23 +227,63 @@ impl Wave {
     }
 }
 
+/// Phases without distortion of the points in a range.
+#[inline(always)]
+fn phases_of<R: Real>(shape: Shape, inputs: &[Column<'_, R>], range: Range<usize>, phases: &mut [R]) {
+    for (phase, index) in phases.iter_mut().zip(range) {
+        *phase = shape.phase(displaced_place(inputs, index), inputs[PHASE_OFFSET].values[index]);
+    }
+}
+
+/// The scaled and displaced coordinate of a point.
+#[inline(always)]
+fn displaced_place<R: Real>(inputs: &[Column<'_, R>], index: usize) -> [R; 3] {
+    displaced(vector_at(inputs, 0, index), inputs[SCALE].values[index])
+}
+
+impl Wave {
+    /// [`phases_of`] with the shape known where the loop is compiled.
+    fn phases<R: Real>(&self, inputs: &[Column<'_, R>], range: Range<usize>, phases: &mut [R]) {
+        match self.shape {
+            Shape::Bands(0) => phases_of(Shape::Bands(0), inputs, range, phases),
+            Shape::Bands(1) => phases_of(Shape::Bands(1), inputs, range, phases),
+            Shape::Bands(_) => phases_of(Shape::Bands(2), inputs, range, phases),
+            Shape::DiagonalBands => phases_of(Shape::DiagonalBands, inputs, range, phases),
+            Shape::Rings(0) => phases_of(Shape::Rings(0), inputs, range, phases),
+            Shape::Rings(1) => phases_of(Shape::Rings(1), inputs, range, phases),
+            Shape::Rings(_) => phases_of(Shape::Rings(2), inputs, range, phases),
+            Shape::Spheres => phases_of(Shape::Spheres, inputs, range, phases),
+        }
+    }
+}
+
+/// Points that are taken through the steps of the evaluation together.
+const ABREAST: usize = 64;
+
 impl Evaluate for Wave {
     fn folds_late(&self) -> bool {
         false
     }
 
     fn evaluate<R: Real>(&self, inputs: &[Column<'_, R>], outputs: &mut [&mut [R]]) {
-        for index in 0..outputs[0].len() {
-            let at = |column: usize| inputs[column].values[index];
-            let p = displaced(vector_at(inputs, 0, index), at(SCALE));
-            let mut phase = self.shape.phase(p, at(PHASE_OFFSET));
-            let distortion = at(DISTORTION);
-            if distortion != R::of(0.0) {
-                let noise = noise(noise_place(p, at(DETAIL_SCALE)), at(DETAIL), at(DETAIL_ROUGHNESS));
-                phase = bent(phase, distortion, noise);
+        let count = outputs[0].len();
+        for start in (0..count).step_by(ABREAST) {
+            let range = start..count.min(start + ABREAST);
+            let mut values = [R::of(0.0); ABREAST];
+            let values = &mut values[..range.len()];
+            self.phases(inputs, range.clone(), values);
+            for (phase, index) in values.iter_mut().zip(range.clone()) {
+                let at = |column: usize| inputs[column].values[index];
+                let distortion = at(DISTORTION);
+                if distortion != R::of(0.0) {
+                    let place = noise_place(displaced_place(inputs, index), at(DETAIL_SCALE));
+                    *phase = bent(*phase, distortion, noise(place, at(DETAIL), at(DETAIL_ROUGHNESS)));
+                }
             }
-            let value = self.profile.value(phase);
-            outputs.iter_mut().for_each(|output| output[index] = value);
+            self.profile.apply(values);
+            for output in outputs.iter_mut() {
+                output[range.clone()].copy_from_slice(values);
+            }
         }
     }
 
@@ -250,25 +299,24 @@ impl Evaluate for Wave {
         if !few || !fractal.roughness.is_finite() {
             return false;
         }
-        let mut phases = vec![0.0; count];
+        let mut values = vec![0.0; count];
+        self.phases(inputs, 0..count, &mut values);
         let mut places = [vec![0.0; count], vec![0.0; count], vec![0.0; count]];
         for index in 0..count {
-            let at = |column: usize| inputs[column].values[index];
-            let p = displaced(vector_at(inputs, 0, index), at(SCALE));
-            phases[index] = self.shape.phase(p, at(PHASE_OFFSET));
-            let place = noise_place(p, at(DETAIL_SCALE));
+            let place = noise_place(displaced_place(inputs, index), inputs[DETAIL_SCALE].values[index]);
             for axis in 0..3 {
                 places[axis][index] = place[axis];
             }
         }
         let mut noise = vec![0.0; count];
         fbm_values(&fractal, [&places[0], &places[1], &places[2]], &mut noise);
-        for index in 0..count {
-            let distortion = inputs[DISTORTION].values[index];
-            let phase = if distortion != 0.0 { bent(phases[index], distortion, noise[index]) } else { phases[index] };
-            let value = self.profile.value(phase);
-            outputs.iter_mut().for_each(|output| output[index] = value);
+        for ((phase, noise), &distortion) in values.iter_mut().zip(noise).zip(inputs[DISTORTION].values) {
+            if distortion != 0.0 {
+                *phase = bent(*phase, distortion, noise);
+            }
         }
+        self.profile.apply(&mut values);
+        outputs.iter_mut().for_each(|output| output.copy_from_slice(&values));
         true
     }
 

@@ -5,6 +5,8 @@
 //! coordinates with a further number behind them, and in 4D the coordinates in other orders. Every bit of an input
 //! counts, the sign of a zero too: a coordinate that was computed has to be equal bit for bit. (That of a constant may get lost
 //! before: see `graph/zero_signs.rs`.) Unlike the other textures it has no mapping, and an unlinked Vector is the stored one.
+//! Blender leaves the node alone where its coordinates are stored in its sockets. It folds those that come from constant nodes,
+//! with the same result.
 
 use super::hash::hash_floats;
 use super::lanes::{self, each};
@@ -161,8 +163,6 @@ impl Evaluate for WhiteNoise {
         true
     }
 
-    /// Blender leaves the node alone where its coordinates are stored in its sockets. It folds those that come from
-    /// constant nodes, with the same result.
     /// Anything in [0, 1], except where all coordinates are known: the common use hashes the number of a cell, which is
     /// one value over the whole cell.
     fn enclose(&self, inputs: &[Interval], outputs: &mut [Interval]) {

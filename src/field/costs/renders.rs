@@ -72,7 +72,7 @@ impl Renders {
         let colours =
             !is_texture(node_type) && node_type.inputs_of(&mode).any(|socket| socket.kind == SocketType::Color);
         let render = |with_node: bool| -> Result<Render> {
-            let (scene, targets) = graph(node_type, &mode, with_node.then_some(properties), copies)?;
+            let (scene, targets) = graph(node_type, &mode, with_node.then_some(properties), copies, colours)?;
             Ok(Render { scene, targets, samples, colours })
         };
         Ok(Self { copies, with: render(true)?, without: render(false)? })
@@ -100,24 +100,38 @@ fn is_vector(kind: SocketType) -> bool {
     kind.components() == 3
 }
 
-/// Names of what the copies read: attributes scaled by factors of their own, so that no two copies are the same node.
+/// Names of what the copies read: attributes scaled and moved by numbers of their own, so that no two copies are the same node.
 fn sources(number: usize) -> [String; 2] {
     [format!("Float {number}"), format!("Vector {number}")]
 }
 
-fn source_nodes(number: usize) -> [Json; 2] {
+fn source_nodes(number: usize, colours: bool) -> [Json; 2] {
     let [float, vector] = sources(number);
     let attribute = number % ATTRIBUTES;
     // Between 1/2 and 1, and never 1, which would fold.
     let factor = 0.5 + 0.5 / (number + 2) as f32;
+    // Spread evenly, by the golden ratio; colours stay in [0, 1].
+    let place = ((number + 1) as f32 * 0.618_034).fract();
+    let offset = if colours { (1.0 - factor) * place } else { 3.0 * place - 1.5 };
+    let inputs = |source: Json, factor: Json, offset: Json, names: [&str; 3]| json!({names[0]: source, names[1]: factor, names[2]: offset});
     [
         json!({
-            "name": float, "type": "ShaderNodeMath", "properties": {"operation": "MULTIPLY"},
-            "inputs": {"Value": link(&format!("Separate {attribute}"), "X"), "Value_001": factor},
+            "name": float, "type": "ShaderNodeMath", "properties": {"operation": "MULTIPLY_ADD"},
+            "inputs": inputs(
+                link(&format!("Separate {attribute}"), "X"),
+                json!(factor),
+                json!(offset),
+                ["Value", "Value_001", "Value_002"],
+            ),
         }),
         json!({
-            "name": vector, "type": "ShaderNodeVectorMath", "properties": {"operation": "MULTIPLY"},
-            "inputs": {"Vector": link(&format!("Attribute {attribute}"), "Vector"), "Vector_001": [factor, factor, factor]},
+            "name": vector, "type": "ShaderNodeVectorMath", "properties": {"operation": "MULTIPLY_ADD"},
+            "inputs": inputs(
+                link(&format!("Attribute {attribute}"), "Vector"),
+                json!([factor, factor, factor]),
+                json!([offset, offset, offset]),
+                ["Vector", "Vector_001", "Vector_002"],
+            ),
         }),
     ]
 }
@@ -149,22 +163,22 @@ fn graph(
     mode: &Mode,
     properties: Option<&Map<String, Json>>,
     copies: usize,
+    colours: bool,
 ) -> Result<(Scene, Vec<Target>)> {
     let inputs: Vec<_> = node_type
         .inputs_of(mode)
         .filter(|socket| !is_texture(node_type) || matches!(socket.identifier, "Vector" | "W"))
         .collect();
+    let is_read = |vector: bool| inputs.iter().any(|socket| is_vector(socket.kind) == vector);
     // Whose sources the graph without the node would lack: those that take the place of no output.
-    let is_lost = |vector: bool| {
-        inputs.iter().any(|socket| is_vector(socket.kind) == vector)
-            && !node_type.outputs_of(mode).any(|socket| is_vector(socket.kind) == vector)
-    };
+    let is_lost =
+        |vector: bool| is_read(vector) && !node_type.outputs_of(mode).any(|socket| is_vector(socket.kind) == vector);
     let mut sums =
         Sums { nodes: (0..ATTRIBUTES).flat_map(attribute_nodes).collect(), float: None, vector: None, number: 0 };
-    sums.nodes.extend((0..inputs.len().min(copies)).flat_map(source_nodes));
+    sums.nodes.extend((0..inputs.len().min(copies)).flat_map(|number| source_nodes(number, colours)));
     for copy in 0..copies {
         if copy + inputs.len() < copies {
-            sums.nodes.extend(source_nodes(copy + inputs.len()));
+            sums.nodes.extend(source_nodes(copy + inputs.len(), colours));
         }
         let [float, vector] = sources(copy);
         let [float, vector] = [link(&float, "Value"), link(&vector, "Vector")];
@@ -189,8 +203,14 @@ fn graph(
                 .push(json!({"name": name, "type": node_type.type_name, "properties": properties, "inputs": linked}));
         }
         for output in node_type.outputs_of(mode) {
-            let stand_in = if is_vector(output.kind) { &vector } else { &float };
-            let value = if properties.is_some() { link(&name, output.identifier) } else { stand_in.clone() };
+            let value = match (properties, is_vector(output.kind)) {
+                (Some(_), _) => link(&name, output.identifier),
+                // What no copy reads is not scaled for every copy either.
+                (None, true) if !is_read(true) => link(&format!("Attribute {}", copy % ATTRIBUTES), "Vector"),
+                (None, false) if !is_read(false) => link(&format!("Separate {}", copy % ATTRIBUTES), "X"),
+                (None, true) => vector.clone(),
+                (None, false) => float.clone(),
+            };
             sums.add(output.kind, value);
         }
     }

@@ -6,7 +6,7 @@
 use super::super::color_space::{
     enclose_hsv_to_rgb, enclose_rgb_to_hsv, hsv_to_rgb, rgb_to_hsv, rgb_to_hsv_of_constant,
 };
-use super::super::{Column, Evaluate, Interval, Real, Simplified, vector_at};
+use super::super::{Column, Evaluate, Interval, Real, Simplified, map, vector_at};
 use super::folding;
 use std::ops::{Add, Mul, Sub};
 
@@ -210,22 +210,20 @@ pub(super) fn divide<R: Real>(a: R, b: R, t: R) -> R {
 
 #[inline(always)]
 pub(super) fn dodge<R: Real>(a: R, b: R, t: R) -> R {
-    if a == R::of(0.0) {
-        return a;
-    }
     let divisor = dodge_divisor(a, b, t);
     // The limit in the first place lets a NaN through.
-    if divisor <= R::of(0.0) { R::of(1.0) } else { R::of(1.0).lesser(a / divisor) }
+    let quotient = R::of(1.0).lesser(a / divisor);
+    // Two selections, no branches: what colours decide is not worth predicting.
+    let result = if divisor <= R::of(0.0) { R::of(1.0) } else { quotient };
+    if a == R::of(0.0) { a } else { result }
 }
 
 #[inline(always)]
 pub(super) fn burn<R: Real>(a: R, b: R, t: R) -> R {
     let divisor = burn_divisor(a, b, t);
-    if divisor <= R::of(0.0) {
-        R::of(0.0)
-    } else {
-        R::of(1.0).lesser(R::of(0.0).greater(R::of(1.0) - (R::of(1.0) - a) / divisor))
-    }
+    let quotient = (R::of(1.0) - a) / divisor;
+    let result = R::of(1.0).lesser(R::of(0.0).greater(R::of(1.0) - quotient));
+    if divisor <= R::of(0.0) { R::of(0.0) } else { result }
 }
 
 /// [`linear`] on each component.
@@ -503,6 +501,14 @@ fn enclose_value(a: [Interval; 3], b: [Interval; 3], t: Interval) -> [Interval; 
 // ---------------------------------------------------------------------------------------------------------------------
 // Evaluation
 
+/// Applies a function of a component of both colours and of the factor.
+#[inline(always)]
+fn each_component<R: Real>(inputs: &[Column<'_, R>], outputs: &mut [&mut [R]], function: impl Fn(R, R, R) -> R) {
+    for (axis, output) in outputs.iter_mut().enumerate() {
+        map(inputs, [1 + axis, 4 + axis, 0], output, |[a, b, t]| function(a, b, t));
+    }
+}
+
 /// A blend of two colours. Inputs: the factor, three components of a, three of b.
 pub struct Blend {
     /// One of [`BLEND_TYPES`].
@@ -525,13 +531,13 @@ impl Blend {
         if self.clamp_result { value.saturate() } else { value }
     }
 
-    /// Applies a formula of components.
+    /// Applies a formula of components. Limits are known where the loops are compiled, which then hold no decisions.
     fn each<R: Real>(&self, inputs: &[Column<'_, R>], outputs: &mut [&mut [R]], formula: impl Fn(R, R, R) -> R) {
-        for (axis, output) in outputs.iter_mut().enumerate() {
-            let (a, b) = (inputs[1 + axis].values, inputs[4 + axis].values);
-            for (index, result) in output.iter_mut().enumerate() {
-                *result = self.finished(formula(a[index], b[index], self.factor(inputs, index)));
-            }
+        match (self.clamp_factor, self.clamp_result) {
+            (false, false) => each_component(inputs, outputs, formula),
+            (true, false) => each_component(inputs, outputs, |a, b, t| formula(a, b, t.saturate())),
+            (false, true) => each_component(inputs, outputs, |a, b, t| formula(a, b, t).saturate()),
+            (true, true) => each_component(inputs, outputs, |a, b, t| formula(a, b, t.saturate()).saturate()),
         }
     }
 
