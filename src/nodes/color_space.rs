@@ -93,7 +93,7 @@ fn extremes<R: Real>([red, green, blue]: [R; 3]) -> [R; 2] {
 }
 
 /// Hue, saturation and value of a colour.
-#[inline]
+#[inline(always)]
 pub fn rgb_to_hsv<R: Real>(color: [R; 3]) -> [R; 3] {
     hsv(color, |lacking, chroma| lacking / chroma)
 }
@@ -110,9 +110,6 @@ fn hsv<R: Real>([red, green, blue]: [R; 3], quotient: impl Fn(R, R) -> R) -> [R;
     let [value, smallest] = extremes([red, green, blue]);
     let chroma = value - smallest;
     let saturation = if value != zero { chroma / value } else { zero };
-    if saturation == zero {
-        return [zero, saturation, value];
-    }
     let [lacks_red, lacks_green, lacks_blue] = [red, green, blue].map(|channel| quotient(value - channel, chroma));
     // Selections, no branches: which channel is the largest is not worth predicting.
     let [from_red, from_green, from_blue] =
@@ -120,19 +117,14 @@ fn hsv<R: Real>([red, green, blue]: [R; 3], quotient: impl Fn(R, R) -> R) -> [R;
     let sixths = if green == value { from_green } else { from_blue };
     let sixths = if red == value { from_red } else { sixths };
     let hue = sixths * R::of(1.0 / 6.0);
-    [if hue < zero { hue + one } else { hue }, saturation, value]
+    let hue = if hue < zero { hue + one } else { hue };
+    [if saturation == zero { zero } else { hue }, saturation, value]
 }
 
-/// Which level each channel has in a sixth of the hues: 0 the value, 1 falling, 2 the least, 3 rising.
-const SECTORS: [[usize; 3]; 6] = [[0, 3, 2], [1, 0, 2], [2, 0, 3], [2, 1, 0], [3, 2, 0], [0, 2, 1]];
-
 /// The colour of a hue, saturation and value.
-#[inline]
+#[inline(always)]
 pub fn hsv_to_rgb<R: Real>([hue, saturation, value]: [R; 3]) -> [R; 3] {
     let (zero, one) = (R::of(0.0), R::of(1.0));
-    if saturation == zero {
-        return [value; 3];
-    }
     let sixths = (if hue == one { zero } else { hue }) * R::of(6.0);
     // Within a turn the sectors meet without a jump.
     let turns_once = sixths > zero && sixths < R::of(6.0);
@@ -141,11 +133,16 @@ pub fn hsv_to_rgb<R: Real>([hue, saturation, value]: [R; 3]) -> [R; 3] {
     let least = value * (one - saturation);
     let falling = value * (one - saturation * place);
     let rising = value * (one - saturation * (one - place));
-    // Looked up, not decided: sectors are not worth predicting. All that are not the first five are as the last.
-    let levels = [value, falling, least, rising];
-    let sector = sector.to_int();
-    let row = SECTORS[if (0..5).contains(&sector) { sector as usize } else { 5 }];
-    row.map(|level| levels[level])
+    // Selections, no branches: sectors are not worth predicting. All that are not the first five are as the sixth.
+    let is = |number: f32| sector == R::of(number);
+    let chosen = |condition: bool, a: R, b: R| if condition { a } else { b };
+    let red = chosen(is(4.0), rising, value);
+    let red = chosen(is(1.0), falling, chosen(is(2.0) | is(3.0), least, red));
+    let green = chosen(is(3.0), falling, least);
+    let green = chosen(is(0.0), rising, chosen(is(1.0) | is(2.0), value, green));
+    let blue = chosen(is(2.0), rising, falling);
+    let blue = chosen(is(0.0) | is(1.0), least, chosen(is(3.0) | is(4.0), value, blue));
+    [red, green, blue].map(|channel| chosen(saturation == zero, value, channel))
 }
 
 /// Hue, saturation and lightness of a colour.
@@ -171,7 +168,7 @@ pub fn rgb_to_hsl<R: Real>([red, green, blue]: [R; 3]) -> [R; 3] {
 }
 
 /// The colour of a hue, saturation and lightness.
-#[inline]
+#[inline(always)]
 pub fn hsl_to_rgb<R: Real>([hue, saturation, lightness]: [R; 3]) -> [R; 3] {
     let (one, two) = (R::of(1.0), R::of(2.0));
     let sixths = hue * R::of(6.0);

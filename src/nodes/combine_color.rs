@@ -3,10 +3,10 @@
 //! The inputs are called Red, Green and Blue in every mode. Blender leaves constants to Cycles, which loses
 //! the sign of zero channels.
 
-use super::color_space::{ColorSpace, fill};
+use super::color_space::ColorSpace;
 use super::real::Real;
 use super::{
-    Column, Evaluate, InputSocket, Interval, NodeType, OutputSocket, Property, Role, Simplified, always, vector_at,
+    Column, Evaluate, InputSocket, Interval, NodeType, OutputSocket, Property, Role, Simplified, always, map_vector,
 };
 use crate::scene::SocketType;
 
@@ -34,9 +34,9 @@ impl Evaluate for CombineColor {
     fn evaluate<R: Real>(&self, inputs: &[Column<'_, R>], outputs: &mut [&mut [R]]) {
         // The space is known where each loop is compiled.
         match self.space {
-            ColorSpace::Rgb => fill(outputs, |index| ColorSpace::Rgb.combine(vector_at(inputs, 0, index))),
-            ColorSpace::Hsv => fill(outputs, |index| ColorSpace::Hsv.combine(vector_at(inputs, 0, index))),
-            ColorSpace::Hsl => fill(outputs, |index| ColorSpace::Hsl.combine(vector_at(inputs, 0, index))),
+            ColorSpace::Rgb => map_vector(inputs, [0, 1, 2], outputs, |place| ColorSpace::Rgb.combine(place)),
+            ColorSpace::Hsv => map_vector(inputs, [0, 1, 2], outputs, |place| ColorSpace::Hsv.combine(place)),
+            ColorSpace::Hsl => map_vector(inputs, [0, 1, 2], outputs, |place| ColorSpace::Hsl.combine(place)),
         }
     }
 

@@ -4,9 +4,9 @@
 //! within [0, 1], value times Value. The result is blended with the colour by the unclamped factor, and its negative
 //! part goes. Constants are evaluated like everything else: neither Blender nor Cycles folds the node.
 
-use super::color_space::{enclose_hsv_to_rgb, enclose_rgb_to_hsv, fill, hsv_to_rgb, rgb_to_hsv};
+use super::color_space::{enclose_hsv_to_rgb, enclose_rgb_to_hsv, hsv_to_rgb, rgb_to_hsv};
 use super::real::Real;
-use super::{Column, Evaluate, InputSocket, Interval, NodeType, OutputSocket, Role, always, vector_at};
+use super::{Column, Evaluate, InputSocket, Interval, NodeType, OutputSocket, Role, always, map_vector};
 use crate::scene::SocketType;
 
 /// The node type.
@@ -56,10 +56,8 @@ impl Evaluate for HueSaturation {
     }
 
     fn evaluate<R: Real>(&self, inputs: &[Column<'_, R>], outputs: &mut [&mut [R]]) {
-        fill(outputs, |index| {
-            let color = vector_at(inputs, 4, index);
-            let factor = inputs[3].values[index];
-            let adjusted = adjusted(color, vector_at(inputs, 0, index));
+        map_vector(inputs, [0, 1, 2, 3, 4, 5, 6], outputs, |[hue, saturation, value, factor, color @ ..]: [R; 7]| {
+            let adjusted = adjusted(color, [hue, saturation, value]);
             std::array::from_fn(|axis| {
                 (factor * adjusted[axis] + (R::of(1.0) - factor) * color[axis]).greater(R::of(0.0))
             })

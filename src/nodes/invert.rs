@@ -3,9 +3,8 @@
 //! `f (1 - c) + (1 - f) c`, the factor unclamped. Blender leaves constants to Cycles, which folds them in another order
 //! of operations and passes the colour on at a constant factor of 0.
 
-use super::color_space::fill;
 use super::real::Real;
-use super::{Column, Evaluate, InputSocket, Interval, NodeType, OutputSocket, Role, Simplified, always, vector_at};
+use super::{Column, Evaluate, InputSocket, Interval, NodeType, OutputSocket, Role, Simplified, always, map_vector};
 use crate::scene::SocketType;
 
 /// The node type.
@@ -44,9 +43,8 @@ fn enclose_channel(factor: Interval, channel: Interval) -> Interval {
 impl Evaluate for Invert {
     fn evaluate<R: Real>(&self, inputs: &[Column<'_, R>], outputs: &mut [&mut [R]]) {
         let one = R::of(1.0);
-        fill(outputs, |index| {
-            let factor = inputs[0].values[index];
-            vector_at(inputs, 1, index).map(|channel| factor * (one - channel) + (one - factor) * channel)
+        map_vector(inputs, [0, 1, 2, 3], outputs, |[factor, color @ ..]: [R; 4]| {
+            color.map(|channel| factor * (one - channel) + (one - factor) * channel)
         });
     }
 

@@ -27,7 +27,7 @@ pub struct Table {
     /// Entries of each channel.
     channels: Vec<Vec<f32>>,
     /// The same entry by entry for a table of four channels, whose lookups read them all; the last one twice.
-    rows: Vec<[f32; 4]>,
+    rows: Option<Box<[[f32; 4]; CELLS + 2]>>,
     interpolates: bool,
     /// Half of the largest difference between neighbours, per channel.
     half_steps: Vec<f32>,
@@ -56,7 +56,8 @@ impl Table {
                 .fold(0.0, |most: f32, step| most.max(step.abs()))
         };
         let half_steps = channels.iter().map(|entries| largest(entries)).collect();
-        let rows = (0..=CELLS + 1).filter_map(|index| rows.get(index.min(CELLS))?.as_slice().try_into().ok()).collect();
+        let row = |index: usize| std::array::from_fn(|channel| rows[index.min(CELLS)][channel]);
+        let rows = (channels.len() == 4).then(|| Box::new(std::array::from_fn(row)));
         Self { channels, rows, interpolates, half_steps }
     }
 
@@ -70,15 +71,31 @@ impl Table {
         self.channels.iter().flatten().all(|entry| entry.is_finite())
     }
 
-    /// Where a factor reads: below 0 and for NaN at the first entry, above 1 at the last one.
+    /// A factor in cells: below 0 and for NaN at the first entry, above 1 at the last one.
+    #[inline(always)]
+    pub fn position<R: Real>(factor: R) -> R {
+        factor.saturate() * R::of(CELLS as f32)
+    }
+
+    /// Where a factor reads.
     #[inline]
     pub fn place<R: Real>(&self, factor: R) -> Place<R> {
-        let position = factor.saturate() * R::of(CELLS as f32);
-        let index = position.to_int().clamp(0, CELLS as i32) as usize;
-        let rest = position - R::of(index as f32);
+        let position = Self::position(factor);
+        let cell = position.to_int();
+        self.place_of(position, cell, position - R::of(cell as f32))
+    }
+
+    /// Where a position from 0 to 256 reads, with the number of its cell, `position.to_int()`, and the rest above it.
+    #[inline(always)]
+    pub fn place_of<R: Real>(&self, position: R, cell: i32, rest: R) -> Place<R> {
+        let index = cell.clamp(0, CELLS as i32) as usize;
         // A lookup is continuous, or it jumps at every entry: either way the neighbouring cell counts too.
         #[allow(clippy::eq_op, reason = "zero as a number, but not as a bound of its error")]
-        let doubt = if self.interpolates { rest - rest } else { position.floor() - position.floor() };
+        let doubt = match (R::IS_PLAIN, self.interpolates) {
+            (true, _) => R::of(0.0),
+            (false, true) => rest - rest,
+            (false, false) => position.floor() - position.floor(),
+        };
         Place { index, rest, doubt }
     }
 
@@ -90,10 +107,13 @@ impl Table {
         self.doubted(channel, place, value)
     }
 
-    /// The values of all channels of a table of four.
-    #[inline]
+    /// The values of all channels of a table of four. Panics for another table.
+    #[inline(always)]
     pub fn values<R: Real>(&self, place: Place<R>) -> [R; 4] {
-        let (low, high) = (self.rows[place.index], self.rows[place.index + 1]);
+        let rows = self.rows.as_ref().expect("a table of four channels");
+        // (The index is below already; here a compiler sees it.)
+        let index = place.index.min(CELLS);
+        let (low, high) = (rows[index], rows[index + 1]);
         let value = |channel: usize| self.between(place.rest, low[channel], high[channel]);
         let values: [R; 4] = std::array::from_fn(value);
         if R::IS_PLAIN { values } else { std::array::from_fn(|channel| self.doubted(channel, place, values[channel])) }

@@ -83,7 +83,10 @@ impl Magic {
         for (p, &scale) in points.iter_mut().zip(scale) {
             let [a, b, c] = p.map(|x| x.fmod(R::of(TURN)));
             let argument = |sum: R| ((sum * R::of(5.0)).round_coordinate() * scale).round_coordinate();
-            *p = [sin(argument(sum(a, b, c))), cos(argument(sum(-a, b, -c))), -cos(argument(sum(-a, -b, c)))];
+            *p = [argument(sum(a, b, c)), argument(sum(-a, b, -c)), argument(sum(-a, -b, c))];
+        }
+        for p in &mut *points {
+            *p = [sin(p[0]), cos(p[1]), -cos(p[2])];
         }
         if self.depth > 0 {
             for (p, &distortion) in points.iter_mut().zip(distortion) {

@@ -827,6 +827,36 @@ pub fn map<R: Real, const I: usize>(
     }
 }
 
+/// Points that [`map_vector`] computes before it stores them.
+const ABREAST: usize = 64;
+
+/// Computes the three columns of a vector or colour point by point from the columns at `offsets`. Results go through memory that
+/// nothing else can be in, so that what holds no decisions is computed for several points at once.
+#[inline(always)]
+pub fn map_vector<R: Real, const I: usize>(
+    inputs: &[Column<'_, R>],
+    offsets: [usize; I],
+    outputs: &mut [&mut [R]],
+    function: impl Fn([R; I]) -> [R; 3],
+) {
+    let outputs = vector_output(outputs);
+    let count = outputs[0].len();
+    for start in (0..count).step_by(ABREAST) {
+        let range = start..count.min(start + ABREAST);
+        let columns = offsets.map(|offset| &inputs[offset].values[range.clone()]);
+        let mut results = [[R::of(0.0); ABREAST]; 3];
+        for index in 0..range.len() {
+            let result = function(columns.map(|column| column[index]));
+            for axis in 0..3 {
+                results[axis][index] = result[axis];
+            }
+        }
+        for axis in 0..3 {
+            outputs[axis][range.clone()].copy_from_slice(&results[axis][..range.len()]);
+        }
+    }
+}
+
 /// The vector instructions of this machine, looked up once.
 pub fn lane_level() -> fearless_simd::Level {
     static LEVEL: std::sync::OnceLock<fearless_simd::Level> = std::sync::OnceLock::new();
