@@ -37,6 +37,7 @@ impl ColorSpace {
     }
 
     /// Coordinates of a colour.
+    #[inline(always)]
     pub fn separate<R: Real>(self, color: [R; 3]) -> [R; 3] {
         match self {
             Self::Rgb => color,
@@ -46,6 +47,7 @@ impl ColorSpace {
     }
 
     /// The colour of these coordinates.
+    #[inline(always)]
     pub fn combine<R: Real>(self, coordinates: [R; 3]) -> [R; 3] {
         match self {
             Self::Rgb => coordinates,
@@ -146,7 +148,7 @@ pub fn hsv_to_rgb<R: Real>([hue, saturation, value]: [R; 3]) -> [R; 3] {
 }
 
 /// Hue, saturation and lightness of a colour.
-#[inline]
+#[inline(always)]
 pub fn rgb_to_hsl<R: Real>([red, green, blue]: [R; 3]) -> [R; 3] {
     let (zero, two) = (R::of(0.0), R::of(2.0));
     let [largest, smallest] = extremes([red, green, blue]);
