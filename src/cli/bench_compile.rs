@@ -9,6 +9,9 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 /// Measure how long the kernels of scenes take to compile (graph, linking, naga, pipeline), beside the first scene's.
+///
+/// Scenes without kernels, which are rendered on the CPU only, are named and left out. Some adapters make their machine code only
+/// when a kernel first runs (Mesa's llvmpipe): their pipelines seem to cost little.
 #[derive(clap::Args)]
 pub(super) struct Arguments {
     /// The scene files; the first one is what the others are compared with.
@@ -30,6 +33,16 @@ pub(super) struct Arguments {
 
 pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
     let scenes = arguments.scenes.iter().map(|path| Scene::load(path)).collect::<Result<Vec<_>>>()?;
+    let mut with_kernels = Vec::new();
+    for scene in scenes {
+        match compile_times::density(&scene) {
+            Ok(_) => with_kernels.push(scene),
+            // Without the first scene there is nothing to compare with.
+            Err(error) if with_kernels.is_empty() => return Err(error),
+            Err(error) => eprintln!("left out: {}: no kernels: {error}", scene.name),
+        }
+    }
+    let scenes = with_kernels;
     let gpu = if arguments.cpu_only { None } else { Some(Gpu::open()) };
     if let Some(Err(error)) = &gpu {
         eprintln!("left out: pipelines: {error}");

@@ -56,7 +56,15 @@ struct Times {
     bytes: usize,
 }
 
-/// Compiles every kernel of every scene `repeats` times, the scenes in turn; `receive` hears what comes next.
+/// The density that the kernels of a scene read. Scenes without one, of several media or densities, have no kernels: they are
+/// rendered on the CPU, and the error says why.
+pub fn density(scene: &Scene) -> Result<Program> {
+    // Several closures have one density where they share it, which the medium finds out.
+    Program::density(scene).or_else(|_| Medium::new(scene).map(|medium| medium.density))
+}
+
+/// Compiles every kernel of every scene `repeats` times, the scenes in turn; `receive` hears what comes next. Every scene needs a
+/// [`density`].
 pub fn run(scenes: &[Scene], repeats: usize, gpu: Option<&Gpu>, mut receive: impl FnMut(&str)) -> Result<Vec<Row>> {
     let mut times: Vec<Times> = scenes.iter().flat_map(|_| KERNELS).map(|_| Times::default()).collect();
     // Not two equal texts, in this process or in one before.
@@ -98,8 +106,7 @@ pub fn run(scenes: &[Scene], repeats: usize, gpu: Option<&Gpu>, mut receive: imp
 impl Times {
     fn compile(&mut self, scene: &Scene, path: &str, source: &str, gpu: Option<&Gpu>) -> Result<()> {
         let begin = Instant::now();
-        // Several closures have one density where they share it, which the medium finds out.
-        let program = Program::density(scene).or_else(|_| Medium::new(scene).map(|medium| medium.density))?;
+        let program = density(scene)?;
         self.graph.push(milliseconds(begin));
         let begin = Instant::now();
         let module = Linker::new(&program)?.link(path, source)?;
