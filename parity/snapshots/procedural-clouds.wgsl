@@ -761,9 +761,10 @@ fn voronoi_texture_1i_outputs_of(sum_1: voronoi_texture_1i_Octave, scale_2: f32)
     var outputs_1: voronoi_texture_1i_Outputs;
 
     outputs_1.distance = sum_1.distance;
-    let inverse = select(0f, (1f / scale_2), (scale_2 != 0f));
-    let _e11 = outputs_1;
-    return _e11;
+    let has_scale = (scale_2 != 0f);
+    let inverse = (1f / scale_2);
+    let _e9 = outputs_1;
+    return _e9;
 }
 
 fn voronoi_texture_1i_evaluate(vector_1: vec3<f32>, w_6: f32, scale_3: f32, detail_1: f32, roughness_1: f32, lacunarity_1: f32, randomness: f32) -> voronoi_texture_1i_Outputs {

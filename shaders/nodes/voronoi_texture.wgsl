@@ -900,19 +900,21 @@ fn outputs_of(sum: Octave, scale: f32) -> Outputs {
 #ifdef OUTPUT_COLOR
     outputs.color = sum.color;
 #endif
-    let inverse = select(0.0, 1.0 / scale, scale != 0.0);
+    // Without a scale everything is 0, an infinite sum (of octaves without Lacunarity), too.
+    let has_scale = scale != 0.0;
+    let inverse = 1.0 / scale;
 #ifdef OUTPUT_POSITION
 #ifdef VORONOI_DIMENSIONS_2D
-    outputs.position = vec3f(sum.position.xy * inverse, 0.0);
+    outputs.position = vec3f(select(vec2f(0.0), sum.position.xy * inverse, has_scale), 0.0);
 #else
-    outputs.position = sum.position.xyz * inverse;
+    outputs.position = select(vec3f(0.0), sum.position.xyz * inverse, has_scale);
 #endif
 #endif
 #ifdef OUTPUT_W
 #ifdef VORONOI_DIMENSIONS_1D
-    outputs.w = sum.position.x * inverse;
+    outputs.w = select(0.0, sum.position.x * inverse, has_scale);
 #else
-    outputs.w = sum.position.w * inverse;
+    outputs.w = select(0.0, sum.position.w * inverse, has_scale);
 #endif
 #endif
     return outputs;

@@ -203,7 +203,7 @@ fn remainder(a: f32, b: f32) -> f32 {
     if quotient.abs() < 268_435_456.0 && b.is_finite() { ((x - quotient * y) as f32).copysign(a) } else { a % b }
 }
 
-/// Sine and cosine of the C library, which computes both for hardly more than one: for each of the 2^32 arguments glibc's
+/// Sine and cosine of the C library, which computes both for hardly more than one: for each of the 2^32 arguments glibc 2.36's
 /// function gives the bits of `sinf` and `cosf`.
 #[cfg(all(target_os = "linux", target_env = "gnu"))]
 #[inline(always)]
