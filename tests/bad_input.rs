@@ -142,7 +142,7 @@ fn evaluated(scene: &Json, points: &[[f32; 3]], more: &[&str]) -> (Run, Vec<f32>
         assert!(!result.exists(), "a failed run leaves no file");
         return (run, Vec::new(), Vec::new());
     }
-    let (values, shape) = cloudparity::files::read_values(&result).expect("values");
+    let (values, shape) = cloudparity::base::files::read_values(&result).expect("values");
     (run, values, shape)
 }
 
@@ -603,7 +603,7 @@ fn points_of_another_form() {
     ] {
         std::fs::write(folder.path().join("p.npy"), bytes).expect("a temporary file");
         run(folder.path(), &["eval", "x.scene.json", "--points", "p.npy", "-o", "v.npy"]).succeeds(what);
-        let (values, _) = cloudparity::files::read_values(&folder.path().join("v.npy")).expect("values");
+        let (values, _) = cloudparity::base::files::read_values(&folder.path().join("v.npy")).expect("values");
         assert_eq!(values, expected, "{what}");
     }
 }
@@ -785,13 +785,13 @@ fn principled(scene: &mut Json, input: &str, value: Json) {
 
 /// The pixels of a scene by each integrator.
 #[track_caller]
-fn pictures(what: &str, scene: &Json) -> [cloudparity::image::Image; 2] {
+fn pictures(what: &str, scene: &Json) -> [cloudparity::scene::image::Image; 2] {
     let folder = folder();
     write(&folder, "x.scene.json", &scene.to_string());
     [vec!["path", "--samples", "16"], vec!["march", "--volume-bounces", "0", "--grid-cells", "8"]].map(|settings| {
         let arguments = [vec!["render", "x.scene.json", "-o", "x.exr", "--integrator"], settings].concat();
         run(folder.path(), &arguments).succeeds(what);
-        let image = cloudparity::image::Image::read_exr(&folder.path().join("x.exr")).expect("a picture");
+        let image = cloudparity::scene::image::Image::read_exr(&folder.path().join("x.exr")).expect("a picture");
         image.check_finite(what).expect("finite pixels");
         image
     })
@@ -932,7 +932,7 @@ fn in_blender(code: &str) -> bool {
     if !support::require("bpy") {
         return false;
     }
-    let output = std::process::Command::new(cloudparity::blender::interpreter()).args(["-c", code]).output();
+    let output = std::process::Command::new(cloudparity::bridge::interpreter()).args(["-c", code]).output();
     let output = output.expect("the interpreter starts");
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     true

@@ -25,7 +25,7 @@ fn modes(node_type: &'static NodeType) -> Vec<Mode> {
         let outputs = node_type.outputs_of(&mode).map(|output| output.identifier).collect();
         mode.with_wanted(outputs)
     };
-    cloudparity::field::suite::modes(node_type).into_iter().map(read).collect()
+    cloudparity::measure::nodes::suite::modes(node_type).into_iter().map(read).collect()
 }
 
 /// A number as graphs hold them, with zeros, integers, tiny and huge ones among them.

@@ -2,12 +2,12 @@
 
 mod support;
 
-use cloudparity::density::perlin_fbm::{Cloud, settings};
-use cloudparity::density::schema::{Range, Values};
+use cloudparity::engines::light::Variant;
+use cloudparity::engines::march::adapter::RealTimeKernel;
+use cloudparity::engines::march::{RealTimePixel, RealTimeRay, march};
+use cloudparity::engines::parameters::{Range, Values};
+use cloudparity::engines::perlin_fbm::{Cloud, settings};
 use cloudparity::gpu::Gpu;
-use cloudparity::integrate::real_time::{RealTimePixel, RealTimeRay, march};
-use cloudparity::integrate::real_time_adapter::RealTimeKernel;
-use cloudparity::lighting::Variant;
 use glam::DVec3;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;

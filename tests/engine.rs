@@ -3,20 +3,23 @@
 mod support;
 
 use assert_cmd::cargo::cargo_bin_cmd;
-use cloudparity::density::{self, Engine};
-use cloudparity::image::Image;
-use cloudparity::integrate::engine::{EngineJitter, EngineSettings, render};
-use cloudparity::integrate::{Backend, MarchSettings};
-use cloudparity::lighting::Variant;
-use cloudparity::lighting::models::{self, LIGHTS};
+use cloudparity::engines;
+use cloudparity::engines::Engine;
+use cloudparity::engines::light::Variant;
+use cloudparity::engines::light::models;
+use cloudparity::engines::light::models::LIGHTS;
+use cloudparity::engines::render::{EngineJitter, EngineSettings, render};
+use cloudparity::gpu::Backend;
+use cloudparity::integrators::MarchSettings;
 use cloudparity::scene::Scene;
+use cloudparity::scene::image::Image;
 use glam::DVec3;
 
 const SETTINGS: EngineSettings =
     EngineSettings { jitter: EngineJitter::BlueNoise, frame: 3, sub_pixels: 1, god_rays: false };
 
 fn engine(variant: Variant, changes: &[&str]) -> Engine {
-    let model = density::find("perlin-fbm").expect("it is there");
+    let model = engines::find("perlin-fbm").expect("it is there");
     let changes: Vec<String> =
         ["texture_size=32", "octaves=3"].iter().chain(changes).map(|&text| text.into()).collect();
     let values = model.values(Some("low"), &changes).expect("in range");
@@ -116,7 +119,7 @@ fn the_commands_name_parameters_and_refuse_others() {
     let output = cargo_bin_cmd!("cloudparity").args(["models", "perlin-fbm", "--json"]).output().expect("it runs");
     let listed: serde_json::Value = serde_json::from_slice(&output.stdout).expect("JSON");
     let parameters = listed[0]["parameters"].as_array().expect("parameters");
-    assert_eq!(parameters.len(), density::find("perlin-fbm").expect("it is there").parameters.len());
+    assert_eq!(parameters.len(), engines::find("perlin-fbm").expect("it is there").parameters.len());
     let folder = tempfile::tempdir().expect("a folder");
     let run = |arguments: &[&str]| {
         cargo_bin_cmd!("cloudparity")
@@ -228,9 +231,9 @@ fn the_graphs_own_engine_shows_single_scattering_of_its_material() {
     let mut scene = scene();
     scene.world.color = [0.0; 3];
     scene.set_volume_bounces(0);
-    let truth = cloudparity::integrate::render(&scene, &MarchSettings::default(), Backend::Cpu, &|_, _| ());
+    let truth = cloudparity::integrators::render(&scene, &MarchSettings::default(), Backend::Cpu, &|_, _| ());
     let truth = truth.expect("a picture");
-    let model = density::find("graph").expect("it is there");
+    let model = engines::find("graph").expect("it is there");
     let shown = |changes: &[&str]| {
         let changes: Vec<String> = changes.iter().map(|&text| text.into()).collect();
         let values = model.values(None, &changes).expect("in range");
@@ -257,7 +260,7 @@ fn the_graphs_own_engine_shows_single_scattering_of_its_material() {
 #[test]
 fn a_material_that_emits_has_no_engine() {
     let scene = support::scene("noise-coloured");
-    let model = density::find("graph").expect("it is there");
+    let model = engines::find("graph").expect("it is there");
     let values = model.values(None, &[]).expect("in range");
     let error = model.engine(&scene, &values, Variant::Fixed, 0.0).err().expect("refused").to_string();
     assert!(error.contains("emi"), "{error}");

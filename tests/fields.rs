@@ -3,14 +3,17 @@
 
 mod support;
 
-use cloudparity::blender::Message;
-use cloudparity::error::Result;
-use cloudparity::field::random_graphs::{Cycles, Judge, Kind, Reference, Trial, Values};
-use cloudparity::field::statistics::equal;
-use cloudparity::field::suite::Selection;
-use cloudparity::field::{self, Domain, Evaluator, Figures, suite};
-use cloudparity::field::{domain, random_graphs, settings};
+use cloudparity::base::error::Result;
+use cloudparity::bridge::Message;
 use cloudparity::graph::{Program, Target, target};
+use cloudparity::measure::fields;
+use cloudparity::measure::fields::domain;
+use cloudparity::measure::fields::statistics::equal;
+use cloudparity::measure::fields::{Domain, Evaluator, Figures};
+use cloudparity::measure::nodes::random_graphs::{Cycles, Judge, Kind, Reference, Trial, Values};
+use cloudparity::measure::nodes::suite;
+use cloudparity::measure::nodes::suite::Selection;
+use cloudparity::measure::nodes::{random_graphs, settings};
 use cloudparity::nodes::{Column, Evaluate, Interval, Nudge, Real};
 use cloudparity::scene::{Input, Scene};
 use rand::SeedableRng;
@@ -23,9 +26,9 @@ const POINTS: usize = 16384;
 /// Points per mode: all special values meet in every socket, and the suite takes half a minute.
 const MODE_POINTS: usize = 576;
 
-fn compare(requests: &[field::Request<'_>]) -> Vec<Figures> {
-    let (found, _) = field::compare(requests, |_| {}).expect("Cycles answers");
-    found.into_iter().flat_map(|comparisons| field::figures(comparisons).into_values()).collect()
+fn compare(requests: &[fields::Request<'_>]) -> Vec<Figures> {
+    let (found, _) = fields::compare(requests, |_| {}).expect("Cycles answers");
+    found.into_iter().flat_map(|comparisons| fields::figures(comparisons).into_values()).collect()
 }
 
 fn points(scene: &Scene, domain: Domain, seed: u64) -> Vec<[f32; 3]> {
@@ -59,9 +62,9 @@ fn the_cloud_equals_cycles_bit_for_bit() {
         let target = Target::parse(inner, scene.graph()).expect("a node of the cloud");
         cases.push((&scene, target, points(&scene, Domain::Box, 3)));
     }
-    let requests: Vec<field::Request<'_>> = cases
+    let requests: Vec<fields::Request<'_>> = cases
         .iter()
-        .map(|(scene, target, positions)| field::Request {
+        .map(|(scene, target, positions)| fields::Request {
             scene,
             target: target.clone(),
             positions,
@@ -88,7 +91,7 @@ fn a_planted_difference_is_found() {
     assert_eq!(*scale, Input::Number(2.0));
     // 1e-6 relative: some eight units in the last place of one constant.
     *scale = Input::Number(2.000_002);
-    let request = field::Request {
+    let request = fields::Request {
         scene: &planted,
         target: density(&planted),
         positions: &positions,
@@ -96,9 +99,9 @@ fn a_planted_difference_is_found() {
         rounding_bound: false,
     };
     // Both sides get the planted scene and agree; then ours gets the other one and must not.
-    let (agreeing, _) = field::compare(std::slice::from_ref(&request), |_| {}).expect("Cycles answers");
+    let (agreeing, _) = fields::compare(std::slice::from_ref(&request), |_| {}).expect("Cycles answers");
     assert_eq!(agreeing[0][0].1.differing(), 0);
-    let job = cloudparity::blender::probe::Job {
+    let job = cloudparity::bridge::probe::Job {
         scene: &planted,
         positions: &positions,
         attributes: &[],
@@ -106,13 +109,13 @@ fn a_planted_difference_is_found() {
         repeat: 1,
         samples: 1,
     };
-    let answers = cloudparity::blender::probe::ask(&[job], cloudparity::blender::Kernel::Sse42, |_| {});
+    let answers = cloudparity::bridge::probe::ask(&[job], cloudparity::bridge::Kernel::Sse42, |_| {});
     let theirs = answers.expect("Cycles answers").jobs.remove(0).values.remove(0);
     let program = Program::density(&scene).expect("the scene compiles");
     let (ours, _) =
-        field::evaluate(&program, cloudparity::graph::evaluate::Points::new(&positions), Evaluator::Cpu, None)
+        fields::evaluate(&program, cloudparity::graph::evaluate::Points::new(&positions), Evaluator::Cpu, None)
             .expect("evaluates");
-    let found = field::Comparison::new(&positions, &ours, &theirs).expect("equal lengths").figures(Some(0.0));
+    let found = fields::Comparison::new(&positions, &ours, &theirs).expect("equal lengths").figures(Some(0.0));
     assert_eq!(found.agrees(), Some(false));
     assert!(found.differing > 0 && found.max_error > 0.0 && found.max_error < 1e-3, "{found:?}");
 }
@@ -129,12 +132,12 @@ fn wgsl_is_within_its_rounding_bound_and_a_planted_difference_is_not() {
         let positions = points(&scene, domain, 3);
         let at = cloudparity::graph::evaluate::Points::new(&positions);
         let evaluated = |program: &Program, evaluator, gpu| {
-            field::evaluate(program, at, evaluator, gpu).expect("the program evaluates").0
+            fields::evaluate(program, at, evaluator, gpu).expect("the program evaluates").0
         };
         let cpu = evaluated(&program, Evaluator::Cpu, None);
         let bounds = program.rounding_bounds(at).expect("bounds");
         let judged = |ours: &[f32]| {
-            let mut found = field::Comparison::new(&positions, ours, &cpu).expect("equal lengths");
+            let mut found = fields::Comparison::new(&positions, ours, &cpu).expect("equal lengths");
             found.bound(&bounds);
             found.figures(Evaluator::Gpu.limit()).rounding_bound.expect("asked for")
         };

@@ -5,19 +5,19 @@
 
 mod support;
 
-use cloudparity::density::perlin_fbm::adapter::BakeKernel;
-use cloudparity::density::perlin_fbm::bake::Bake;
-use cloudparity::density::perlin_fbm::mask::{Deformation, Mask};
-use cloudparity::density::perlin_fbm::noise::{Field, Octaves, noise, octaves};
-use cloudparity::density::perlin_fbm::random::{Random, permutation};
-use cloudparity::density::perlin_fbm::settings;
-use cloudparity::density::perlin_fbm::{Cloud, Evaluation, Parameters, Volume};
-use cloudparity::density::schema::Values;
+use cloudparity::engines::light::{LightModel, Variant};
+use cloudparity::engines::march::adapter::RealTimeKernel;
+use cloudparity::engines::march::{RealTimeRay, RealTimeSettings, march};
+use cloudparity::engines::parameters::Values;
+use cloudparity::engines::passes::god_rays::{GodRays, Layer};
+use cloudparity::engines::perlin_fbm::adapter::BakeKernel;
+use cloudparity::engines::perlin_fbm::bake::Bake;
+use cloudparity::engines::perlin_fbm::mask::{Deformation, Mask};
+use cloudparity::engines::perlin_fbm::noise::{Field, Octaves, noise, octaves};
+use cloudparity::engines::perlin_fbm::random::{Random, permutation};
+use cloudparity::engines::perlin_fbm::settings;
+use cloudparity::engines::perlin_fbm::{Cloud, Evaluation, Parameters, Volume};
 use cloudparity::gpu::Gpu;
-use cloudparity::integrate::real_time::{RealTimeRay, RealTimeSettings, march};
-use cloudparity::integrate::real_time_adapter::RealTimeKernel;
-use cloudparity::lighting::{LightModel, Variant};
-use cloudparity::post::god_rays::{GodRays, Layer};
 use glam::DVec3;
 use serde_json::Value;
 use std::path::{Path, PathBuf};

@@ -3,9 +3,9 @@
 
 mod support;
 
-use cloudparity::field::suite::bare_scene;
 use cloudparity::graph::evaluate::Points;
 use cloudparity::graph::{Program, Target};
+use cloudparity::scene::bare_scene;
 use serde_json::{Value as Json, json};
 
 /// A pow of the C library, twice per cell and octave: 1 ulp between builds, at values up to 5.

@@ -4,13 +4,14 @@
 
 mod support;
 
-use cloudparity::blender::{Kernel, probe};
-use cloudparity::field::statistics::equal;
-use cloudparity::field::suite::{attribute_name, attribute_nodes, bare_scene, modes};
+use cloudparity::bridge::{Kernel, probe};
 use cloudparity::graph::evaluate::Points;
 use cloudparity::graph::{Operand, Program, Target};
+use cloudparity::measure::fields::statistics::equal;
+use cloudparity::measure::nodes::suite::{attribute_name, attribute_nodes, modes};
 use cloudparity::nodes::{self, Mode};
 use cloudparity::scene::Scene;
+use cloudparity::scene::bare_scene;
 use serde_json::{Map, Value as Json, json};
 
 /// Sockets that one probe job can read.

@@ -2,12 +2,12 @@
 
 mod support;
 
-use cloudparity::density::perlin_fbm::settings;
-use cloudparity::density::schema::Values;
-use cloudparity::integrate::Integration;
-use cloudparity::integrate::transfer::step_weight;
-use cloudparity::lighting::terms::{Octaves, Powder, SilverLining, Terms};
-use cloudparity::lighting::{LightModel, TwoLobes, Variant};
+use cloudparity::engines::light::terms::{Octaves, Powder, SilverLining, Terms};
+use cloudparity::engines::light::{LightModel, TwoLobes, Variant};
+use cloudparity::engines::parameters::Values;
+use cloudparity::engines::perlin_fbm::settings;
+use cloudparity::media::transfer::Integration;
+use cloudparity::media::transfer::step_weight;
 use serde_json::Value;
 
 /// A few roundings of f64 each.

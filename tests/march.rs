@@ -2,14 +2,16 @@
 
 mod support;
 
-use cloudparity::image::Image;
-use cloudparity::integrate::convergence::{ConvergenceSettings, measure};
-use cloudparity::integrate::density_cache::CacheReport;
-use cloudparity::integrate::leaving_out;
-use cloudparity::integrate::march::Omission;
-use cloudparity::integrate::{
-    self, Backend, CacheFilter, CacheFormat, CacheSettings, Integration, Jitter, LightMode, MarchSettings,
-};
+use cloudparity::gpu::Backend;
+use cloudparity::integrators;
+use cloudparity::integrators::march::Omission;
+use cloudparity::integrators::{Jitter, LightMode, MarchSettings};
+use cloudparity::measure::convergence::{ConvergenceSettings, measure};
+use cloudparity::measure::speed::leaving_out;
+use cloudparity::media::density_cache::CacheReport;
+use cloudparity::media::density_cache::{CacheFilter, CacheFormat, CacheSettings};
+use cloudparity::media::transfer::Integration;
+use cloudparity::scene::image::Image;
 use cloudparity::scene::{Input, Scene};
 use std::collections::BTreeSet;
 use support::cube::{SCATTERING, SUN, color, homogeneous, phase, ramp, set, slanted_sun, sphere};
@@ -31,7 +33,7 @@ fn coarse() -> MarchSettings {
 }
 
 fn picture(scene: &Scene, settings: &MarchSettings, backend: Backend) -> Image {
-    integrate::render(scene, settings, backend, &|_, _| {}).expect("the scene renders")
+    integrators::render(scene, settings, backend, &|_, _| {}).expect("the scene renders")
 }
 
 fn render(scene: &Scene, settings: &MarchSettings) -> [f64; 4] {
@@ -295,7 +297,7 @@ fn a_format_that_cannot_hold_the_density_is_refused() {
     ramp(&mut scene, "Y", 1e6);
     for (format, fits) in FORMATS.into_iter().zip([true, false, true]) {
         let settings = MarchSettings { density_cache: cache(4, format, CacheFilter::Trilinear), ..coarse() };
-        let result = integrate::render(&scene, &settings, Backend::Cpu, &|_, _| {});
+        let result = integrators::render(&scene, &settings, Backend::Cpu, &|_, _| {});
         match result {
             Ok(_) => assert!(fits, "{format:?}"),
             Err(error) => {

@@ -3,13 +3,13 @@
 
 mod support;
 
-use cloudparity::blender::reference::{ReferenceSettings, reference};
+use cloudparity::bridge::reference::{ReferenceSettings, reference};
 use cloudparity::graph::bounds::Bounds3;
-use cloudparity::image::Image;
-use cloudparity::integrate::environment::Environment;
-use cloudparity::integrate::media::{Media, ObjectMedium, Place};
+use cloudparity::media::objects::{Media, ObjectMedium, Place};
 use cloudparity::nodes::closure::Coefficients;
+use cloudparity::scene::image::Image;
 use cloudparity::scene::{Graph, Scene, Volume};
+use cloudparity::view::environment::Environment;
 use glam::DVec3;
 use rand::{Rng as _, SeedableRng as _};
 use serde_json::{Value as Json, json};
@@ -466,7 +466,7 @@ fn lobes_mix_in_proportion_to_scattering_and_samples_follow_their_density() {
         // Evenly spaced numbers: each lobe misses a bin's share by at most one count at either side.
         assert!((filled - expected).abs() < 4.0 / f64::from(count) + 1e-6, "bin {bin}: {filled} is not {expected}");
     }
-    let empty = cloudparity::integrate::media::PhaseMixture::empty();
+    let empty = cloudparity::media::objects::PhaseMixture::empty();
     assert!(empty.sample(0.5).is_none() && empty.evaluate(0.5) == 0.0);
 }
 
@@ -644,8 +644,10 @@ fn cycles_has_the_same_environment() {
     scene.world.color = [1.0; 3];
     scene.world.strength = 1.5;
     let bytes = std::fs::read(&path).expect("it is read");
-    scene.world.image =
-        Some(cloudparity::scene::WorldImage { file: "sky.exr".into(), sha256: cloudparity::files::sha256(&bytes) });
+    scene.world.image = Some(cloudparity::scene::WorldImage {
+        file: "sky.exr".into(),
+        sha256: cloudparity::base::files::sha256(&bytes),
+    });
     let file = folder.path().join("sky.scene.json");
     let write = |scene: &Scene| {
         std::fs::write(&file, serde_json::to_string(scene).expect("it serialises")).expect("it is written");

@@ -3,12 +3,12 @@
 mod support;
 
 use assert_cmd::cargo::cargo_bin_cmd;
-use cloudparity::density;
-use cloudparity::density::comparison::{Comparison, Settings, run};
-use cloudparity::error::Result;
+use cloudparity::base::error::Result;
+use cloudparity::engines;
+use cloudparity::engines::light::Variant;
 use cloudparity::gpu::Gpu;
 use cloudparity::graph::evaluate::Points;
-use cloudparity::lighting::Variant;
+use cloudparity::measure::densities::comparison::{Comparison, Settings, run};
 use cloudparity::scene::Scene;
 use glam::DVec3;
 use rand::{Rng as _, SeedableRng as _};
@@ -19,7 +19,7 @@ const SETTINGS: Settings =
     Settings { places: 64, samples: 64, sub_pixels: 1, mean_depth: Some(1.0), timed_points: 2000 };
 
 fn compare(scene: &Scene, changes: &[&str], settings: &Settings, folder: &Path) -> Result<Comparison> {
-    let model = density::find("perlin-fbm").expect("it is there");
+    let model = engines::find("perlin-fbm").expect("it is there");
     let changes: Vec<String> = ["texture_size=32"].iter().chain(changes).map(|&text| text.into()).collect();
     let values = model.values(None, &changes).expect("in range");
     run(scene, model, &values, settings, folder, &|_, _| ())
@@ -93,7 +93,7 @@ fn the_density_alone_is_the_same_on_the_adapter() {
         return;
     }
     let gpu = Gpu::open().expect("an adapter");
-    let model = density::find("perlin-fbm").expect("it is there");
+    let model = engines::find("perlin-fbm").expect("it is there");
     for variant in [Variant::Fixed, Variant::AsPublished] {
         let values = model.values(None, &["texture_size=32".into()]).expect("in range");
         let engine = model.engine(&support::scene("linear-ramp"), &values, variant, 1.0).expect("in range");
@@ -129,7 +129,7 @@ fn the_command_makes_a_page() {
         .success();
     let page = std::fs::read_to_string(folder.path().join("index.html")).expect("a page");
     assert!(page.contains("Density models side by side") && page.contains("Light as published"));
-    let lights = 2 + cloudparity::lighting::models::LIGHTS.len();
+    let lights = 2 + cloudparity::engines::light::models::LIGHTS.len();
     assert_eq!(page.matches("data:image/png").count(), 2 * lights, "two densities under every light");
     assert!(page.contains("data:image/svg+xml"), "the figure of both fields");
     let figures = std::fs::read_to_string(folder.path().join("figures.csv")).expect("figures");

@@ -4,18 +4,20 @@
 
 mod support;
 
-use cloudparity::field::suite::{self, Case, Selection, bare_scene};
-use cloudparity::field::{limits, node_measurements, node_table};
 use cloudparity::graph::evaluate::Evaluation;
 use cloudparity::graph::wgsl::Linker;
 use cloudparity::graph::{Program, Target};
-use cloudparity::integrate::phase::PhaseFunction;
+use cloudparity::measure::nodes::suite;
+use cloudparity::measure::nodes::suite::{Case, Selection};
+use cloudparity::measure::nodes::{limits, measurements, table};
+use cloudparity::media::phase::PhaseFunction;
 use cloudparity::nodes::closure::ClosureRole;
 use cloudparity::nodes::refused::{self, Part};
 use cloudparity::nodes::{
     self, Column, Evaluate, InputSocket, Interval, Kernel, Mode, NodeType, Oracle, OutputSocket, PropertyValues, Real,
     Role, RunningError, Simplified, always, socket_limits,
 };
+use cloudparity::scene::bare_scene;
 use cloudparity::scene::{Input, SocketType};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -327,7 +329,7 @@ fn every_node_has_a_limit() {
 
 #[test]
 fn every_mode_was_measured_and_is_within_its_limit() {
-    let measured = node_measurements::errors();
+    let measured = measurements::errors();
     let renew = "cloudparity modes --summary parity/node-errors.json";
     let known: BTreeSet<(&str, &str)> =
         measured.rows.iter().map(|row| (row.node.as_str(), row.mode.as_str())).collect();
@@ -338,17 +340,17 @@ fn every_mode_was_measured_and_is_within_its_limit() {
     assert!(missing.is_empty() && stale.is_empty(), "missing {missing:?}, stale {stale:?}: run {renew}");
     let failing: Vec<_> = measured.rows.iter().filter(|row| !row.pass || row.wgsl_points.is_none()).collect();
     assert!(failing.is_empty(), "beyond their limits, or without WGSL: {failing:?}");
-    for row in &node_measurements::costs().rows {
+    for row in &measurements::costs().rows {
         assert!(wanted.contains(&(row.node.as_str(), row.mode.as_str())), "a cost of what is not there: {row:?}");
     }
 }
 
 #[test]
 fn the_document_of_nodes_is_made_from_the_registry() {
-    let text = node_table::table().expect("the table").markdown();
+    let text = table::table().expect("the table").markdown();
     let path = support::project("docs/nodes.md");
     if std::env::var_os(RENEW).is_some() {
-        cloudparity::files::write_atomically(&path, text.as_bytes()).expect("the document is written");
+        cloudparity::base::files::write_atomically(&path, text.as_bytes()).expect("the document is written");
     }
     let committed = std::fs::read_to_string(&path).unwrap_or_default();
     let different = text.lines().zip(committed.lines()).position(|(new, old)| new != old);

@@ -4,10 +4,11 @@
 
 mod support;
 
-use cloudparity::image::Image;
-use cloudparity::integrate::Backend;
-use cloudparity::integrate::majorant::{Effort, Majorants};
-use cloudparity::integrate::path::{self, PathSettings, Tracking};
+use cloudparity::gpu::Backend;
+use cloudparity::integrators::path;
+use cloudparity::integrators::path::{PathSettings, Tracking};
+use cloudparity::media::majorant::{Effort, Majorants};
+use cloudparity::scene::image::Image;
 use cloudparity::scene::{Input, Light, LightKind, Scene};
 use std::f64::consts::PI;
 use support::cube::{SCATTERING, SUN, color, homogeneous, phase, ramp, set, slanted_sun, sphere};

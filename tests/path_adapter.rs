@@ -2,10 +2,11 @@
 
 mod support;
 
-use cloudparity::image::Image;
-use cloudparity::integrate::Backend;
-use cloudparity::integrate::path::{self, PathSettings, Tracking};
+use cloudparity::gpu::Backend;
+use cloudparity::integrators::path;
+use cloudparity::integrators::path::{PathSettings, Tracking};
 use cloudparity::scene::Scene;
+use cloudparity::scene::image::Image;
 
 /// Replicas of each side.
 const REPLICAS: u32 = 8;

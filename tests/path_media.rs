@@ -5,11 +5,12 @@
 
 mod support;
 
-use cloudparity::image::Image;
-use cloudparity::integrate::Backend;
-use cloudparity::integrate::environment::Environment;
-use cloudparity::integrate::path::{self, PathSettings};
+use cloudparity::gpu::Backend;
+use cloudparity::integrators::path;
+use cloudparity::integrators::path::PathSettings;
+use cloudparity::scene::image::Image;
 use cloudparity::scene::{Graph, Scene, WorldImage};
+use cloudparity::view::environment::Environment;
 use glam::DVec3;
 use serde_json::{Value as Json, json};
 use std::f64::consts::{FRAC_1_SQRT_2, PI, TAU};
@@ -274,7 +275,7 @@ fn surround(scene: &mut Scene, picture: &Image) -> tempfile::TempDir {
     picture.write_exr(&path, false).expect("it is written");
     let bytes = std::fs::read(&path).expect("it is read");
     scene.world.color = [1.0; 3];
-    scene.world.image = Some(WorldImage { file: "sky.exr".into(), sha256: cloudparity::files::sha256(&bytes) });
+    scene.world.image = Some(WorldImage { file: "sky.exr".into(), sha256: cloudparity::base::files::sha256(&bytes) });
     scene.folder = folder.path().to_owned();
     folder
 }

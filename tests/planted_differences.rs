@@ -3,9 +3,9 @@
 mod support;
 
 use assert_cmd::Command;
-use cloudparity::field::statistics::Comparison;
 use cloudparity::graph::Program;
 use cloudparity::graph::evaluate::Points;
+use cloudparity::measure::fields::statistics::Comparison;
 use cloudparity::scene::{Input, Scene};
 use std::path::Path;
 use support::require;

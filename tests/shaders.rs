@@ -4,11 +4,12 @@
 mod support;
 
 use assert_cmd::Command;
-use cloudparity::field::suite::{bare_scene, modes};
 use cloudparity::graph::wgsl::{self, Linker};
 use cloudparity::graph::{Program, Target};
+use cloudparity::measure::nodes::suite::modes;
 use cloudparity::nodes::{self, Mode, NodeType, Role};
 use cloudparity::scene::Scene;
+use cloudparity::scene::bare_scene;
 use rayon::prelude::*;
 use serde_json::{Map, Value as Json, json};
 use std::collections::{BTreeMap, BTreeSet};
@@ -120,7 +121,7 @@ fn the_cloud_is_written_as_committed() {
     let text = String::from_utf8(wgsl::standalone(&program, wgsl::Language::Wgsl).expect("WGSL")).expect("text");
     let path = support::project("parity/snapshots/procedural-clouds.wgsl");
     if std::env::var_os(RENEW).is_some() {
-        cloudparity::files::write_atomically(&path, text.as_bytes()).expect("the snapshot is written");
+        cloudparity::base::files::write_atomically(&path, text.as_bytes()).expect("the snapshot is written");
     }
     let committed = std::fs::read_to_string(&path).unwrap_or_default();
     let different = text.lines().zip(committed.lines()).position(|(new, old)| new != old);
@@ -365,7 +366,7 @@ fn every_mode_and_every_file_links_and_validates() {
     let cache = definitions(&all["integrate/density_cache.wgsl"].text);
     assert_eq!((own.len(), cache.len()), (7, 3), "{own:?} {cache:?}");
     let small = Program::density(&support::scene("homogeneous-cube")).expect("the cube compiles");
-    let check = |linker: cloudparity::error::Result<Linker>, path: &str, definitions: &[&str]| {
+    let check = |linker: cloudparity::base::error::Result<Linker>, path: &str, definitions: &[&str]| {
         let name = format!("{path} {definitions:?}");
         let module = linker.and_then(|linker| linker.link_with(path, &all[path].text, definitions));
         validate(&name, &module.unwrap_or_else(|cause| panic!("{name}: {cause}")));

@@ -3,15 +3,18 @@
 mod support;
 
 use assert_cmd::cargo::cargo_bin_cmd;
+use cloudparity::engines::march::adapter::RealTimeKernel;
+use cloudparity::engines::march::march;
 use cloudparity::gpu::Gpu;
-use cloudparity::image::Image;
-use cloudparity::integrate::real_time::march;
-use cloudparity::integrate::real_time_adapter::RealTimeKernel;
-use cloudparity::integrate::{Integration, MarchSettings, march};
+use cloudparity::integrators::{MarchSettings, march};
+use cloudparity::measure::stability;
+use cloudparity::measure::stability::kernels;
+use cloudparity::measure::stability::kernels::{Kernel, Pipeline, Side};
+use cloudparity::measure::stability::pictures::{Uniform, light, rays, steps};
+use cloudparity::measure::stability::{Table, Verdict, guards};
+use cloudparity::media::transfer::Integration;
 use cloudparity::scene::Scene;
-use cloudparity::stability::kernels::{self, Kernel, Pipeline, Side};
-use cloudparity::stability::pictures::{Uniform, light, rays, steps};
-use cloudparity::stability::{self, Table, Verdict, guards};
+use cloudparity::scene::image::Image;
 use std::collections::BTreeSet;
 
 fn adapter() -> Option<Gpu> {

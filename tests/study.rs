@@ -3,12 +3,12 @@
 mod support;
 
 use assert_cmd::cargo::cargo_bin_cmd;
+use cloudparity::engines::light::Variant;
+use cloudparity::engines::render::{EngineJitter, EngineRenderer, EngineSettings};
 use cloudparity::gpu::Gpu;
-use cloudparity::integrate::engine::{EngineJitter, EngineRenderer, EngineSettings};
-use cloudparity::lighting::Variant;
-use cloudparity::study::file::StudyFile;
-use cloudparity::study::{Clock, Results, Study};
-use cloudparity::tuning::Tuning;
+use cloudparity::measure::study::file::StudyFile;
+use cloudparity::measure::study::{Clock, Results, Study};
+use cloudparity::measure::tuning::Tuning;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant, SystemTime};
 
@@ -69,7 +69,7 @@ fn errors_are_those_of_the_settings_and_nothing_is_measured_twice() {
     let first = run(&path, &output);
     assert_eq!((first.runs.len(), first.skipped.len(), first.truths.len()), (8, 0, 1));
     let find = |light: &str, steps: u32, light_steps: u32| {
-        let wanted = |run: &&cloudparity::study::Measured| {
+        let wanted = |run: &&cloudparity::measure::study::Measured| {
             let combination = &run.combination;
             (combination.light.as_str(), combination.steps, combination.light_steps) == (light, steps, light_steps)
         };
@@ -221,7 +221,7 @@ fn timestamps_count_the_work_of_the_adapter() {
     }
     let Some(gpu) = Gpu::open().ok().filter(Gpu::has_timestamps) else { return };
     let scene = support::scene("linear-ramp");
-    let model = cloudparity::density::find("perlin-fbm").expect("a model");
+    let model = cloudparity::engines::find("perlin-fbm").expect("a model");
     let values = model.values(None, &[]).expect("values");
     let engine = model.engine(&scene, &values, Variant::Fixed, 0.0).expect("an engine");
     let renderer = EngineRenderer::new(&scene, &engine, Some(&gpu)).expect("a kernel");
@@ -241,7 +241,7 @@ fn a_folder_belongs_to_one_process_at_a_time() {
     let path = study_file(folder.path(), "[2]");
     let output = folder.path().join("out");
     run(&path, &output);
-    let lock = cloudparity::files::Lock::take(&output).expect("nobody has it");
+    let lock = cloudparity::base::files::Lock::take(&output).expect("nobody has it");
     let error = Study::load(&path).expect("a study").run(&output, &|_, _| ()).expect_err("taken").to_string();
     assert!(error.contains("another process"), "{error}");
     drop(lock);
@@ -270,7 +270,7 @@ fn truths_are_made_beforehand_and_an_interrupted_one_goes_on() {
     let [old, new] = [bytes, std::fs::read(&lost).expect("made again")].map(|bytes| {
         let file = folder.path().join("replica.exr");
         std::fs::write(&file, bytes).expect("written");
-        cloudparity::image::Image::read_exr(&file).expect("a picture").pixels
+        cloudparity::scene::image::Image::read_exr(&file).expect("a picture").pixels
     });
     assert_eq!(old, new);
     // Path tracing's curve: more samples, less error, in proportion; both are pictures of one converging series.

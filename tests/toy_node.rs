@@ -6,10 +6,10 @@
 
 mod support;
 
-use cloudparity::field::{limits, node_table, suite};
 use cloudparity::graph::evaluate::{Arithmetic, Points};
 use cloudparity::graph::wgsl::Linker;
 use cloudparity::graph::{Program, Target};
+use cloudparity::measure::nodes::{limits, suite, table};
 use cloudparity::nodes::{
     self, Column, Evaluate, InputSocket, Interval, Mode, NodeType, OutputSocket, Property, Real, Role, always,
     socket_limits, vector_at,
@@ -294,7 +294,7 @@ fn the_section_on_adding_a_node_names_the_steps_that_a_toy_needs() {
     check_the_shader();
 
     // Without an entry it is held to equality.
-    followed.push("src/field/limits.rs");
+    followed.push("src/measure/nodes/limits.rs");
     for properties in &modes {
         let mode = Mode::read(&TOY, properties, "toy").expect("a mode");
         for output in TOY.outputs_of(&mode) {
@@ -305,7 +305,7 @@ fn the_section_on_adding_a_node_names_the_steps_that_a_toy_needs() {
     }
 
     // All of its properties act in all modes, and normal values are ordinary for it.
-    followed.push("src/field/suite.rs");
+    followed.push("src/measure/nodes/suite.rs");
     let cases = suite::cases(16, 1, Some(TOY.label), suite::Selection::Everything).expect("cases");
     assert_eq!(cases.iter().map(|case| case.targets.len()).sum::<usize>(), 2 + 2 * 2);
     for case in &cases {
@@ -323,7 +323,7 @@ fn the_section_on_adding_a_node_names_the_steps_that_a_toy_needs() {
 
     // Blender does not have it, so nothing is measured; the table says so.
     followed.push("parity/node-errors.json");
-    let table = node_table::table().expect("the table");
+    let table = table::table().expect("the table");
     let entry = table.nodes.iter().find(|node| node.label == TOY.label).expect("the toy is listed");
     assert_eq!(entry.modes.len(), 4);
     assert!(entry.modes.iter().all(|mode| mode.errors.is_none()));

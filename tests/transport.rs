@@ -2,9 +2,11 @@
 
 mod support;
 
-use cloudparity::blender::reference::{ReferenceSettings, reference};
-use cloudparity::image::Image;
-use cloudparity::integrate::{self, Backend, LightMode, MarchSettings};
+use cloudparity::bridge::reference::{ReferenceSettings, reference};
+use cloudparity::gpu::Backend;
+use cloudparity::integrators;
+use cloudparity::integrators::{LightMode, MarchSettings};
+use cloudparity::scene::image::Image;
 use cloudparity::scene::{Input, Scene};
 use serde_json::json;
 use std::f64::consts::PI;
@@ -26,7 +28,7 @@ fn exact() -> MarchSettings {
 }
 
 fn render(scene: &Scene, settings: &MarchSettings) -> [f64; 4] {
-    let image = integrate::render(scene, settings, Backend::Cpu, &|_, _| {}).expect("the scene renders");
+    let image = integrators::render(scene, settings, Backend::Cpu, &|_, _| {}).expect("the scene renders");
     image.mean()
 }
 
@@ -217,7 +219,8 @@ fn an_emission_that_is_the_density_meets_its_closed_form() {
     }
     if support::require("vulkan") {
         let settings = MarchSettings { light: LightMode::Grid, ..exact() };
-        let theirs = integrate::render(&scene, &settings, Backend::Gpu, &|_, _| {}).expect("the scene renders").mean();
+        let theirs =
+            integrators::render(&scene, &settings, Backend::Gpu, &|_, _| {}).expect("the scene renders").mean();
         close(theirs[0], expected, TOLERANCE);
     }
 }
@@ -281,7 +284,7 @@ fn the_world_lights_an_anisotropic_medium_alike_in_both_modes() {
 #[test]
 fn what_march_cannot_do_is_an_error_that_says_so() {
     let refused = |scene: &Scene| {
-        integrate::render(scene, &exact(), Backend::Cpu, &|_, _| {}).expect_err("it is refused").to_string()
+        integrators::render(scene, &exact(), Backend::Cpu, &|_, _| {}).expect_err("it is refused").to_string()
     };
     let mut scene = homogeneous();
     scene.integrator.volume_bounces = 3;
@@ -373,7 +376,7 @@ fn the_adapter_renders_the_cloud_as_the_cpu_does() {
     scene.film.resolution = [64, 36];
     let settings = MarchSettings { grid_cells: 48, sub_pixels: 2, world_directions: 16, ..MarchSettings::default() };
     let picture = |scene: &Scene, backend| {
-        integrate::render(scene, &settings, backend, &|_, _| {}).expect("the scene renders").pixels
+        integrators::render(scene, &settings, backend, &|_, _| {}).expect("the scene renders").pixels
     };
     let ours = picture(&scene, Backend::Gpu);
     let twin = picture(&scene, Backend::Cpu);
@@ -391,7 +394,7 @@ fn the_adapter_renders_the_cloud_as_the_cpu_does() {
     let mut few = scene.clone();
     few.film.resolution = [6, 4];
     let fine = MarchSettings { view_step: 0.002, sub_pixels: 1, ..settings.clone() };
-    let mean = |backend| integrate::render(&few, &fine, backend, &|_, _| {}).expect("the scene renders").mean();
+    let mean = |backend| integrators::render(&few, &fine, backend, &|_, _| {}).expect("the scene renders").mean();
     let (on_adapter, on_cpu) = (mean(Backend::Gpu), mean(Backend::Cpu));
     // 2,000 steps in f32: ten times the roundings of above.
     assert!(

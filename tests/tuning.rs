@@ -3,9 +3,9 @@
 mod support;
 
 use assert_cmd::cargo::cargo_bin_cmd;
-use cloudparity::image::Image;
-use cloudparity::tuning::preset::Preset;
-use cloudparity::tuning::{Outcome, Scored, Tuning};
+use cloudparity::measure::tuning::preset::Preset;
+use cloudparity::measure::tuning::{Outcome, Scored, Tuning};
+use cloudparity::scene::image::Image;
 use std::path::{Path, PathBuf};
 
 /// A ramp under single scattering, for which an engine of many steps is right at exposure 1 without powder.

@@ -3,12 +3,13 @@
 mod support;
 
 use assert_cmd::Command;
+use cloudparity::bridge::volume_grid;
 use cloudparity::graph::Program;
 use cloudparity::graph::bounds::Bounds3;
 use cloudparity::graph::wgsl::{Language, standalone};
-use cloudparity::integrate::media::ObjectMedium;
+use cloudparity::media::objects::ObjectMedium;
+use cloudparity::scene::volume_grid::{DENSITY, GridHandle, VolumeGrid};
 use cloudparity::scene::{Bounds, Scene, Shape};
-use cloudparity::volume_grid::{DENSITY, GridHandle, VolumeGrid};
 use glam::{DAffine3, DVec3};
 use rand::{Rng as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
@@ -51,20 +52,20 @@ fn what_is_written_is_read_again() {
     let mut grid = ramp();
     // A constant block, which OpenVDB would store as a tile.
     grid.values.slice_mut(ndarray::s![0..8, 0..8, ..]).fill(3.0);
-    grid.write(&file, false).expect("written");
-    assert_eq!(VolumeGrid::read(&file, DENSITY).expect("read").values, grid.values);
-    let read = VolumeGrid::read(&file, DENSITY).expect("read");
+    volume_grid::write(&grid, &file, false).expect("written");
+    assert_eq!(volume_grid::read(&file, DENSITY).expect("read").values, grid.values);
+    let read = volume_grid::read(&file, DENSITY).expect("read");
     assert!(read.to_object.abs_diff_eq(grid.to_object, 1e-12), "{:?}", read.to_object);
     // Values that 11 bits do not hold.
     grid.values.mapv_inplace(|value| value / 3.0);
-    grid.write(&file, true).expect("written");
-    let half = VolumeGrid::read(&file, DENSITY).expect("read").values;
+    volume_grid::write(&grid, &file, true).expect("written");
+    let half = volume_grid::read(&file, DENSITY).expect("read").values;
     let largest = half.iter().zip(&grid.values).map(|(a, b)| (a - b).abs() / b).fold(0.0, f32::max);
     // Rounding to 11 bits.
     assert!(largest > 0.0 && largest <= 2.0_f32.powi(-11), "{largest}");
-    let error = VolumeGrid::read(&file, "flame").expect_err("no such grid");
+    let error = volume_grid::read(&file, "flame").expect_err("no such grid");
     assert!(error.to_string().contains("density"), "{error}");
-    let error = VolumeGrid::read(&support::project("README.md"), DENSITY).expect_err("no OpenVDB file");
+    let error = volume_grid::read(&support::project("README.md"), DENSITY).expect_err("no OpenVDB file");
     assert!(error.to_string().contains("an OpenVDB file"), "{error}");
 }
 
@@ -83,7 +84,7 @@ fn the_command_writes_a_scene_and_a_model() {
             command.args(["--model", model, "-p", "texture_size=32"]);
         }
         command.assert().success();
-        let grid = VolumeGrid::read(&file, DENSITY).expect("read");
+        let grid = volume_grid::read(&file, DENSITY).expect("read");
         // The model is empty at the faces: only what is not is active.
         assert!(grid.values.iter().any(|&value| value > 0.0));
         if model.is_none() {

@@ -1,9 +1,10 @@
 //! `cloudparity bench`: speed beside Cycles, in one run.
 
-use crate::bench::{self, Settings};
-use crate::error::Result;
-use crate::files;
+use crate::base::error::Result;
+use crate::base::files;
 use crate::gpu::Gpu;
+use crate::measure::speed;
+use crate::measure::speed::Settings;
 use crate::report::inputs::Bench;
 use crate::scene::Scene;
 use std::path::PathBuf;
@@ -33,13 +34,13 @@ pub(super) struct Arguments {
 
 pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
     let scene = Scene::load(&arguments.scene)?;
-    let with_cycles = !arguments.without_cycles && bench::can_ask_cycles();
+    let with_cycles = !arguments.without_cycles && speed::can_ask_cycles();
     if !with_cycles && !arguments.without_cycles {
         eprintln!("warning: bpy is missing: Cycles is not measured, so there are no ratios (make setup installs it)");
     }
     let settings = Settings { points: arguments.points as usize, repeats: arguments.repeats as usize, with_cycles };
     let bar = super::progress_bar(3);
-    let rows = bench::run(&scene, &settings, |what| {
+    let rows = speed::run(&scene, &settings, |what| {
         bar.set_message(what.to_owned());
         bar.inc(1);
     })?;

@@ -1,8 +1,8 @@
 //! `cloudparity bench-bake`: speed of the Perlin-FBM bake.
 
-use crate::density::perlin_fbm::benchmark;
-use crate::error::Result;
+use crate::base::error::Result;
 use crate::gpu::Gpu;
+use crate::measure::speed::perlin_fbm;
 use std::process::ExitCode;
 
 /// Measure the bake of the Perlin-FBM cloud beside a straightforward one: byte-exact, in single precision, and on the adapter.
@@ -23,7 +23,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
     let gpu = Gpu::open().ok();
     let ways = 3 + u64::from(gpu.is_some());
     let bar = super::progress_bar(ways * u64::from(arguments.repeats));
-    let rows = benchmark::run(arguments.texels as usize, arguments.repeats as usize, gpu.as_ref(), |what| {
+    let rows = perlin_fbm::run(arguments.texels as usize, arguments.repeats as usize, gpu.as_ref(), |what| {
         bar.set_message(what.to_owned());
         bar.inc(1);
     })?;

@@ -1,9 +1,10 @@
 //! `cloudparity bench-compile`: how long kernels take to compile.
 
-use crate::error::Result;
-use crate::files;
+use crate::base::error::Result;
+use crate::base::files;
 use crate::gpu::Gpu;
-use crate::integrate::compile_times::{self, Row};
+use crate::measure::speed::compile_times;
+use crate::measure::speed::compile_times::Row;
 use crate::scene::Scene;
 use std::path::PathBuf;
 use std::process::ExitCode;

@@ -1,9 +1,10 @@
 //! `cloudparity bench-nodes`: what every node costs, beside Cycles.
 
-use crate::blender;
-use crate::error::Result;
-use crate::field::costs::{self, Costs, Settings};
+use crate::base::error::Result;
+use crate::bridge;
 use crate::gpu::Gpu;
+use crate::measure::nodes::costs;
+use crate::measure::nodes::costs::{Costs, Settings};
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -37,7 +38,7 @@ pub(super) struct Arguments {
 }
 
 pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
-    let with_cycles = !arguments.without_cycles && blender::has_bpy();
+    let with_cycles = !arguments.without_cycles && bridge::has_bpy();
     if !with_cycles && !arguments.without_cycles {
         eprintln!("warning: bpy is missing: Cycles is not measured, so there are no ratios (make setup installs it)");
     }

@@ -1,6 +1,6 @@
 //! `cloudparity bounds`: checks the bounds of the density against samples and says how tight they are.
 
-use crate::error::Result;
+use crate::base::error::Result;
 use crate::graph::Program;
 use crate::graph::bounds_check::{self, Survey};
 use crate::scene::Scene;

@@ -1,10 +1,11 @@
 //! `cloudparity compare-models`: the density of a scene's graph beside that of a published engine.
 
-use super::picture::SceneArguments;
-use crate::density;
-use crate::density::comparison::{self, Comparison, Settings};
-use crate::error::Result;
-use crate::files;
+use crate::base::error::Result;
+use crate::base::files;
+use crate::cli::picture::SceneArguments;
+use crate::engines;
+use crate::measure::densities::comparison;
+use crate::measure::densities::comparison::{Comparison, Settings};
 use crate::report;
 use crate::report::inputs::{Run, Timing};
 use std::fmt::Write as _;
@@ -51,7 +52,7 @@ pub(super) struct Arguments {
 
 pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
     let scene = arguments.scene.load()?;
-    let model = density::find(&arguments.model)?;
+    let model = engines::find(&arguments.model)?;
     let values = model.values(arguments.quality.as_deref(), &arguments.parameters)?;
     let settings = Settings {
         places: arguments.places,

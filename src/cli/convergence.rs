@@ -1,11 +1,12 @@
 //! `cloudparity convergence`: error of ray marching against its steps and its density cache.
 
-use super::march::MarchArguments;
-use super::picture::SceneArguments;
-use crate::blender::{self, Kernel};
-use crate::error::{Error, Result};
-use crate::files;
-use crate::integrate::convergence::{ConvergenceSettings, measure};
+use crate::base::error::{Error, Result};
+use crate::base::files;
+use crate::bridge;
+use crate::bridge::Kernel;
+use crate::cli::march::MarchArguments;
+use crate::cli::picture::SceneArguments;
+use crate::measure::convergence::{ConvergenceSettings, measure};
 use serde_json::json;
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -70,6 +71,6 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
     files::write_atomically(&file("csv"), found.csv().as_bytes())?;
     super::print(&if arguments.json { document } else { found.summary() })?;
     let request = json!({"convergence": found, "svg": file("svg"), "png": file("png")});
-    blender::run_script(SCRIPT, &request, Kernel::Default, |_| ())?;
+    bridge::run_script(SCRIPT, &request, Kernel::Default, |_| ())?;
     Ok(ExitCode::SUCCESS)
 }

@@ -1,8 +1,9 @@
 //! `cloudparity demo`: the main job on the committed cloud, ending in a report.
 
-use crate::compare::Verdict;
-use crate::demo::{self, Settings};
-use crate::error::Result;
+use crate::base::error::Result;
+use crate::cli::demonstration;
+use crate::cli::demonstration::Settings;
+use crate::measure::pictures::Verdict;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -24,14 +25,14 @@ pub(super) struct Arguments {
 }
 
 pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
-    demo::check_writable(&arguments.output)?;
+    demonstration::check_writable(&arguments.output)?;
     let settings = Settings { output: arguments.output.clone(), live: arguments.live, modes: !arguments.without_modes };
     let bar = super::progress_bar(1000);
     let report = |done: f64, what: &str| {
         bar.set_position((done * 1000.0) as u64);
         bar.set_message(what.to_owned());
     };
-    let outcome = demo::run(&settings, &report)?;
+    let outcome = demonstration::run(&settings, &report)?;
     bar.finish_and_clear();
     super::print(&format!("{}\n", outcome.report.display()))?;
     Ok(match (outcome.picture, outcome.field) {

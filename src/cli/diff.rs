@@ -1,11 +1,12 @@
 //! `cloudparity diff`: two pictures, or two sets of replicas, compared with stated tolerances.
 
-use crate::blender::{self, Kernel};
-use crate::compare::{
+use crate::base::error::{Error, Result};
+use crate::base::numbers::{figure, percent, signed_percent};
+use crate::bridge;
+use crate::bridge::Kernel;
+use crate::measure::pictures::{
     Check, DiffRequest, DiffResult, DisplaySettings, ImageFigures, Statistics, StatisticsSettings, Tolerances,
 };
-use crate::error::{Error, Result};
-use crate::report::numbers::{figure, percent, signed_percent};
 use std::fmt::Write;
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -198,7 +199,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
     let bar = super::progress_bar(1000);
     let result = arguments
         .request()
-        .run(|script, request| blender::run_script(script, request, Kernel::Default, blender::report_to(&bar)))?;
+        .run(|script, request| bridge::run_script(script, request, Kernel::Default, bridge::report_to(&bar)))?;
     bar.finish_and_clear();
     let text = if arguments.json {
         let text = serde_json::to_string_pretty(&result).map_err(|cause| {

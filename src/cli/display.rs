@@ -1,8 +1,9 @@
 //! `cloudparity display`: a scene-linear picture as Blender shows it.
 
-use crate::blender::{self, Kernel};
-use crate::compare::SCRIPT;
-use crate::error::Result;
+use crate::base::error::Result;
+use crate::bridge;
+use crate::bridge::Kernel;
+use crate::measure::pictures::SCRIPT;
 use serde_json::json;
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -51,7 +52,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
         "background": arguments.background,
         "channels": if arguments.rgb { "rgb" } else { "rgba" },
     });
-    let result = blender::run_script(SCRIPT, &json!({"op": "display", "images": [picture]}), Kernel::Default, |_| ())?;
+    let result = bridge::run_script(SCRIPT, &json!({"op": "display", "images": [picture]}), Kernel::Default, |_| ())?;
     let view = result["images"][0]["view_used"].as_str().unwrap_or_default();
     super::print(&format!("{} ({view})\n", arguments.output.display()))?;
     Ok(ExitCode::SUCCESS)

@@ -1,7 +1,7 @@
 //! `cloudparity doctor`: what is there of what the program can use, and what to do about the rest.
 
-use crate::blender;
-use crate::error::{Error, Result};
+use crate::base::error::{Error, Result};
+use crate::bridge;
 use crate::gpu::Gpu;
 use serde::Serialize;
 use std::fmt::Write;
@@ -51,9 +51,9 @@ struct Problem {
 pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
     let mut checks = vec![check_adapter(), check_interpreter()];
     checks.extend(PACKAGES.map(|(distribution, module, purpose)| check_package(distribution, module, purpose)));
-    checks.push(check_folder("scripts", "every command that runs Python", "TMPDIR", blender::script_folder()));
-    let references = blender::reference::cache_folder();
-    checks.push(check_folder("cache", "references by Cycles", blender::reference::CACHE_VARIABLE, references));
+    checks.push(check_folder("scripts", "every command that runs Python", "TMPDIR", bridge::script_folder()));
+    let references = bridge::reference::cache_folder();
+    checks.push(check_folder("cache", "references by Cycles", bridge::reference::CACHE_VARIABLE, references));
     let all_there = checks.iter().all(|check| check.problem.is_none());
     let text = if arguments.json {
         let document = serde_json::json!({
@@ -86,14 +86,14 @@ fn check_adapter() -> Check {
 }
 
 fn check_interpreter() -> Check {
-    let path = blender::interpreter();
+    let path = bridge::interpreter();
     let version =
-        blender::module_version("platform", "platform.python_implementation() + ' ' + platform.python_version()");
+        bridge::module_version("platform", "platform.python_implementation() + ' ' + platform.python_version()");
     let what = "Python".to_owned();
     let problem = |cause: String| Problem {
         cause,
         needed_for: "everything that asks Blender or compares pictures".into(),
-        remedy: format!("Run make setup, or set {} to a CPython 3.11.", blender::INTERPRETER_VARIABLE),
+        remedy: format!("Run make setup, or set {} to a CPython 3.11.", bridge::INTERPRETER_VARIABLE),
     };
     match version {
         Ok(version) => {
@@ -115,7 +115,7 @@ fn check_package(distribution: &str, module: &str, purpose: &str) -> Check {
         .find_map(|line| line.strip_prefix(distribution)?.strip_prefix("=="))
         .expect("requirements.txt pins every package that is checked");
     let version = format!("__import__('importlib.metadata').metadata.version('{distribution}')");
-    let (found, cause) = match blender::module_version(module, &version) {
+    let (found, cause) = match bridge::module_version(module, &version) {
         Ok(version) if version == expected => (Some(version), None),
         Ok(version) => {
             let cause = format!("version {version}, where {expected} is what the figures were checked with");
@@ -128,7 +128,7 @@ fn check_package(distribution: &str, module: &str, purpose: &str) -> Check {
         needed_for: purpose.to_owned(),
         remedy: format!(
             "Run make setup, or {} -m pip install {distribution}=={expected}.",
-            blender::interpreter().display()
+            bridge::interpreter().display()
         ),
     });
     Check { what: distribution.to_owned(), found, problem }

@@ -1,13 +1,15 @@
 //! `cloudparity engine`: a picture as a published cloud engine makes it.
 
-use super::picture::PictureArguments;
-use crate::density::{self, Engine, schema};
-use crate::error::Result;
-use crate::integrate::Backend;
-use crate::integrate::engine::{self, EngineJitter, EngineSettings};
-use crate::lighting::{Variant, models};
+use crate::base::error::Result;
+use crate::cli::picture::PictureArguments;
+use crate::engines;
+use crate::engines::light::{Variant, models};
+use crate::engines::render;
+use crate::engines::render::{EngineJitter, EngineSettings};
+use crate::engines::{Engine, parameters};
+use crate::gpu::Backend;
+use crate::measure::tuning::preset::Preset;
 use crate::scene::Scene;
-use crate::tuning::preset::Preset;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
@@ -83,7 +85,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
         models::find(light)?.apply(&mut engine.light)?;
     }
     for text in &arguments.light_parameters {
-        let (name, value) = schema::assignment(text)?;
+        let (name, value) = parameters::assignment(text)?;
         models::set(&mut engine.light, name, value, text)?;
     }
     let settings = EngineSettings {
@@ -110,7 +112,7 @@ pub(super) fn write(
         bar.set_position((done * 1000.0) as u64);
         bar.set_message(what.to_owned());
     };
-    let image = engine::render(scene, engine, settings, backend, &report)?;
+    let image = render::render(scene, engine, settings, backend, &report)?;
     bar.finish_and_clear();
     image.write_exr(output, allow_nonfinite)?;
     Ok(ExitCode::SUCCESS)
@@ -124,7 +126,7 @@ pub(super) fn build(
     (quality, parameters): (Option<&str>, &[String]),
     seconds: f64,
 ) -> Result<Engine> {
-    let model = density::find(model)?;
+    let model = engines::find(model)?;
     let engine = model.engine(scene, &model.values(quality, parameters)?, variant, seconds)?;
     for warning in &engine.warnings {
         eprintln!("warning: {warning}");

@@ -1,10 +1,11 @@
 //! `cloudparity eval`: values of the field, or of an inner output, at given points.
 
-use crate::error::{Error, Result};
-use crate::field::{self, Evaluator};
-use crate::files;
+use crate::base::error::{Error, Result};
+use crate::base::files;
 use crate::graph::evaluate::{Arithmetic, Points};
 use crate::graph::{Program, Target, target};
+use crate::measure::fields;
+use crate::measure::fields::Evaluator;
 use crate::scene::Scene;
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -54,7 +55,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
     let values: Vec<f32> = if arguments.unrounded {
         program.evaluate(points, Arithmetic::Unrounded)?.into_iter().map(|value| value as f32).collect()
     } else {
-        field::evaluate(&program, points, arguments.evaluator, None)?.0
+        fields::evaluate(&program, points, arguments.evaluator, None)?.0
     };
     files::write_values(&arguments.output_file, &values, program.output_components())?;
     Ok(ExitCode::SUCCESS)

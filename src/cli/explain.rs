@@ -1,9 +1,10 @@
 //! `cloudparity explain`: what is left of a graph, what was left out, and why.
 
-use crate::error::Result;
+use crate::base::error::Result;
 use crate::gpu::Gpu;
 use crate::graph::{Operand, Program};
-use crate::integrate::leaving_out::{self, Kernel, LeavingOut};
+use crate::measure::speed::leaving_out;
+use crate::measure::speed::leaving_out::{Kernel, LeavingOut};
 use crate::scene::Scene;
 use std::fmt::Write;
 use std::path::PathBuf;
@@ -50,7 +51,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
 
 /// What leaving out is worth, as text.
 fn describe_kernels(found: &LeavingOut) -> String {
-    let left_out: Vec<String> = found.left_out.iter().map(crate::files::word).collect();
+    let left_out: Vec<String> = found.left_out.iter().map(crate::base::files::word).collect();
     let left_out = if left_out.is_empty() { "nothing".to_owned() } else { left_out.join(", ") };
     let size = |kernel: &Kernel| {
         format!("{} bytes of WGSL, {} SPIR-V instructions", kernel.wgsl_bytes, kernel.spirv_instructions)

@@ -1,13 +1,14 @@
 //! `cloudparity grid`: OpenVDB files of densities.
 
-use crate::error::{Error, Result};
-use crate::files;
+use crate::base::error::{Error, Result};
+use crate::base::files;
+use crate::bridge;
+use crate::engines::light::Variant;
+use crate::engines::render::box_of;
 use crate::graph::Program;
 use crate::graph::evaluate::Points;
-use crate::integrate::engine::box_of;
-use crate::lighting::Variant;
 use crate::scene::Scene;
-use crate::volume_grid::{DENSITY, VolumeGrid};
+use crate::scene::volume_grid::{DENSITY, VolumeGrid};
 use glam::DVec3;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -80,7 +81,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
             })?
         }
     };
-    grid.write(&arguments.output, arguments.half)?;
+    bridge::volume_grid::write(&grid, &arguments.output, arguments.half)?;
     let [x, y, z] = [0, 1, 2].map(|axis| grid.values.shape()[axis]);
     let largest = grid.values.iter().copied().fold(0.0, f32::max);
     super::print(&format!("{}: {x} x {y} x {z} voxels, largest value {largest}\n", arguments.output.display()))?;
@@ -88,7 +89,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
 }
 
 fn read(arguments: &Arguments) -> Result<ExitCode> {
-    let grid = VolumeGrid::read(&arguments.input, &arguments.name)?;
+    let grid = bridge::volume_grid::read(&arguments.input, &arguments.name)?;
     files::write_array(&arguments.output, &grid.values)?;
     let [x, y, z] = [0, 1, 2].map(|axis| grid.values.shape()[axis]);
     let first = grid.to_object.translation;

@@ -1,8 +1,8 @@
 //! `cloudparity lights`: the light models and their parameters.
 
-use super::models::{assignments, parameter_documents, parameter_lines};
-use crate::error::Result;
-use crate::lighting::models::{LIGHTS, PARAMETERS};
+use crate::base::error::Result;
+use crate::cli::models::{assignments, parameter_documents, parameter_lines};
+use crate::engines::light::models::{LIGHTS, PARAMETERS};
 use std::process::ExitCode;
 
 /// List the light models that stand in for light transport in engines, with their parameters, ranges and defaults.

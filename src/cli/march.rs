@@ -1,7 +1,9 @@
 //! The options of the deterministic integrator, for every command that marches.
 
-use crate::error::{Error, Result};
-use crate::integrate::{CacheFilter, CacheFormat, CacheSettings, Integration, Jitter, LightMode, MarchSettings};
+use crate::base::error::{Error, Result};
+use crate::integrators::{Jitter, LightMode, MarchSettings};
+use crate::media::density_cache::{CacheFilter, CacheFormat, CacheSettings};
+use crate::media::transfer::Integration;
 
 /// What only `--integrator march` takes. Without a value the default holds.
 #[derive(clap::Args)]

@@ -12,6 +12,7 @@ mod build;
 mod compare_models;
 mod convergence;
 mod demo;
+pub mod demonstration;
 mod diff;
 mod display;
 mod doctor;
@@ -38,7 +39,7 @@ mod study;
 mod time_to_error;
 mod tune;
 
-use crate::error::Result;
+use crate::base::error::Result;
 use clap::{Parser, Subcommand};
 use std::io::IsTerminal;
 use std::process::ExitCode;
@@ -93,6 +94,7 @@ const COULD_NOT: u8 = 2;
 
 /// Runs the program.
 pub fn run() -> ExitCode {
+    crate::bridge::install();
     let command_line = CommandLine::parse();
     let result = match command_line.command {
         Command::Bench(arguments) => bench::run(&arguments),
@@ -147,11 +149,11 @@ pub(crate) fn progress_bar(length: u64) -> indicatif::ProgressBar {
 
 /// An error where live Cycles cannot be asked; `what` "are" or "is" compared with it.
 pub(crate) fn need_bpy(what: &str) -> Result<()> {
-    if crate::blender::has_bpy() {
+    if crate::bridge::has_bpy() {
         return Ok(());
     }
-    Err(crate::error::Error::new(
-        format!("interpreter {}", crate::blender::interpreter().display()),
+    Err(crate::base::error::Error::new(
+        format!("interpreter {}", crate::bridge::interpreter().display()),
         "no module bpy",
         format!("Blender as a Python module: live Cycles is what {what} compared with"),
         "Run make setup.",
@@ -169,7 +171,7 @@ pub(crate) fn print(text: &str) -> Result<()> {
     use std::io::Write;
     match std::io::stdout().lock().write_all(text.as_bytes()) {
         Err(cause) if cause.kind() != std::io::ErrorKind::BrokenPipe => {
-            Err(crate::error::Error::io(std::path::Path::new("stdout"), "a place to print to", &cause))
+            Err(crate::base::error::Error::io(std::path::Path::new("stdout"), "a place to print to", &cause))
         }
         _ => Ok(()),
     }

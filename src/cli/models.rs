@@ -1,8 +1,9 @@
 //! `cloudparity models`: the density models and their parameters.
 
-use crate::density::schema::Parameter;
-use crate::density::{self, Model};
-use crate::error::Result;
+use crate::base::error::Result;
+use crate::engines;
+use crate::engines::Model;
+use crate::engines::parameters::Parameter;
 use std::fmt::Write as _;
 use std::process::ExitCode;
 
@@ -18,8 +19,8 @@ pub(super) struct Arguments {
 
 pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
     let models = match &arguments.model {
-        Some(id) => vec![density::find(id)?],
-        None => density::models().to_vec(),
+        Some(id) => vec![engines::find(id)?],
+        None => engines::models().to_vec(),
     };
     let text = if arguments.json {
         let all: Vec<serde_json::Value> = models.iter().map(|model| document(model)).collect();

@@ -1,7 +1,7 @@
 //! `cloudparity nodes`: what is supported of Blender's nodes, and what is not.
 
-use crate::error::Result;
-use crate::field::node_table;
+use crate::base::error::Result;
+use crate::measure::nodes::table;
 use std::process::ExitCode;
 
 /// List every supported node with its modes, measured errors and costs, and every refused one with what to do instead.
@@ -16,7 +16,7 @@ pub(super) struct Arguments {
 }
 
 pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
-    let table = node_table::table()?;
+    let table = table::table()?;
     let text = match (arguments.json, arguments.markdown) {
         (true, _) => serde_json::to_string_pretty(&table).expect("the table serialises") + "\n",
         (false, true) => table.markdown(),

@@ -1,8 +1,8 @@
 //! `cloudparity parity`: a suite of scenes against Cycles, judged by statistics.
 
-use crate::compare::Verdict;
-use crate::error::Result;
-use crate::parity;
+use crate::base::error::Result;
+use crate::measure::parity;
+use crate::measure::pictures::Verdict;
 use std::path::PathBuf;
 use std::process::ExitCode;
 

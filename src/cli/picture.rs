@@ -1,7 +1,7 @@
 //! What commands that make pictures share: the scene with overrides, so that both sides of a comparison
 //! take the same arguments for the same picture.
 
-use crate::error::{Error, Result};
+use crate::base::error::{Error, Result};
 use crate::scene::{PixelFilter, Scene};
 use std::path::PathBuf;
 

@@ -1,11 +1,13 @@
 //! `cloudparity probe`: field values of live Cycles and of our evaluators at the same points.
 
-use crate::blender;
-use crate::error::{Error, Result};
-use crate::field::{self, Comparison, Domain, Evaluator, Figures, Reference, Request, Sampling, domain, settings};
-use crate::files;
+use crate::base::error::{Error, Result};
+use crate::base::files;
+use crate::bridge;
 use crate::graph::evaluate::Points;
 use crate::graph::{Program, Target, target};
+use crate::measure::fields;
+use crate::measure::fields::{Comparison, Domain, Evaluator, Figures, Reference, Request, Sampling, domain};
+use crate::measure::nodes::settings;
 use crate::scene::Scene;
 use indexmap::IndexMap;
 use rand::SeedableRng;
@@ -112,7 +114,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
                 seed: arguments.seed,
                 rounding_bound: arguments.rounding_bound,
             };
-            let probe = field::probe(&scene, target, sampling, &evaluators, blender::report_to(&bar))?;
+            let probe = fields::probe(&scene, target, sampling, &evaluators, bridge::report_to(&bar))?;
             let text = describe(&probe.reference, &probe.target, probe.domain, &probe.evaluators);
             (text, to_json(&probe), probe.evaluators)
         }
@@ -189,14 +191,14 @@ fn random_settings(
             rounding_bound: arguments.rounding_bound,
         })
         .collect();
-    let (found, reference) = field::compare(&requests, blender::report_to(bar))?;
+    let (found, reference) = fields::compare(&requests, bridge::report_to(bar))?;
     let mut totals: IndexMap<Evaluator, Comparison> = IndexMap::new();
     let mut settings = Vec::new();
     for ((_, values, _), comparisons) in drawn.iter().zip(found) {
         for (evaluator, comparison) in &comparisons {
             totals.entry(*evaluator).or_default().join(comparison.clone());
         }
-        settings.push(Setting { values: values.clone(), evaluators: field::figures(comparisons) });
+        settings.push(Setting { values: values.clone(), evaluators: fields::figures(comparisons) });
     }
     Ok(Settings {
         scene: scene.name.clone(),
@@ -205,7 +207,7 @@ fn random_settings(
         domain: arguments.domain.name(),
         seed: arguments.seed,
         reference,
-        evaluators: field::figures(totals.into_iter().collect()),
+        evaluators: fields::figures(totals.into_iter().collect()),
         settings,
     })
 }
@@ -221,7 +223,7 @@ fn draw(arguments: &Arguments, scene: &Scene, target: &Target, random: &mut ChaC
         let density = Program::density(&changed)?;
         let trial = domain::points(arguments.domain, &changed, &density, TRIAL_POINTS, seed)?;
         let program = Program::compile(&changed, std::slice::from_ref(target))?;
-        let (found, _) = field::evaluate(&program, Points::new(&trial), Evaluator::Cpu, None)?;
+        let (found, _) = fields::evaluate(&program, Points::new(&trial), Evaluator::Cpu, None)?;
         let width = program.output_components().max(1);
         let nonzero = found.chunks(width).filter(|values| values.iter().any(|value| *value != 0.0)).count();
         if nonzero as f64 >= NONZERO_SHARE * trial.len() as f64 {

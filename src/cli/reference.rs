@@ -1,13 +1,13 @@
 //! `cloudparity reference`: the picture of a scene by Cycles, rendered once.
 
-use super::picture::PictureArguments;
-use crate::blender::reference::{
+use crate::base::error::{Error, Result};
+use crate::base::files;
+use crate::bridge::reference::{
     FIRST_REPLICA_SEED, Quality, Reference, ReferenceSettings, WorldSampling, cache_folder, references,
 };
-use crate::blender::{Kernel, report_to, run_script};
-use crate::compare;
-use crate::error::{Error, Result};
-use crate::files;
+use crate::bridge::{Kernel, report_to, run_script};
+use crate::cli::picture::PictureArguments;
+use crate::measure::pictures;
 use serde_json::json;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -109,7 +109,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
     let variance = super::beside(output, "variance");
     let images: Vec<&PathBuf> = found.iter().map(|reference| &reference.path).collect();
     let request = json!({"op": "combine", "images": images, "mean": output, "variance": variance});
-    run_script(compare::SCRIPT, &request, Kernel::Default, |_| ())?;
+    run_script(pictures::SCRIPT, &request, Kernel::Default, |_| ())?;
     super::print(&format!("{} mean\n{} variance of one replica\n", output.display(), variance.display()))?;
     Ok(ExitCode::SUCCESS)
 }

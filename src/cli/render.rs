@@ -1,14 +1,17 @@
 //! `cloudparity render`: a picture of a scene.
 
-use super::march::MarchArguments;
-use super::picture::{Filter, PictureArguments};
-use crate::error::{Error, Result};
-use crate::image::Image;
-use crate::integrate::density_cache::CacheReport;
-use crate::integrate::path::{self, PathSettings, Tracking};
-use crate::integrate::{self, Backend, MarchSettings};
+use crate::base::error::{Error, Result};
+use crate::cli::march::MarchArguments;
+use crate::cli::picture::{Filter, PictureArguments};
+use crate::gpu::Backend;
+use crate::integrators;
+use crate::integrators::MarchSettings;
+use crate::integrators::path;
+use crate::integrators::path::{PathSettings, Tracking};
+use crate::measure::tuning::preset::Preset;
+use crate::media::density_cache::CacheReport;
 use crate::scene::Scene;
-use crate::tuning::preset::Preset;
+use crate::scene::image::Image;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -106,7 +109,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
         Integrator::March => {
             refuse("path", &arguments.path.given())?;
             let settings = arguments.march.settings(MarchSettings::default(), arguments.seed)?;
-            integrate::render(&scene, &settings, backend, &report)?
+            integrators::render(&scene, &settings, backend, &report)?
         }
         Integrator::Path => {
             refuse("march", &arguments.march.given())?;
@@ -132,7 +135,7 @@ fn replicas(
     scene: &Scene,
     backend: Backend,
     count: u32,
-    report: integrate::Progress<'_>,
+    report: crate::base::progress::Progress<'_>,
 ) -> Result<ExitCode> {
     let settings = arguments.path.settings(arguments.seed);
     let seeds: Vec<u32> = (0..count).map(|number| settings.seed.wrapping_add(number)).collect();

@@ -1,6 +1,6 @@
 //! `cloudparity report`: the pages of a run directory.
 
-use crate::error::Result;
+use crate::base::error::Result;
 use std::path::PathBuf;
 use std::process::ExitCode;
 

@@ -1,6 +1,6 @@
 //! `cloudparity schema`: the JSON Schema of scene files.
 
-use crate::error::Result;
+use crate::base::error::Result;
 use std::process::ExitCode;
 
 /// Print the JSON Schema of scene files.

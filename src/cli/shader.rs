@@ -1,7 +1,7 @@
 //! `cloudparity shader`: the standalone density function in a shading language.
 
-use crate::error::Result;
-use crate::files;
+use crate::base::error::Result;
+use crate::base::files;
 use crate::graph::{Program, wgsl};
 use crate::scene::Scene;
 use std::path::PathBuf;

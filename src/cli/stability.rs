@@ -1,11 +1,12 @@
 //! `cloudparity stability`: f32 on the CPU and in WGSL against f64 over stiff and extreme cases.
 
-use super::picture::SceneArguments;
-use crate::blender;
-use crate::error::Result;
+use crate::base::error::Result;
+use crate::bridge;
+use crate::cli::picture::SceneArguments;
 use crate::gpu::Gpu;
+use crate::measure::stability;
+use crate::measure::stability::fields;
 use crate::scene::Scene;
-use crate::stability::{self, fields};
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -47,7 +48,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
         bar.set_message(what.to_owned());
     })?;
     if arguments.cycles {
-        fields::ask_cycles(&scene, &mut table.rows, blender::report_to(&bar))?;
+        fields::ask_cycles(&scene, &mut table.rows, bridge::report_to(&bar))?;
     }
     bar.finish_and_clear();
     if let Some(folder) = &arguments.output {

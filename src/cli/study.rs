@@ -1,9 +1,10 @@
 //! `cloudparity study` and `cloudparity recommend`: error against time.
 
-use crate::error::Result;
-use crate::files;
-use crate::study::front::{self, Budget, Metric};
-use crate::study::{Results, Study};
+use crate::base::error::Result;
+use crate::base::files;
+use crate::measure::study::front;
+use crate::measure::study::front::{Budget, Metric};
+use crate::measure::study::{Results, Study};
 use serde_json::json;
 use std::fmt::Write as _;
 use std::path::PathBuf;
@@ -174,7 +175,7 @@ pub(super) fn recommend(arguments: &RecommendArguments) -> Result<ExitCode> {
     if groups.is_empty() {
         let known: Vec<String> =
             results.groups().iter().map(|(scene, density, _)| format!("{density} in {scene}")).collect();
-        return Err(crate::error::Error::new(
+        return Err(crate::base::error::Error::new(
             "--scene, --density",
             "nothing of that name in the study",
             if known.is_empty() { "a study with runs".to_owned() } else { known.join(", ") },
@@ -185,7 +186,7 @@ pub(super) fn recommend(arguments: &RecommendArguments) -> Result<ExitCode> {
     let mut documents = Vec::new();
     for (scene, density, runs) in groups {
         let run = front::recommend(&front::front(runs, metric), metric, budget).map_err(|error| {
-            crate::error::Error { place: format!("{density} in {scene}: {}", error.place), ..error }
+            crate::base::error::Error { place: format!("{density} in {scene}: {}", error.place), ..error }
         })?;
         line(&mut text, format_args!("{density} in {scene}: {}", run.describe().trim_start()));
         documents.push(run);

@@ -1,9 +1,9 @@
 //! `cloudparity time-to-error`: how fast path tracing reaches Cycles' error.
 
-use super::parity::SuiteArguments;
-use crate::error::Result;
-use crate::integrate::path::Tracking;
-use crate::time_to_error::{TimeSettings, run as measure};
+use crate::base::error::Result;
+use crate::cli::parity::SuiteArguments;
+use crate::integrators::path::Tracking;
+use crate::measure::time_to_error::{TimeSettings, run as measure};
 use std::path::PathBuf;
 use std::process::ExitCode;
 

@@ -1,7 +1,7 @@
 //! `cloudparity tune`: an engine's parameters fitted to path tracing.
 
-use crate::error::Result;
-use crate::tuning::{Outcome, Scored, Tuning};
+use crate::base::error::Result;
+use crate::measure::tuning::{Outcome, Scored, Tuning};
 use std::fmt::Write as _;
 use std::path::PathBuf;
 use std::process::ExitCode;

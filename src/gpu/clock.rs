@@ -1,7 +1,7 @@
 //! Time on the adapter, by timestamps around each dispatch.
 
-use super::Gpu;
-use crate::error::Result;
+use crate::base::error::Result;
+use crate::gpu::Gpu;
 use std::sync::{MutexGuard, PoisonError};
 
 /// Timestamps of a query set, two per dispatch; sets are added as work goes on.

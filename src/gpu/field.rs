@@ -1,8 +1,8 @@
 //! Evaluating a program at points on the adapter.
 
-use super::Gpu;
-use crate::density::ModelShader;
-use crate::error::{Error, Result};
+use crate::base::error::{Error, Result};
+use crate::gpu::Gpu;
+use crate::gpu::ModelShader;
 use crate::graph::Program;
 use crate::graph::evaluate::Points;
 use crate::graph::wgsl::Linker;

@@ -10,8 +10,8 @@ mod field;
 
 pub use field::FieldKernel;
 
-use crate::error::{Error, Result};
-use serde::Serialize;
+use crate::base::error::{Error, Result};
+use serde::{Deserialize, Serialize};
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// An open device.
@@ -38,11 +38,60 @@ pub struct Adapter {
     pub kind: String,
 }
 
+/// A density model as a WGSL module with its data.
+pub struct ModelShader {
+    /// File in `shaders/`.
+    pub path: &'static str,
+    /// Its text: defines the import path `cloudparity::density_model` with `fn density(place: vec3f) -> f32`.
+    pub source: &'static str,
+    /// Contents of binding 0 of group 1, a uniform buffer.
+    pub uniform: Vec<u8>,
+    /// Contents of the bindings from 1 on, read-only storage buffers.
+    pub storage: Vec<Vec<u8>>,
+}
+
+impl ModelShader {
+    /// The buffers of group 1, in the order of their bindings.
+    pub(crate) fn buffers(&self, gpu: &Gpu) -> Vec<wgpu::Buffer> {
+        let uniform = gpu.upload("model", &self.uniform, wgpu::BufferUsages::UNIFORM);
+        let storage = self.storage.iter().map(|data| gpu.upload("model data", data, wgpu::BufferUsages::STORAGE));
+        std::iter::once(uniform).chain(storage).collect()
+    }
+}
+
 /// Iterations after which Mesa's llvmpipe ends the loops of an invocation, all loops together and
 /// without a word (its constant `LP_MAX_TGSI_LOOP_ITERATIONS`): a kernel that evaluates the density many times gives wrong values
 /// from there on. Found as a density of 402 where 47 is right, and as a picture of a quarter of its brightness. A
 /// 4D Voronoi texture alone takes up to 625 iterations per octave, so kernels split their work below it.
 pub const SOFTWARE_LOOPS: u32 = 65_535;
+
+/// Where the work runs.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Backend {
+    /// f64 with the f32 density, on all cores.
+    Cpu,
+    /// f32 on the adapter.
+    Gpu,
+}
+
+impl Backend {
+    /// The adapter, where one is asked for.
+    pub fn open(self) -> Result<Option<Gpu>> {
+        match self {
+            Self::Cpu => Ok(None),
+            Self::Gpu => Gpu::open().map(Some),
+        }
+    }
+}
+
+/// What did the work, for a picture's provenance.
+pub fn worker(gpu: Option<&Gpu>) -> String {
+    gpu.map_or_else(
+        || format!("CPU, {} threads", rayon::current_num_threads()),
+        |gpu| format!("GPU, {}", crate::base::files::json(gpu.adapter())),
+    )
+}
 
 impl Adapter {
     /// Whether it computes on the CPU.

@@ -1,7 +1,7 @@
 //! Enclosing a program over boxes: every node's intervals in evaluation order.
 
-use super::{Operand, Program};
-use crate::error::{Error, Result};
+use crate::base::error::{Error, Result};
+use crate::graph::{Operand, Program};
 use crate::nodes::Interval;
 use rayon::prelude::*;
 

@@ -1,9 +1,9 @@
 //! Checking bounds against samples: violations over random boxes, tightness over a grid.
 
-use super::Program;
-use super::bounds::{Bounds3, Workspace};
-use super::evaluate::{Arithmetic, Points};
-use crate::error::Result;
+use crate::base::error::Result;
+use crate::graph::Program;
+use crate::graph::bounds::{Bounds3, Workspace};
+use crate::graph::evaluate::{Arithmetic, Points};
 use crate::nodes::Interval;
 use crate::scene::Scene;
 use rand::{Rng, SeedableRng};

@@ -8,9 +8,9 @@
 //! says; closures pass through sockets of groups of any type; a value or colour that is linked where a closure
 //! belongs emits.
 
-use super::flatten::{Flattener, Source, is_link, with_flattener};
-use super::{Operand, Output, Program, passes, target};
-use crate::error::{Error, Result};
+use crate::base::error::{Error, Result};
+use crate::graph::flatten::{Flattener, Source, is_link, with_flattener};
+use crate::graph::{Operand, Output, Program, passes, target};
 use crate::nodes::closure::{ClosureRole, VolumeClosure};
 use crate::nodes::{Mode, NodeType, Role, emission};
 use crate::scene::{Graph, Input, Node, SocketType, Volume};

@@ -1,7 +1,7 @@
 //! Running a program on the CPU, in batches of points on all cores.
 
-use super::{Operand, Program};
-use crate::error::{Error, Result};
+use crate::base::error::{Error, Result};
+use crate::graph::{Operand, Program};
 use crate::nodes::{Column, Kernel, Nudge, Nudged, Oracle, Real, RunningError, nudged};
 use rayon::prelude::*;
 

@@ -1,8 +1,8 @@
 //! Groups, reroutes, muted nodes and implicit conversions resolved into one flat list of nodes.
 
-use super::passes::affine_inputs;
-use super::{Note, Target};
-use crate::error::{Error, Result};
+use crate::base::error::{Error, Result};
+use crate::graph::passes::affine_inputs;
+use crate::graph::{Note, Target};
 use crate::nodes::{self, Mode, NodeType, Role, SourceContext, SourceValue, refused};
 use crate::scene::{DEEPEST_NESTING, Graph, Group, Input, Node, Socket, SocketType, Volume};
 use std::collections::{HashMap, HashSet};
@@ -837,7 +837,7 @@ fn unknown_input<'a>(place: &str, identifier: &str, known: impl Iterator<Item = 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::field::suite::bare_scene;
+    use crate::scene::bare_scene;
     use serde_json::{Value as Json, json};
 
     fn node(name: &str, kind: &str, properties: Json, inputs: Json) -> Json {

@@ -18,7 +18,7 @@ mod zero_signs;
 
 pub use target::Target;
 
-use crate::error::Result;
+use crate::base::error::Result;
 use crate::nodes::{Kernel, Mode, NodeType, Nudge};
 use crate::scene::{Scene, SocketType};
 

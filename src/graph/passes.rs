@@ -1,9 +1,9 @@
 //! Passes on the flat graph: fold constants, simplify, merge equal nodes, drop what is not reached,
 //! number the registers.
 
-use super::flatten::{Flat, Source};
-use super::zero_signs;
-use super::{Instruction, Note, Operand, Output, Program};
+use crate::graph::flatten::{Flat, Source};
+use crate::graph::zero_signs;
+use crate::graph::{Instruction, Note, Operand, Output, Program};
 use crate::nodes::{Column, Kernel, Mode, NodeType, Nudge, Nudged, Role, Simplified, affine, nudged};
 use std::collections::HashMap;
 

@@ -1,6 +1,6 @@
 //! Naming a value of the graph: a socket by its place, or an input of the closing node.
 
-use crate::error::{Error, Result};
+use crate::base::error::{Error, Result};
 use crate::nodes::{self, Role};
 use crate::scene::{DEEPEST_NESTING, Graph, Input, Node, Scene};
 use serde::{Deserialize, Serialize};

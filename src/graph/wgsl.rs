@@ -5,8 +5,8 @@
 //! shared. After linking, everything that no entry point reaches is removed, so the shader holds
 //! nothing of a node that the graph does not use.
 
-use super::{Operand, Program};
-use crate::error::{Error, Result};
+use crate::base::error::{Error, Result};
+use crate::graph::{Operand, Program};
 use crate::nodes::shader_name;
 use crate::scene::SocketType;
 use naga_oil::compose::preprocess::Preprocessor;
@@ -31,13 +31,13 @@ pub const PROGRAM_PATH: &str = "cloudparity::graph";
 
 /// Modules that every linker has, in dependency order: phase functions, steps, source terms of light models.
 const LIGHT: &[(&str, &str)] = &[
-    ("lighting/phase.wgsl", include_str!("../../shaders/lighting/phase.wgsl")),
-    ("integrate/transfer.wgsl", include_str!("../../shaders/integrate/transfer.wgsl")),
-    ("lighting/terms.wgsl", include_str!("../../shaders/lighting/terms.wgsl")),
+    ("media/phase.wgsl", include_str!("../../shaders/media/phase.wgsl")),
+    ("media/transfer.wgsl", include_str!("../../shaders/media/transfer.wgsl")),
+    ("engines/light/terms.wgsl", include_str!("../../shaders/engines/light/terms.wgsl")),
 ];
 
 /// The module that reads a density cache.
-const CACHE_MODULE: &str = include_str!("../../shaders/integrate/density_cache.wgsl");
+const CACHE_MODULE: &str = include_str!("../../shaders/media/density_cache.wgsl");
 
 /// A program that reads a density cache.
 const CACHED_PROGRAM: &str = "#define_import_path cloudparity::graph
@@ -94,7 +94,7 @@ impl Linker {
     /// group 1. Format and filter are definitions for [`Self::link_with`].
     pub fn cached() -> Result<Self> {
         let mut linker = Self::bare()?;
-        linker.add("integrate/density_cache.wgsl", CACHE_MODULE)?;
+        linker.add("media/density_cache.wgsl", CACHE_MODULE)?;
         linker.add("generated/graph.wgsl", CACHED_PROGRAM)?;
         Ok(linker)
     }
@@ -372,11 +372,11 @@ fn undecorate(name: &str) -> String {
 }
 
 /// Entry point that evaluates the density at the points of a storage buffer.
-const STANDALONE: &str = include_str!("../../shaders/integrate/density_at_points.wgsl");
+const STANDALONE: &str = include_str!("../../shaders/graph/density_at_points.wgsl");
 
 /// The density function with an entry point, as bytes of `language`.
 pub fn standalone(program: &Program, language: Language) -> Result<Vec<u8>> {
-    let module = Linker::new(program)?.link("integrate/density_at_points.wgsl", STANDALONE)?;
+    let module = Linker::new(program)?.link("graph/density_at_points.wgsl", STANDALONE)?;
     write(&module, language)
 }
 

@@ -14,7 +14,7 @@
 //!
 //! What Blender folds by itself keeps all signs, and so does what is only known at run time.
 
-use super::flatten::{FlatNode, Source};
+use crate::graph::flatten::{FlatNode, Source};
 use crate::nodes::InputSocket;
 use crate::scene::SocketType;
 

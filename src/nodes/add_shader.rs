@@ -1,8 +1,8 @@
 //! Add Shader (`ShaderNodeAddShader`): the coefficients of both closures are added. An input without link
 //! adds nothing.
 
-use super::closure::ClosureRole;
-use super::{InputSocket, NodeType, OutputSocket, Role, always};
+use crate::nodes::closure::ClosureRole;
+use crate::nodes::{InputSocket, NodeType, OutputSocket, Role, always};
 use crate::scene::SocketType;
 
 /// The node type.

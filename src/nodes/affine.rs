@@ -1,8 +1,8 @@
 //! Affine image of a position, inserted by the compiler for Generated coordinates and for the
 //! coordinates of another object: `X x + Y y + Z z + Translation`, added from the left.
 
-use super::real::Real;
-use super::{Column, Evaluate, InputSocket, Interval, NodeType, OutputSocket, Role, always};
+use crate::nodes::real::Real;
+use crate::nodes::{Column, Evaluate, InputSocket, Interval, NodeType, OutputSocket, Role, always};
 use crate::scene::SocketType;
 
 /// The node type. It has no counterpart in Blender's interface.

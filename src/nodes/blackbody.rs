@@ -8,10 +8,10 @@
 //! tint * colour(T) * (s / pi) * 1e-6 * ((1 - b) + b T^4), s = 5.670373e-8 W/m^2/K^4 being the constant of Stefan and
 //! Boltzmann. It is 0 where b is not above 0.
 
-use super::closure::{Quantity, per_channel};
-use super::color_space::fill;
-use super::real::Real;
-use super::{Column, Evaluate, InputSocket, Interval, NodeType, OutputSocket, Role, always};
+use crate::nodes::closure::{Quantity, per_channel};
+use crate::nodes::color_space::fill;
+use crate::nodes::real::Real;
+use crate::nodes::{Column, Evaluate, InputSocket, Interval, NodeType, OutputSocket, Role, always};
 use crate::scene::SocketType;
 
 /// The node type.

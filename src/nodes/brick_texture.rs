@@ -10,8 +10,10 @@
 
 mod lanes;
 
-use super::real::Real;
-use super::{Column, Evaluate, InputSocket, Interval, NodeType, OutputSocket, Property, Role, always, vector_at};
+use crate::nodes::real::Real;
+use crate::nodes::{
+    Column, Evaluate, InputSocket, Interval, NodeType, OutputSocket, Property, Role, always, vector_at,
+};
 use crate::scene::SocketType;
 
 /// Frequencies of the interface start at 1; 0 is legal in a file and means neither offset nor squash.

@@ -2,9 +2,9 @@
 //!
 //! Blender leaves constants to Cycles, which folds them by the same formula.
 
-use super::color_space::fill;
-use super::real::Real;
-use super::{Column, Evaluate, InputSocket, Interval, NodeType, OutputSocket, Role, always, vector_at};
+use crate::nodes::color_space::fill;
+use crate::nodes::real::Real;
+use crate::nodes::{Column, Evaluate, InputSocket, Interval, NodeType, OutputSocket, Role, always, vector_at};
 use crate::scene::SocketType;
 
 /// The node type.

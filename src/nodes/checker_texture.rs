@@ -3,8 +3,10 @@
 //! The cell is that of `displaced` coordinates. Factor is 1 and Color the first colour where the sum of the cell's
 //! numbers is odd; the cell at the origin is even.
 
-use super::real::Real;
-use super::{Column, Evaluate, InputSocket, Interval, NodeType, OutputSocket, Property, Role, always, lane_level};
+use crate::nodes::real::Real;
+use crate::nodes::{
+    Column, Evaluate, InputSocket, Interval, NodeType, OutputSocket, Property, Role, always, lane_level,
+};
 use crate::scene::SocketType;
 use fearless_simd::{dispatch, prelude::*};
 

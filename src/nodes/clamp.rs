@@ -1,7 +1,7 @@
 //! Clamp (`ShaderNodeClamp`): limits a value to [Min, Max]; mode Range swaps reversed limits.
 
-use super::real::Real;
-use super::{Column, Evaluate, InputSocket, Interval, NodeType, OutputSocket, Property, Role, always, map};
+use crate::nodes::real::Real;
+use crate::nodes::{Column, Evaluate, InputSocket, Interval, NodeType, OutputSocket, Property, Role, always, map};
 use crate::scene::SocketType;
 
 /// The node type.

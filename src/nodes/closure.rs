@@ -5,7 +5,7 @@
 //! and bounds cannot differ. All formulas are Cycles 5.0.1's, measured with an absorption probe: a
 //! homogeneous cube of edge 2 before a world of radiance 1 transmits `exp(-2 extinction)`.
 
-use super::{InputSocket, Interval, Mode, Property};
+use crate::nodes::{InputSocket, Interval, Mode, Property};
 use std::ops::{Add, Mul, Sub};
 
 /// A medium's coefficients, linear Rec. 709.

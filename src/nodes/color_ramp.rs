@@ -4,14 +4,14 @@
 //! 257 colours ([`Ramp::table`]), which is built here as Blender builds it, in f32 and in its order of
 //! operations; constant factors are folded by Blender, which evaluates the ramp itself ([`Ramp::color`]).
 
-use super::color_space::blender::{hsl_to_rgb, hsv_to_rgb, rgb_to_hsl, rgb_to_hsv};
-use super::lookup_table::{CELLS, Table};
-use super::object_property::Part;
-use super::real::Real;
-use super::{
+use crate::base::error::{Error, Result};
+use crate::nodes::color_space::blender::{hsl_to_rgb, hsv_to_rgb, rgb_to_hsl, rgb_to_hsv};
+use crate::nodes::lookup_table::{CELLS, Table};
+use crate::nodes::object_property::Part;
+use crate::nodes::real::Real;
+use crate::nodes::{
     Column, Data, Evaluate, InputSocket, Interval, Mode, NodeType, OutputSocket, Property, Role, always, lane_level,
 };
-use crate::error::{Error, Result};
 use crate::scene::SocketType;
 use fearless_simd::{dispatch, prelude::*};
 use serde_json::{Value as Json, json};

@@ -4,9 +4,9 @@
 //! at 0 and 1. Nothing is clamped: negative and bright channels give saturations outside of [0, 1], and
 //! a hue outside of [0, 1] falls into the last of the six sectors between two pure hues.
 
-use super::bounds::Interval;
-use super::real::Real;
-use super::vector_output;
+use crate::nodes::bounds::Interval;
+use crate::nodes::real::Real;
+use crate::nodes::vector_output;
 
 /// Luminance weights of linear Rec. 709 primaries.
 const LUMINANCE: [f32; 3] = [0.212_639_12, 0.715_169_13, 0.072_192_76];

@@ -3,9 +3,9 @@
 //! The inputs are called Red, Green and Blue in every mode. Blender leaves constants to Cycles, which loses
 //! the sign of zero channels.
 
-use super::color_space::ColorSpace;
-use super::real::Real;
-use super::{
+use crate::nodes::color_space::ColorSpace;
+use crate::nodes::real::Real;
+use crate::nodes::{
     Column, Evaluate, InputSocket, Interval, NodeType, OutputSocket, Property, Role, Simplified, always, map_vector,
 };
 use crate::scene::SocketType;

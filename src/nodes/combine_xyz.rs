@@ -1,7 +1,7 @@
 //! Combine XYZ (`ShaderNodeCombineXYZ`): a vector from its components.
 
-use super::real::Real;
-use super::{Column, Evaluate, InputSocket, Interval, NodeType, OutputSocket, Role, Simplified, always};
+use crate::nodes::real::Real;
+use crate::nodes::{Column, Evaluate, InputSocket, Interval, NodeType, OutputSocket, Role, Simplified, always};
 use crate::scene::SocketType;
 
 /// The node type.

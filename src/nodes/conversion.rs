@@ -6,9 +6,11 @@
 //! of Blender's default configuration. Constants are converted by Blender itself, with luminance
 //! weights of four digits and a division by three.
 
-use super::color_space::{enclose_luminance, luminance};
-use super::real::Real;
-use super::{Column, Evaluate, InputSocket, Interval, NodeType, OutputSocket, Property, Role, Simplified, always, map};
+use crate::nodes::color_space::{enclose_luminance, luminance};
+use crate::nodes::real::Real;
+use crate::nodes::{
+    Column, Evaluate, InputSocket, Interval, NodeType, OutputSocket, Property, Role, Simplified, always, map,
+};
 use crate::scene::SocketType;
 
 /// The node type. It has no counterpart in Blender's interface.

@@ -5,11 +5,11 @@
 //! that. Cycles samples Blender's tables into one of its own over the range of the points
 //! ([`CurveMapping::look_up`]). Both are built here in f32, in Blender's order of operations.
 
-use super::lookup_table::{CELLS, Table, literal, vector};
-use super::object_property::Part;
-use super::real::Real;
-use super::{Column, Data, Evaluate, Interval, Mode, Simplified};
-use crate::error::{Error, Result};
+use crate::base::error::{Error, Result};
+use crate::nodes::lookup_table::{CELLS, Table, literal, vector};
+use crate::nodes::object_property::Part;
+use crate::nodes::real::Real;
+use crate::nodes::{Column, Data, Evaluate, Interval, Mode, Simplified};
 use serde_json::{Value as Json, json};
 use std::sync::Arc;
 

@@ -2,8 +2,8 @@
 //!
 //! A value or a colour that is linked where a closure belongs acts as Emission of strength 1.
 
-use super::closure::{ClosureRole, Coefficients, Formula, Phase, Quantity, WEIGHT, nothing, per_channel};
-use super::{InputSocket, NodeType, OutputSocket, Role, always};
+use crate::nodes::closure::{ClosureRole, Coefficients, Formula, Phase, Quantity, WEIGHT, nothing, per_channel};
+use crate::nodes::{InputSocket, NodeType, OutputSocket, Role, always};
 use crate::scene::SocketType;
 
 /// The node type.

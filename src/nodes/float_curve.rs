@@ -1,7 +1,7 @@
 //! Float Curve (`ShaderNodeFloatCurve`): a curve of a float, blended with the float itself by a factor.
 
-use super::curve_mapping::{CurveMapping, Curves, Layout, probes};
-use super::{InputSocket, NodeType, OutputSocket, Property, Role, always};
+use crate::nodes::curve_mapping::{CurveMapping, Curves, Layout, probes};
+use crate::nodes::{InputSocket, NodeType, OutputSocket, Property, Role, always};
 use crate::scene::SocketType;
 
 /// The node type.

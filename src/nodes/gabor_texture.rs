@@ -9,10 +9,12 @@
 mod bounds;
 mod lanes;
 
-use super::hash::hash_floats;
-use super::noise_texture::dimensions;
-use super::real::{Library, Real, dot, length};
-use super::{Column, Evaluate, InputSocket, Interval, NodeType, OutputSocket, Property, Role, always, vector_at};
+use crate::nodes::hash::hash_floats;
+use crate::nodes::noise_texture::dimensions;
+use crate::nodes::real::{Library, Real, dot, length};
+use crate::nodes::{
+    Column, Evaluate, InputSocket, Interval, NodeType, OutputSocket, Property, Role, always, vector_at,
+};
 use crate::scene::SocketType;
 use std::f32::consts::{FRAC_PI_4, PI, SQRT_2, TAU};
 

@@ -2,9 +2,11 @@
 //!
 //! Gamma 0 gives white; where Blender folds constants, only the positive channels become 1.
 
-use super::color_space::fill;
-use super::real::Real;
-use super::{Column, Evaluate, InputSocket, Interval, NodeType, OutputSocket, Role, Simplified, always, vector_at};
+use crate::nodes::color_space::fill;
+use crate::nodes::real::Real;
+use crate::nodes::{
+    Column, Evaluate, InputSocket, Interval, NodeType, OutputSocket, Role, Simplified, always, vector_at,
+};
 use crate::scene::SocketType;
 
 /// The node type.

@@ -2,8 +2,8 @@
 //!
 //! The other outputs depend on the ray or on a surface: refused.
 
-use super::{NodeType, OutputSocket, Role, SourceValue, always};
-use crate::error::Error;
+use crate::base::error::Error;
+use crate::nodes::{NodeType, OutputSocket, Role, SourceValue, always};
 use crate::scene::SocketType;
 
 /// The node type.

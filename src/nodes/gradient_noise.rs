@@ -2,8 +2,8 @@
 //! in place of the permutation), scaled to about [-1, 1]. Arithmetic order is that of Cycles'
 //! SSE4.2 kernel.
 
-use super::hash::{hash_floats, jenkins};
-use super::real::Real;
+use crate::nodes::hash::{hash_floats, jenkins};
+use crate::nodes::real::Real;
 
 /// Factor that brings the noise of 1 to 4 dimensions to about [-1, 1].
 pub const SCALE: [f32; 4] = [0.25, 0.6616, 0.982, 0.8344];

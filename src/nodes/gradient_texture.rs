@@ -1,8 +1,10 @@
 //! Gradient Texture (`ShaderNodeTexGradient`): a ramp from 0 to 1 along x, along a diagonal, around z or towards the
 //! origin. The coordinate has no scale; Color and Factor are the same value, limited to [0, 1], and 0 for NaN.
 
-use super::real::{Real, length};
-use super::{Column, Evaluate, InputSocket, Interval, NodeType, OutputSocket, Property, Role, always, vector_at};
+use crate::nodes::real::{Real, length};
+use crate::nodes::{
+    Column, Evaluate, InputSocket, Interval, NodeType, OutputSocket, Property, Role, always, vector_at,
+};
 use crate::scene::SocketType;
 
 /// The node type.

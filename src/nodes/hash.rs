@@ -2,7 +2,7 @@
 //! signed PCG of Jarzynski and Olano ("Hash Functions for GPU Rendering", JCGT 9(3), 2020) in
 //! Blender's variant for 2D to 4D Voronoi. All arithmetic wraps modulo 2^32.
 
-use super::real::Real;
+use crate::nodes::real::Real;
 
 /// Jenkins' lookup3 of one to four words.
 #[inline(always)]

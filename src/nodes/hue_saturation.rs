@@ -4,9 +4,9 @@
 //! within [0, 1], value times Value. The result is blended with the colour by the unclamped factor, and its negative
 //! part goes. Constants are evaluated like everything else: neither Blender nor Cycles folds the node.
 
-use super::color_space::{enclose_hsv_to_rgb, enclose_rgb_to_hsv, hsv_to_rgb, rgb_to_hsv};
-use super::real::Real;
-use super::{Column, Evaluate, InputSocket, Interval, NodeType, OutputSocket, Role, always, map_vector};
+use crate::nodes::color_space::{enclose_hsv_to_rgb, enclose_rgb_to_hsv, hsv_to_rgb, rgb_to_hsv};
+use crate::nodes::real::Real;
+use crate::nodes::{Column, Evaluate, InputSocket, Interval, NodeType, OutputSocket, Role, always, map_vector};
 use crate::scene::SocketType;
 
 /// The node type.

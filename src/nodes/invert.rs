@@ -3,8 +3,10 @@
 //! `f (1 - c) + (1 - f) c`, the factor unclamped. Blender leaves constants to Cycles, which folds them in another order
 //! of operations and passes the colour on at a constant factor of 0.
 
-use super::real::Real;
-use super::{Column, Evaluate, InputSocket, Interval, NodeType, OutputSocket, Role, Simplified, always, map_vector};
+use crate::nodes::real::Real;
+use crate::nodes::{
+    Column, Evaluate, InputSocket, Interval, NodeType, OutputSocket, Role, Simplified, always, map_vector,
+};
 use crate::scene::SocketType;
 
 /// The node type.

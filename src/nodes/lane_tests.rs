@@ -1,7 +1,7 @@
 //! What the tests of the lane versions share: coordinates that look for trouble, and the comparison
 //! of the lane version with the scalar one.
 
-use super::{Column, Mode, NodeType, Role};
+use crate::nodes::{Column, Mode, NodeType, Role};
 use rand::{Rng as _, SeedableRng as _};
 
 /// `count` rows of x, y, z, w: half random, half on cell faces, near zero, huge or not finite.

@@ -8,8 +8,8 @@
 //! all of those together, which is less than two tables.) Ends where nothing changes are left out, and a
 //! table that is a straight line or a few steps needs no array at all.
 
-use super::bounds::Interval;
-use super::real::Real;
+use crate::nodes::bounds::Interval;
+use crate::nodes::real::Real;
 use std::fmt::Write;
 
 /// Cells of a table; it has one entry more.

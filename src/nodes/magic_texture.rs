@@ -6,8 +6,10 @@
 //! wave grows with the power of the distortion that the depth says: beyond a distortion of 1 that limits how far any
 //! two implementations agree.
 
-use super::real::{Library, Real};
-use super::{Column, Evaluate, InputSocket, Interval, NodeType, OutputSocket, Property, Role, always, vector_at};
+use crate::nodes::real::{Library, Real};
+use crate::nodes::{
+    Column, Evaluate, InputSocket, Interval, NodeType, OutputSocket, Property, Role, always, vector_at,
+};
 use crate::scene::SocketType;
 
 /// The node type.

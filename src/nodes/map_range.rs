@@ -3,8 +3,8 @@
 //! Interpolation linear, stepped, smoothstep or smootherstep; `clamp` limits the result to the
 //! target range. An empty source range gives 0 for floats and the target's lower end for vectors.
 
-use super::real::Real;
-use super::{Column, Evaluate, InputSocket, Interval, Mode, NodeType, OutputSocket, Property, Role};
+use crate::nodes::real::Real;
+use crate::nodes::{Column, Evaluate, InputSocket, Interval, Mode, NodeType, OutputSocket, Property, Role};
 use crate::scene::SocketType;
 
 /// The node type.

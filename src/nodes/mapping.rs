@@ -4,9 +4,10 @@
 //! the scale, rotates and normalises. Blender never folds the node; Cycles leaves out one that changes nothing, and makes one
 //! with a constant scale of exactly 0 the constant 0, location included (measured).
 
-use super::real::{Real, safe_unit};
-use super::rotation::{self, Rows};
-use super::{
+use crate::nodes::real::{Real, safe_unit};
+use crate::nodes::rotation;
+use crate::nodes::rotation::Rows;
+use crate::nodes::{
     Column, Evaluate, InputSocket, Interval, Mode, NodeType, OutputSocket, Property, Role, Simplified, always,
     vector_at, vector_output,
 };

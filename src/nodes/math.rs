@@ -5,8 +5,10 @@
 
 pub(super) mod bounds;
 
-use super::real::{Library, Real};
-use super::{Column, Evaluate, InputSocket, Interval, NodeType, OutputSocket, Property, Role, Simplified, always, map};
+use crate::nodes::real::{Library, Real};
+use crate::nodes::{
+    Column, Evaluate, InputSocket, Interval, NodeType, OutputSocket, Property, Role, Simplified, always, map,
+};
 use crate::scene::SocketType;
 
 /// The node type.

@@ -6,7 +6,9 @@
 pub(super) mod blend;
 mod folding;
 
-use super::{Column, Evaluate, InputSocket, Interval, Mode, NodeType, OutputSocket, Property, Real, Role, Simplified};
+use crate::nodes::{
+    Column, Evaluate, InputSocket, Interval, Mode, NodeType, OutputSocket, Property, Real, Role, Simplified,
+};
 use crate::scene::SocketType;
 use blend::{BLEND_TYPES, Blend, Corner, same_output, weighted};
 

@@ -2,8 +2,8 @@
 //!
 //! The colour mode of Mix under other names: `use_clamp` limits the result, `use_alpha` has no effect.
 
-use super::mix::blend::{BLEND_TYPES, Blend};
-use super::{InputSocket, NodeType, OutputSocket, Property, Role, always};
+use crate::nodes::mix::blend::{BLEND_TYPES, Blend};
+use crate::nodes::{InputSocket, NodeType, OutputSocket, Property, Role, always};
 use crate::scene::SocketType;
 
 /// The node type.

@@ -1,8 +1,8 @@
 //! Mix Shader (`ShaderNodeMixShader`): the coefficients of the first closure times 1 - f and those of the
 //! second times f are added, f being Fac clamped to [0, 1]. An input without link adds nothing.
 
-use super::closure::ClosureRole;
-use super::{InputSocket, NodeType, OutputSocket, Role, always};
+use crate::nodes::closure::ClosureRole;
+use crate::nodes::{InputSocket, NodeType, OutputSocket, Role, always};
 use crate::scene::SocketType;
 
 /// The node type.

@@ -83,7 +83,7 @@ pub use registration::register;
 pub use running_error::RunningError;
 
 use crate::scene::SocketType;
-use crate::volume_grid::GridHandle;
+use crate::scene::volume_grid::GridHandle;
 use serde_json::Value as Json;
 use std::sync::Arc;
 
@@ -112,7 +112,7 @@ pub enum Role {
     /// Evaluates: builds the kernel for a mode.
     Evaluated(fn(&Mode) -> Box<dyn Kernel>),
     /// Resolved to a coordinate or constant by the compiler.
-    Source(fn(&SourceContext, &Mode, &str) -> crate::error::Result<SourceValue>),
+    Source(fn(&SourceContext, &Mode, &str) -> crate::base::error::Result<SourceValue>),
     /// Makes or joins closures: its inputs are what the renderer asks for.
     Closure(closure::ClosureRole),
 }
@@ -197,7 +197,7 @@ pub enum PropertyValues {
     /// A ramp or curves.
     Data {
         /// Reads what the file holds (nothing: Blender's default) at this place.
-        read: fn(Option<&Json>, &str) -> crate::error::Result<Data>,
+        read: fn(Option<&Json>, &str) -> crate::base::error::Result<Data>,
         /// What comparisons try.
         probes: fn() -> Vec<Json>,
     },
@@ -236,7 +236,7 @@ impl Property {
     /// A ramp or curves.
     pub const fn data(
         identifier: &'static str,
-        read: fn(Option<&Json>, &str) -> crate::error::Result<Data>,
+        read: fn(Option<&Json>, &str) -> crate::base::error::Result<Data>,
         probes: fn() -> Vec<Json>,
     ) -> Self {
         Self { identifier, values: PropertyValues::Data { read, probes } }
@@ -431,8 +431,8 @@ impl Mode {
         node_type: &NodeType,
         properties: &serde_json::Map<String, Json>,
         place: &str,
-    ) -> crate::error::Result<Self> {
-        use crate::error::Error;
+    ) -> crate::base::error::Result<Self> {
+        use crate::base::error::Error;
         for key in properties.keys() {
             let is_property = |property: &&Property| !matches!(property.values, PropertyValues::StoredOutput(_));
             if !node_type.properties.iter().filter(is_property).any(|property| property.identifier == key) {
@@ -519,14 +519,14 @@ impl Mode {
     }
 
     /// [`Self::read`] of a node of the file, with the vectors that it keeps in its outputs.
-    pub fn of_node(node_type: &NodeType, node: &crate::scene::Node, place: &str) -> crate::error::Result<Self> {
+    pub fn of_node(node_type: &NodeType, node: &crate::scene::Node, place: &str) -> crate::base::error::Result<Self> {
         let mut mode = Self::read(node_type, &node.properties, place)?;
         for (identifier, stored) in &mut mode.stored {
             let Some(value) = node.outputs.get(*identifier) else { continue };
             *stored = match value {
                 crate::scene::Input::List(values) if values.len() == 3 => [values[0], values[1], values[2]],
                 other => {
-                    return Err(crate::error::Error::new(
+                    return Err(crate::base::error::Error::new(
                         format!("{place}: output {identifier}"),
                         format!("{other:?}"),
                         "a list of three numbers",

@@ -14,9 +14,9 @@ mod lanes;
 pub(super) use bounds::fbm as enclose_fbm;
 pub(super) use lanes::fbm_values;
 
-use super::gradient_noise::{random_offset, signed_noise};
-use super::real::Real;
-use super::{Column, Evaluate, InputSocket, Interval, Mode, NodeType, OutputSocket, Property, Role, always};
+use crate::nodes::gradient_noise::{random_offset, signed_noise};
+use crate::nodes::real::Real;
+use crate::nodes::{Column, Evaluate, InputSocket, Interval, Mode, NodeType, OutputSocket, Property, Role, always};
 use crate::scene::SocketType;
 
 /// The node type.

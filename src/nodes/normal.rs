@@ -2,9 +2,11 @@
 //!
 //! Both are divided by their lengths without a guard: a vector of length 0 gives NaN. Blender never folds the node.
 
-use super::real::{Real, dot, length};
-use super::rotation::enclose_unit;
-use super::{Column, Evaluate, InputSocket, Interval, NodeType, OutputSocket, Property, Role, always, vector_at};
+use crate::nodes::real::{Real, dot, length};
+use crate::nodes::rotation::enclose_unit;
+use crate::nodes::{
+    Column, Evaluate, InputSocket, Interval, NodeType, OutputSocket, Property, Role, always, vector_at,
+};
 use crate::scene::SocketType;
 
 /// The node type.

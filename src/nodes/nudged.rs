@@ -12,7 +12,7 @@
 //!
 //! The nudge belongs to the thread ([`with`]), because numbers have no place to carry it.
 
-use super::real::{Library, Real};
+use crate::nodes::real::{Library, Real};
 use std::cell::Cell;
 use std::ops::{Add, Div, Mul, Neg, Sub};
 

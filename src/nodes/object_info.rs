@@ -3,10 +3,10 @@
 //! They are the same at every point, but Cycles looks them up while it renders: nothing that reads them is folded. Random is a
 //! hash of the object's name; instances, which take it from their instancer, do not exist here.
 
-use super::hash::jenkins;
-use super::real::Real;
-use super::{NodeType, OutputSocket, Role, SourceValue, always};
-use crate::error::Error;
+use crate::base::error::Error;
+use crate::nodes::hash::jenkins;
+use crate::nodes::real::Real;
+use crate::nodes::{NodeType, OutputSocket, Role, SourceValue, always};
 use crate::scene::SocketType;
 
 /// The node type.

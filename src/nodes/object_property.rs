@@ -1,6 +1,6 @@
 //! Reading properties that are JSON objects: every key is required, none is ignored, every number is finite.
 
-use crate::error::{Error, Result};
+use crate::base::error::{Error, Result};
 use serde_json::{Map, Value as Json};
 
 /// A value of the file with its place in words, for errors.

@@ -2,10 +2,10 @@
 //! numbers per point by its output Vector, given beside the positions under the attribute's name. A mesh that renders has no such
 //! data, so the node is refused there.
 
-use super::{NodeType, OutputSocket, Property, Role, SourceValue, always};
-use crate::error::Error;
+use crate::base::error::Error;
+use crate::nodes::{NodeType, OutputSocket, Property, Role, SourceValue, always};
 use crate::scene::SocketType;
-use crate::volume_grid::DENSITY;
+use crate::scene::volume_grid::DENSITY;
 
 /// The node type.
 pub static TYPE: NodeType = NodeType {

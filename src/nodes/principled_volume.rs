@@ -5,9 +5,9 @@
 //! is max(Emission Strength, 0) * Emission Color plus the blackbody. The phase function is Henyey-Greenstein.
 //! Attributes of grids do not exist on a mesh.
 
-use super::blackbody;
-use super::closure::{ClosureRole, Coefficients, Formula, Phase, Quantity, WEIGHT, per_channel, triple};
-use super::{InputSocket, NodeType, OutputSocket, Role, always};
+use crate::nodes::blackbody;
+use crate::nodes::closure::{ClosureRole, Coefficients, Formula, Phase, Quantity, WEIGHT, per_channel, triple};
+use crate::nodes::{InputSocket, NodeType, OutputSocket, Role, always};
 use crate::scene::SocketType;
 
 /// The node type.

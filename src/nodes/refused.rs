@@ -4,7 +4,7 @@
 //! place of a refused one: a graph that holds it where it reaches the volume is an error; elsewhere it does not matter.
 //! Type names and labels are those of Blender 5.0.1.
 
-use crate::error::Error;
+use crate::base::error::Error;
 
 /// A node type that is refused.
 pub struct RefusedNode {

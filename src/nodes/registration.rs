@@ -3,8 +3,8 @@
 //! An added type is a node like any other: the compiler, the evaluators, the linker of shaders, the comparison with Cycles and the
 //! table of nodes find it in the registry. It cannot be removed again, because programs hold on to their types.
 
-use super::NodeType;
-use crate::error::{Error, Result};
+use crate::base::error::{Error, Result};
+use crate::nodes::NodeType;
 use std::sync::{PoisonError, RwLock};
 
 /// Types that the compiler treats by name, before it asks the registry.

@@ -1,8 +1,8 @@
 //! RGB (`ShaderNodeRGB`, labelled Color): a stored colour in linear Rec. 709; its alpha is dropped. Blender has no
 //! function for it, so only Cycles takes it for a constant.
 
-use super::{NodeType, OutputSocket, Role, SourceValue, always};
-use crate::error::Error;
+use crate::base::error::Error;
+use crate::nodes::{NodeType, OutputSocket, Role, SourceValue, always};
 use crate::scene::{Input, SocketType};
 
 /// The node type.

@@ -1,8 +1,8 @@
 //! RGB Curves (`ShaderNodeRGBCurve`): a combined curve and then one per channel of a colour, blended with the
 //! colour itself by a factor.
 
-use super::curve_mapping::{CurveMapping, Curves, Layout, probes};
-use super::{InputSocket, NodeType, OutputSocket, Property, Role, always};
+use crate::nodes::curve_mapping::{CurveMapping, Curves, Layout, probes};
+use crate::nodes::{InputSocket, NodeType, OutputSocket, Property, Role, always};
 use crate::scene::SocketType;
 
 /// The node type.

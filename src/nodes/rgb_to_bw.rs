@@ -3,9 +3,9 @@
 //! The same sum as the implicit conversion of a colour to a float; but Blender leaves constants to Cycles, so
 //! that they have the same weights.
 
-use super::color_space::{enclose_luminance, luminance};
-use super::real::Real;
-use super::{Column, Evaluate, InputSocket, Interval, NodeType, OutputSocket, Role, always, map};
+use crate::nodes::color_space::{enclose_luminance, luminance};
+use crate::nodes::real::Real;
+use crate::nodes::{Column, Evaluate, InputSocket, Interval, NodeType, OutputSocket, Role, always, map};
 use crate::scene::SocketType;
 
 /// The node type.

@@ -4,9 +4,9 @@
 //! from the right, their transposes and rotations about an axis from the left. Everything is written once for the evaluators'
 //! numbers and for intervals.
 
-use super::bounds::Interval;
-use super::real::Real;
-use super::vector_math::bounds;
+use crate::nodes::bounds::Interval;
+use crate::nodes::real::Real;
+use crate::nodes::vector_math::bounds;
 use std::ops::{Add, Mul, Neg, Sub};
 
 /// What rotations are computed with: numbers and intervals.

@@ -14,7 +14,7 @@
 //! of its cells and min(F1, 1) is 1-Lipschitz there, so the cell of the value stands for its neighbour. Where
 //! Blender's F1 exceeds 1 it may jump at a face, and nothing bounds it there.
 
-use super::real::{Library, Real};
+use crate::nodes::real::{Library, Real};
 use std::cmp::Ordering;
 use std::ops::{Add, Div, Mul, Neg, Sub};
 

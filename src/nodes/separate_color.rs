@@ -2,9 +2,9 @@
 //!
 //! The outputs are called Red, Green and Blue in every mode. Blender leaves constants to Cycles.
 
-use super::color_space::{ColorSpace, rgb_to_hsv_of_constant};
-use super::real::Real;
-use super::{
+use crate::nodes::color_space::{ColorSpace, rgb_to_hsv_of_constant};
+use crate::nodes::real::Real;
+use crate::nodes::{
     Column, Evaluate, InputSocket, Interval, NodeType, OutputSocket, Property, Role, Simplified, always, vector_at,
 };
 use crate::scene::SocketType;

@@ -1,7 +1,7 @@
 //! Separate XYZ (`ShaderNodeSeparateXYZ`): the components of a vector.
 
-use super::real::Real;
-use super::{Column, Evaluate, InputSocket, Interval, NodeType, OutputSocket, Role, always};
+use crate::nodes::real::Real;
+use crate::nodes::{Column, Evaluate, InputSocket, Interval, NodeType, OutputSocket, Role, always};
 use crate::scene::SocketType;
 
 /// The node type.

@@ -4,7 +4,7 @@
 //! Some nodes limit what they read, linked or stored ([`USED`]): beyond the range, the value at its end holds. Other rules at
 //! extreme values (divisions by 0, logarithms of negative numbers) are the node's own.
 
-use super::Mode;
+use crate::nodes::Mode;
 use crate::scene::SocketType;
 
 /// What Blender limits a stored component of a socket to: no limit is an infinity.

@@ -3,8 +3,8 @@
 //! Object is the position in the frame of the shaded object, or of another object when one is
 //! chosen. Normal, UV, Camera, Window and Reflection depend on the ray or on a surface: refused.
 
-use super::{NodeType, OutputSocket, Property, Role, SourceContext, SourceValue, always};
-use crate::error::{Error, Result};
+use crate::base::error::{Error, Result};
+use crate::nodes::{NodeType, OutputSocket, Property, Role, SourceContext, SourceValue, always};
 use crate::scene::{SocketType, matrix_to_glam};
 
 /// The node type.

@@ -6,10 +6,10 @@
 //! coordinate (`min`, `max`) do nothing in Cycles. A mapping that changes nothing is left out, that of normals too. Where
 //! Blender folds the texture it ignores the mapping (measured).
 
-use super::real::{Real, safe_unit};
-use super::rotation;
-use super::{Column, Evaluate, InputSocket, Interval, NodeType, OutputSocket, Property, Role, always};
-use crate::error::{Error, Result};
+use crate::base::error::{Error, Result};
+use crate::nodes::real::{Real, safe_unit};
+use crate::nodes::rotation;
+use crate::nodes::{Column, Evaluate, InputSocket, Interval, NodeType, OutputSocket, Property, Role, always};
 use crate::scene::SocketType;
 use serde::Deserialize;
 use serde_json::Value as Json;

@@ -1,7 +1,7 @@
 //! Value (`ShaderNodeValue`): a stored number.
 
-use super::{NodeType, OutputSocket, Role, SourceValue, always};
-use crate::error::Error;
+use crate::base::error::Error;
+use crate::nodes::{NodeType, OutputSocket, Role, SourceValue, always};
 use crate::scene::{Input, SocketType};
 
 /// The node type.

@@ -1,8 +1,8 @@
 //! Vector Curves (`ShaderNodeVectorCurve`): a curve per component of a vector, blended with the vector itself by a
 //! factor.
 
-use super::curve_mapping::{CurveMapping, Curves, Layout, probes};
-use super::{InputSocket, NodeType, OutputSocket, Property, Role, always};
+use crate::nodes::curve_mapping::{CurveMapping, Curves, Layout, probes};
+use crate::nodes::{InputSocket, NodeType, OutputSocket, Property, Role, always};
 use crate::scene::SocketType;
 
 /// The node type.

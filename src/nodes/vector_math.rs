@@ -5,9 +5,9 @@
 
 pub(super) mod bounds;
 
-use super::math::{Kept, sign, simplify};
-use super::real::{Library, Real, dot, length, safe_unit};
-use super::{
+use crate::nodes::math::{Kept, sign, simplify};
+use crate::nodes::real::{Library, Real, dot, length, safe_unit};
+use crate::nodes::{
     Column, Evaluate, InputSocket, Interval, Mode, NodeType, OutputSocket, Property, Role, Simplified, always,
     vector_at, vector_output,
 };

@@ -3,9 +3,10 @@
 //! The axis is divided by its length; with an axis of length 0 the vector stays what it is. `invert` turns the other way. The
 //! vector is a stored value where nothing is linked, not a texture coordinate (measured).
 
-use super::real::{Real, dot, length};
-use super::rotation::{self, Rows};
-use super::{
+use crate::nodes::real::{Real, dot, length};
+use crate::nodes::rotation;
+use crate::nodes::rotation::Rows;
+use crate::nodes::{
     Column, Evaluate, InputSocket, Interval, Mode, NodeType, OutputSocket, Property, Role, always, vector_at,
     vector_output,
 };

@@ -4,13 +4,13 @@
 //! towards the world has no guard: a normal of length 0 is NaN there. From a space to itself nothing happens. The space of the
 //! camera is refused. Neither Blender nor Cycles folds the node.
 
-use super::real::{Real, dot, length, safe_unit};
-use super::rotation::enclose_unit;
-use super::{
+use crate::base::error::{Error, Result};
+use crate::nodes::real::{Real, dot, length, safe_unit};
+use crate::nodes::rotation::enclose_unit;
+use crate::nodes::{
     Column, Evaluate, InputSocket, Interval, Mode, NodeType, OutputSocket, Property, Role, Simplified, always,
     vector_at, vector_output,
 };
-use crate::error::{Error, Result};
 use crate::scene::{Matrix, SocketType};
 use std::fmt::Write;
 

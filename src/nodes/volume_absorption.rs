@@ -3,8 +3,8 @@
 //! With density d = max(Density, 0) and colour c: extinction = (1 - c) d, scattering 0. Colours are not
 //! clamped: above 1 the medium amplifies, in Cycles too.
 
-use super::closure::{ClosureRole, Coefficients, Formula, Phase, Quantity, WEIGHT, nothing, per_channel};
-use super::{InputSocket, NodeType, OutputSocket, Role, always};
+use crate::nodes::closure::{ClosureRole, Coefficients, Formula, Phase, Quantity, WEIGHT, nothing, per_channel};
+use crate::nodes::{InputSocket, NodeType, OutputSocket, Role, always};
 use crate::scene::SocketType;
 
 /// The node type.

@@ -3,8 +3,9 @@
 //! Extinction = Scatter Coefficients + Absorption Coefficients, as they are, negative ones too; scattering =
 //! max(Scatter Coefficients, 0); emission = Emission Coefficients.
 
-use super::closure::{self, ClosureRole, Coefficients, Formula, Phase, Quantity, per_channel, triple};
-use super::{InputSocket, NodeType, OutputSocket, Role, always};
+use crate::nodes::closure;
+use crate::nodes::closure::{ClosureRole, Coefficients, Formula, Phase, Quantity, per_channel, triple};
+use crate::nodes::{InputSocket, NodeType, OutputSocket, Role, always};
 use crate::scene::SocketType;
 
 /// The node type.

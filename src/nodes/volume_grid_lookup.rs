@@ -4,10 +4,10 @@
 //! outside, so that the outermost value fades over one more voxel. That is what Cycles 5.0 does with a Volume object of interpolation
 //! LINEAR (measured; docs/volume-objects.md).
 
-use super::real::Real;
-use super::{Column, Evaluate, InputSocket, Interval, NodeType, OutputSocket, Role, always};
+use crate::nodes::real::Real;
+use crate::nodes::{Column, Evaluate, InputSocket, Interval, NodeType, OutputSocket, Role, always};
 use crate::scene::SocketType;
-use crate::volume_grid::GridHandle;
+use crate::scene::volume_grid::GridHandle;
 
 /// The node type. It has no counterpart in Blender's interface. Its mode carries the grid.
 pub static TYPE: NodeType = NodeType {

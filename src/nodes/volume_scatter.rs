@@ -3,8 +3,9 @@
 //! With density d = max(Density, 0) and colour c: extinction = c d and scattering = max(c d, 0). A coloured
 //! node scatters each channel by its own amount and absorbs nothing: its albedo is 1.
 
-use super::closure::{self, ClosureRole, Coefficients, Formula, Phase, Quantity, nothing, per_channel};
-use super::{InputSocket, NodeType, OutputSocket, Role, always};
+use crate::nodes::closure;
+use crate::nodes::closure::{ClosureRole, Coefficients, Formula, Phase, Quantity, nothing, per_channel};
+use crate::nodes::{InputSocket, NodeType, OutputSocket, Role, always};
 use crate::scene::SocketType;
 
 /// The node type.

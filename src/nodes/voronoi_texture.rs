@@ -11,10 +11,10 @@
 mod bounds;
 mod lanes;
 
-use super::hash::{hash_floats, pcg_values};
-use super::noise_texture::dimensions;
-use super::real::{Real, dot, length};
-use super::{Column, Evaluate, InputSocket, Interval, Mode, NodeType, OutputSocket, Property, Role, always};
+use crate::nodes::hash::{hash_floats, pcg_values};
+use crate::nodes::noise_texture::dimensions;
+use crate::nodes::real::{Real, dot, length};
+use crate::nodes::{Column, Evaluate, InputSocket, Interval, Mode, NodeType, OutputSocket, Property, Role, always};
 use crate::scene::SocketType;
 
 /// The node type.

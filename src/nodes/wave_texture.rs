@@ -8,10 +8,12 @@
 //! lies; so is then the sum. From a Detail of 128 on this file gives that NaN without evaluating any octave: the same
 //! value, and at most 129 octaves of work. Color and Factor are the same value.
 
-use super::checker_texture::{displaced, enclose_displaced};
-use super::noise_texture::{Fractal, enclose_fbm, fbm_values};
-use super::real::{Library, Real, length};
-use super::{Column, Evaluate, InputSocket, Interval, Mode, NodeType, OutputSocket, Property, Role, always, vector_at};
+use crate::nodes::checker_texture::{displaced, enclose_displaced};
+use crate::nodes::noise_texture::{Fractal, enclose_fbm, fbm_values};
+use crate::nodes::real::{Library, Real, length};
+use crate::nodes::{
+    Column, Evaluate, InputSocket, Interval, Mode, NodeType, OutputSocket, Property, Role, always, vector_at,
+};
 use crate::scene::SocketType;
 use std::ops::Range;
 

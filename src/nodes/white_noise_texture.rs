@@ -8,11 +8,14 @@
 //! Blender leaves the node alone where its coordinates are stored in its sockets. It folds those that come from constant nodes,
 //! with the same result.
 
-use super::hash::hash_floats;
-use super::lanes::{self, each};
-use super::noise_texture::dimensions;
-use super::real::Real;
-use super::{Column, Evaluate, InputSocket, Interval, NodeType, OutputSocket, Property, Role, always, lane_level};
+use crate::nodes::hash::hash_floats;
+use crate::nodes::lanes;
+use crate::nodes::lanes::each;
+use crate::nodes::noise_texture::dimensions;
+use crate::nodes::real::Real;
+use crate::nodes::{
+    Column, Evaluate, InputSocket, Interval, NodeType, OutputSocket, Property, Role, always, lane_level,
+};
 use crate::scene::SocketType;
 use fearless_simd::{dispatch, prelude::*};
 

@@ -1,9 +1,9 @@
 //! The certificate of a run: what was found, with what settings and versions, and the hashes of the files that say so.
 
-use super::inputs::Inputs;
-use super::summary::Summary;
-use crate::error::{Error, Result};
-use crate::files;
+use crate::base::error::{Error, Result};
+use crate::base::files;
+use crate::report::inputs::Inputs;
+use crate::report::summary::Summary;
 use serde_json::{Value, json};
 use std::path::Path;
 

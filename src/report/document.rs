@@ -1,6 +1,6 @@
 //! Headings, tables and sentences of a report, and how Markdown and LaTeX write them.
 
-use super::numbers::ABSENT;
+use crate::base::numbers::ABSENT;
 
 /// A report in parts.
 #[derive(Debug, Clone, PartialEq, Eq)]

@@ -3,14 +3,15 @@
 //! Every file is optional. One that is missing is listed as left out with the command that makes it;
 //! one that is there and cannot be understood is an error with file and place.
 
-use super::numbers::capitalised;
-use crate::compare::{DiffResult, Verdict};
-use crate::density::comparison::{Comparison, FIGURE};
-use crate::error::{Error, Result};
-use crate::files;
-use crate::stability;
-use crate::study;
-use crate::tuning;
+use crate::base::error::{Error, Result};
+use crate::base::files;
+use crate::base::numbers::capitalised;
+use crate::measure::densities::comparison::{Comparison, FIGURE};
+use crate::measure::pictures::{DiffResult, Verdict};
+use crate::measure::speed::Rates;
+use crate::measure::stability;
+use crate::measure::study;
+use crate::measure::tuning;
 use base64::Engine;
 use indexmap::IndexMap;
 use serde::de::DeserializeOwned;
@@ -251,7 +252,7 @@ pub struct Bench {
     pub adapter: Value,
     /// One row per workload.
     #[serde(default)]
-    pub rows: Vec<BenchRow>,
+    pub rows: Vec<Rates>,
 }
 
 impl Bench {
@@ -260,31 +261,6 @@ impl Bench {
         let text = self.adapter.to_string().to_lowercase();
         ["llvmpipe", "lavapipe", "swiftshader", "\"cpu\"", "software"].iter().any(|name| text.contains(name))
     }
-}
-
-/// Rates in points per second; ratios are ours over Cycles'.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct BenchRow {
-    /// The workload.
-    pub what: String,
-    /// Points evaluated.
-    #[serde(default)]
-    pub points: Option<u64>,
-    /// Cycles on the CPU.
-    #[serde(default)]
-    pub cycles_rate: Option<f64>,
-    /// Our CPU evaluator.
-    #[serde(default)]
-    pub cpu_rate: Option<f64>,
-    /// The generated WGSL.
-    #[serde(default)]
-    pub gpu_rate: Option<f64>,
-    /// `cpu_rate / cycles_rate`.
-    #[serde(default)]
-    pub cpu_ratio: Option<f64>,
-    /// `gpu_rate / cycles_rate`.
-    #[serde(default)]
-    pub gpu_ratio: Option<f64>,
 }
 
 /// A picture that travels inside the page.

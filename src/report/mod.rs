@@ -7,12 +7,11 @@
 pub mod certificate;
 mod document;
 pub mod inputs;
-pub(crate) mod numbers;
 pub mod summary;
 mod tables;
 
-use crate::error::{Error, Result};
-use crate::files::write_atomically;
+use crate::base::error::{Error, Result};
+use crate::base::files::write_atomically;
 use inputs::{Inputs, Picture};
 use minijinja::{AutoEscape, Environment, UndefinedBehavior, Value, value::Serde};
 use serde::Serialize;
@@ -57,7 +56,7 @@ struct Page<'a> {
     program: &'static str,
     summary: &'a summary::Summary,
     run: &'a inputs::Run,
-    diff: &'a Option<crate::compare::DiffResult>,
+    diff: &'a Option<crate::measure::pictures::DiffResult>,
     views: Vec<View<'a>>,
     probes: &'a [inputs::Probe],
     slices: &'a [inputs::Slice],
@@ -70,7 +69,7 @@ struct Page<'a> {
     models: Option<tables::ModelsTable<'a>>,
     study: Option<tables::StudyTable<'a>>,
     tuning: Option<tables::TuningTable<'a>>,
-    stability: &'a Option<crate::stability::Table>,
+    stability: &'a Option<crate::measure::stability::Table>,
     scene: Option<Vec<(&'static str, String)>>,
     left_out: &'a [inputs::LeftOut],
 }
@@ -120,15 +119,15 @@ fn render(inputs: &Inputs, summary: &summary::Summary) -> Result<String> {
     let mut environment = Environment::new();
     environment.set_undefined_behavior(UndefinedBehavior::Strict);
     environment.set_auto_escape_callback(|_| AutoEscape::Html);
-    environment.add_filter("figure", |value: Option<f64>| numbers::figure(value));
-    environment.add_filter("percent", |value: Option<f64>| numbers::percent(value));
-    environment.add_filter("signed_percent", |value: Option<f64>| numbers::signed_percent(value));
-    environment.add_filter("count", |value: Option<u64>| numbers::count(value));
-    environment.add_filter("seconds", |value: Option<f64>| numbers::seconds(value));
-    environment.add_filter("rate", |value: Option<f64>| numbers::rate(value));
-    environment.add_filter("ratio", |value: Option<f64>| numbers::ratio(value));
+    environment.add_filter("figure", |value: Option<f64>| crate::base::numbers::figure(value));
+    environment.add_filter("percent", |value: Option<f64>| crate::base::numbers::percent(value));
+    environment.add_filter("signed_percent", |value: Option<f64>| crate::base::numbers::signed_percent(value));
+    environment.add_filter("count", |value: Option<u64>| crate::base::numbers::count(value));
+    environment.add_filter("seconds", |value: Option<f64>| crate::base::numbers::seconds(value));
+    environment.add_filter("rate", |value: Option<f64>| crate::base::numbers::rate(value));
+    environment.add_filter("ratio", |value: Option<f64>| crate::base::numbers::ratio(value));
     environment.add_filter("plain", |value: Value| {
-        serde_json::to_value(&value).map_or_else(|_| value.to_string(), |json| numbers::plain(&json))
+        serde_json::to_value(&value).map_or_else(|_| value.to_string(), |json| crate::base::numbers::plain(&json))
     });
     let failed = |cause: minijinja::Error| {
         Error::new(
@@ -208,7 +207,7 @@ mod tests {
         assert_eq!(certificate["verdict"], "differs");
         let gpu = certificate["field"].as_array().unwrap().iter().find(|one| one["evaluator"] == "gpu").unwrap();
         assert_eq!((&gpu["verdict"], &gpu["differing"]), (&json!("differs"), &json!(3)));
-        let hash = crate::files::sha256(probe.to_string().as_bytes());
+        let hash = crate::base::files::sha256(probe.to_string().as_bytes());
         assert_eq!(certificate["sha256"], json!({"probe.json": hash}));
     }
 

@@ -1,10 +1,11 @@
 //! The verdict on a run: one part per subject that was judged, and the figures that matter.
 
-use super::inputs::{Inputs, Mode, Probe};
-use super::numbers::{count, figure, percent, ratio, signed_percent};
-use crate::compare::Verdict;
-use crate::density::comparison::Comparison;
-use crate::stability::{self, Table};
+use crate::base::numbers::{count, figure, percent, ratio, signed_percent};
+use crate::measure::densities::comparison::Comparison;
+use crate::measure::pictures::Verdict;
+use crate::measure::stability;
+use crate::measure::stability::Table;
+use crate::report::inputs::{Inputs, Mode, Probe};
 use serde::Serialize;
 
 /// What the head of a report says.

@@ -1,13 +1,13 @@
 //! The figures as CSV and Markdown, and tables from JSON of no fixed layout.
 
-use super::document::Document;
-use super::inputs::{Inputs, Picture, TUNING_FIGURE, study_figure};
-use super::numbers::{capitalised, count, figure, percent, plain, rate, ratio, seconds, signed_percent};
-use super::summary::{Summary, evaluator_name};
-use crate::density::comparison::{Comparison, FIGURE};
-use crate::study::curves::CurvePoint;
-use crate::study::{FIGURES, Measured, Results};
-use crate::tuning::{Outcome, Scored};
+use crate::base::numbers::{capitalised, count, figure, percent, plain, rate, ratio, seconds, signed_percent};
+use crate::measure::densities::comparison::{Comparison, FIGURE};
+use crate::measure::study::curves::CurvePoint;
+use crate::measure::study::{FIGURES, Measured, Results};
+use crate::measure::tuning::{Outcome, Scored};
+use crate::report::document::Document;
+use crate::report::inputs::{Inputs, Picture, TUNING_FIGURE, study_figure};
+use crate::report::summary::{Summary, evaluator_name};
 use indexmap::IndexMap;
 use serde::Serialize;
 use serde_json::Value;
@@ -212,7 +212,7 @@ impl<'a> ModelsTable<'a> {
 
 /// Figures of two density models: what, and one text per density.
 fn model_rows(found: &Comparison) -> Vec<(&'static str, [String; 2])> {
-    let each = |text: &dyn Fn(&crate::density::comparison::Side) -> String| found.sides.each_ref().map(text);
+    let each = |text: &dyn Fn(&crate::measure::densities::comparison::Side) -> String| found.sides.each_ref().map(text);
     vec![
         ("factor on the density", each(&|side| figure(Some(side.factor)))),
         ("mean optical depth, top to bottom", each(&|side| figure(Some(side.statistics.mean_depth)))),

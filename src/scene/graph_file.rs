@@ -1,6 +1,6 @@
 //! The node graph as it stands in a scene file: Blender's nodes, groups and links by name.
 
-use crate::error::{Error, Result as Checked};
+use crate::base::error::{Error, Result as Checked};
 use schemars::JsonSchema;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use std::collections::{HashMap, HashSet};

@@ -4,15 +4,20 @@
 //! Conventions are Blender's: metres, Z up, a camera and a light look down their local -Z,
 //! matrices act on column vectors and are written row by row. All numbers are f32.
 
+mod bare;
 mod graph_file;
+pub mod image;
 pub mod overrides;
+pub mod volume_grid;
 
 pub(crate) use graph_file::DEEPEST_NESTING;
 pub use graph_file::{Graph, Group, Input, Node, Socket, SocketType};
 
-use crate::error::{Error, Result};
-use crate::files;
-use crate::volume_grid::{DENSITY, GridHandle, VolumeGrid};
+pub use bare::bare_scene;
+
+use crate::base::error::{Error, Result};
+use crate::base::files;
+use crate::scene::volume_grid::{DENSITY, GridHandle};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
@@ -509,7 +514,7 @@ impl Scene {
             let path = folder.join(file);
             let wanted_at = format!("{place}: object {}: shape.sha256", volume.object);
             check_hash(&path, "the grid of a volume object (shape grid)", &wanted_at, sha256)?;
-            let grid = VolumeGrid::read(&path, DENSITY)?;
+            let grid = volume_grid::read(&path, DENSITY)?;
             let [low, high] = grid.extent();
             let [wrong_low, wrong_high] =
                 [(low, volume.bounds.min), (high, volume.bounds.max)].map(|(wanted, given)| {

@@ -1,7 +1,7 @@
 //! Changing stored values by name: `--set "Large Noise/Scale=2"`.
 
-use super::{Graph, Input, Scene, SocketType};
-use crate::error::{Error, Result};
+use crate::base::error::{Error, Result};
+use crate::scene::{Graph, Input, Scene, SocketType};
 
 impl Scene {
     /// Applies `NAME=VALUE`. NAME is, of the group nodes in the material's own tree, an input by

@@ -6,10 +6,11 @@
 //! Seeds are fixed, so that a test passes or fails for good.
 
 use super::cube::{color, homogeneous, set};
-use cloudparity::image::Image;
-use cloudparity::integrate::Backend;
-use cloudparity::integrate::path::{self, PathSettings};
+use cloudparity::gpu::Backend;
+use cloudparity::integrators::path;
+use cloudparity::integrators::path::PathSettings;
 use cloudparity::scene::Scene;
+use cloudparity::scene::image::Image;
 
 /// Independent pictures of a figure.
 pub const REPLICAS: u32 = 16;

@@ -12,10 +12,13 @@ use std::path::{Path, PathBuf};
 /// false; panics instead when `CLOUDPARITY_REQUIRE` names it, so that CI cannot skip by accident.
 pub fn require(what: &str) -> bool {
     let there = match what {
-        "bpy" => cloudparity::blender::has_bpy(),
+        "bpy" => {
+            cloudparity::bridge::install();
+            cloudparity::bridge::has_bpy()
+        }
         "vulkan" => cloudparity::gpu::Gpu::open().is_ok(),
         // What the optimiser of a tuning imports.
-        "cma" => cloudparity::blender::module_version("cma, flip_evaluator, scipy", "cma.__version__").is_ok(),
+        "cma" => cloudparity::bridge::module_version("cma, flip_evaluator, scipy", "cma.__version__").is_ok(),
         // Disks of its own for a process without privileges.
         "unshare" => std::process::Command::new("unshare")
             .args(["--user", "--map-root-user", "--mount", "mount", "-t", "tmpfs", "tmpfs", "/mnt"])

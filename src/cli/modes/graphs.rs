@@ -1,12 +1,13 @@
 //! `cloudparity modes --graphs N`: random graphs of many nodes.
 
-use super::Arguments;
-use crate::blender::Message;
+use crate::base::error::Result;
+use crate::base::files;
+use crate::bridge::Message;
 use crate::cli;
-use crate::error::Result;
-use crate::field::random_graphs::{self, Cycles, Judge, Outcome, RandomGraph, WGSL_LIMIT};
-use crate::files;
+use crate::cli::modes::Arguments;
 use crate::gpu::Gpu;
+use crate::measure::nodes::random_graphs;
+use crate::measure::nodes::random_graphs::{Cycles, Judge, Outcome, RandomGraph, WGSL_LIMIT};
 use rayon::prelude::*;
 use serde_json::{Value as Json, json};
 use std::fmt::Write;

@@ -1,7 +1,7 @@
 //! Bricks on SIMD lanes, one point per lane; the same bits as the scalar evaluation, which these functions follow operation by
 //! operation, computing both sides of its branches.
 
-use super::{
+use crate::nodes::brick_texture::{
     BIAS, BrickTexture, FIRST_COLOR, HEIGHT, Layout, MORTAR, MORTAR_SIZE, MORTAR_SMOOTH, SCALE, SECOND_COLOR, WIDTH,
 };
 use crate::nodes::lanes::{self, each, lesser, saturate};

@@ -9,10 +9,10 @@
 //! that the sum over the cells is at most the product over the axes of 1 + E(f^2) + E((1 - f)^2), f the
 //! place in the own cell. That is at most 2 (test `envelopes_are_bounded`): 32 in 2D and 64 in 3D.
 
-use super::{
+use crate::nodes::bounds::Interval;
+use crate::nodes::gabor_texture::{
     ANISOTROPY, FREQUENCY, GaborTexture, IMPULSES, LEAST_FREQUENCY, ORIENTATION, SCALE, normalization, random,
 };
-use crate::nodes::bounds::Interval;
 use std::f32::consts::PI;
 
 /// Bound on 1 + E(f^2) + E((1 - f)^2), with room for rounding.

@@ -8,7 +8,9 @@
 //! only impulses nearer than 1 get their direction, their sign and the C library's functions,
 //! which are called one by one in the scalar order.
 
-use super::{ANISOTROPY, FREQUENCY, GaborTexture, IMPULSES, ORIENTATION, SCALE, Waves, neighbours, phasor};
+use crate::nodes::gabor_texture::{
+    ANISOTROPY, FREQUENCY, GaborTexture, IMPULSES, ORIENTATION, SCALE, Waves, neighbours, phasor,
+};
 use crate::nodes::lanes::each;
 use crate::nodes::real::dot;
 use crate::nodes::{Column, lane_level};

@@ -3,11 +3,11 @@
 //! Each formula without a branch is written once, for the number types of evaluation, for intervals and for the
 //! corners of a box ([`Arithmetic`]). Source: Blender's blend modes as Cycles orders them.
 
-use super::super::color_space::{
+use crate::nodes::color_space::{
     enclose_hsv_to_rgb, enclose_rgb_to_hsv, hsv_to_rgb, rgb_to_hsv, rgb_to_hsv_of_constant,
 };
-use super::super::{Column, Evaluate, Interval, Real, Simplified, map, vector_at};
-use super::folding;
+use crate::nodes::mix::folding;
+use crate::nodes::{Column, Evaluate, Interval, Real, Simplified, map, vector_at};
 use std::ops::{Add, Mul, Sub};
 
 /// Blender's names of the blend modes; the first is the default.

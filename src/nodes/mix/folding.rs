@@ -3,8 +3,8 @@
 //! In most blend modes the order of operations is not the kernels' one, and the limits let a NaN through. Source:
 //! values of Blender, equal in every bit for ordinary operands, infinities and NaN.
 
-use super::super::color_space::blender::{hsv_to_rgb, rgb_to_hsv};
-use super::blend::{burn, divide, dodge, linear_light, overlay, screen, soft_light, weighted};
+use crate::nodes::color_space::blender::{hsv_to_rgb, rgb_to_hsv};
+use crate::nodes::mix::blend::{burn, divide, dodge, linear_light, overlay, screen, soft_light, weighted};
 
 /// Limits to [0, 1] if asked to; NaN stays, where the kernels' limit makes it 0.
 pub fn limited(value: f32, limits: bool) -> f32 {

@@ -10,10 +10,10 @@
 //! v_0 and v_1 the corner values on the two sides of axis i. A box over several cells is the union
 //! of its parts; over many cells, or where coordinates wrap, the noise's range is all that is said.
 
-use super::{Fractal, NoiseTexture};
 use crate::nodes::bounds::Interval;
 use crate::nodes::gradient_noise::{SCALE, gradient, random_offset};
 use crate::nodes::hash::jenkins;
+use crate::nodes::noise_texture::{Fractal, NoiseTexture};
 
 /// Largest magnitude of the unscaled noise in 1 to 4 dimensions, whatever the gradients.
 ///

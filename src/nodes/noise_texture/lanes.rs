@@ -1,9 +1,9 @@
 //! Every fractal in one to four dimensions on SIMD lanes, one point per lane; the same bits as the
 //! scalar evaluation, which these functions follow operation by operation.
 
-use super::{Fractal, NoiseTexture};
 use crate::nodes::gradient_noise::{PERIOD, SCALE, random_offset};
 use crate::nodes::lanes::{self, each, finished_hash, mixed_words, saturate};
+use crate::nodes::noise_texture::{Fractal, NoiseTexture};
 use crate::nodes::{Column, Evaluate, Real, columns_at, lane_level};
 use fearless_simd::{dispatch, prelude::*};
 

@@ -15,9 +15,9 @@
 //!
 //! Everything here is in f64 on the exact hashes; [`ERROR`] covers the evaluators' rounding.
 
-use super::{Feature, Metric, VoronoiTexture, neighbours};
 use crate::nodes::bounds::Interval;
 use crate::nodes::hash::{hash_floats, pcg, pcg_values};
+use crate::nodes::voronoi_texture::{Feature, Metric, VoronoiTexture, neighbours};
 
 /// Error of a distance in cell units. Hash, product with the randomness, sum with the cell, local
 /// coordinate and difference round by at most 3e-8, 6e-8, 1.2e-7, 6e-8 and 1.2e-7 per axis: 4e-7,

@@ -5,8 +5,8 @@
 mod cells;
 mod line;
 
-use super::{Feature, Metric, Parameters, VoronoiTexture};
 use crate::nodes::lanes::{self, each};
+use crate::nodes::voronoi_texture::{Feature, Metric, Parameters, VoronoiTexture};
 use crate::nodes::{Column, Evaluate, Real, columns_at, lane_level};
 use fearless_simd::{dispatch, prelude::*};
 

@@ -14,8 +14,8 @@
 //! than the smooth minimum by the smoothness leaves every sum of smooth F1 as it is; there the order
 //! counts, and the cells are visited as in the full scan.
 
-use super::{Found, Measure, Metric, Search, each};
 use crate::nodes::lanes;
+use crate::nodes::voronoi_texture::lanes::{Found, Measure, Metric, Search, each};
 use fearless_simd::prelude::*;
 use std::sync::OnceLock;
 

@@ -1,0 +1,100 @@
+//! Asking live Cycles for the values of a graph at given points.
+
+use crate::base::error::{Error, Result};
+use crate::base::files;
+use crate::bridge::{Kernel, Message, run_script};
+use crate::graph::Target;
+use crate::scene::Scene;
+use serde_json::{Value as Json, json};
+
+/// One graph, its points and the sockets asked for.
+pub struct Job<'a> {
+    /// The scene whose graph is asked.
+    pub scene: &'a Scene,
+    /// Object-space positions.
+    pub positions: &'a [[f32; 3]],
+    /// Per-point attributes by name.
+    pub attributes: &'a [(String, Vec<[f32; 3]>)],
+    /// Sockets to read.
+    pub targets: Vec<Target>,
+    /// Number of renders; more than one only to measure time.
+    pub repeat: usize,
+    /// Evaluations of each point in a render; more than one only to measure time.
+    pub samples: usize,
+}
+
+/// What Cycles said about one job.
+pub struct Answer {
+    /// Per target: point by point, its components.
+    pub values: Vec<Vec<f32>>,
+    /// Per target: 1 or 3.
+    pub components: Vec<usize>,
+    /// Seconds of each render.
+    pub render_seconds: Vec<f64>,
+}
+
+/// Answers of a call and the Blender that gave them.
+pub struct Answers {
+    /// In the order of the jobs.
+    pub jobs: Vec<Answer>,
+    /// Blender's version.
+    pub blender: String,
+}
+
+/// Evaluates the jobs in one Blender process, on all cores.
+pub fn ask(jobs: &[Job<'_>], kernel: Kernel, receive: impl FnMut(Message)) -> Result<Answers> {
+    ask_on(jobs, kernel, 0, receive)
+}
+
+/// [`ask`] on this many threads of rendering (0 for all).
+pub fn ask_on(jobs: &[Job<'_>], kernel: Kernel, threads: u32, receive: impl FnMut(Message)) -> Result<Answers> {
+    let folder = tempfile::tempdir()
+        .map_err(|cause| Error::io(&std::env::temp_dir(), "a folder for temporary files", &cause))?;
+    let mut requests = Vec::new();
+    for (number, job) in jobs.iter().enumerate() {
+        let save = |name: &str, points: &[[f32; 3]]| -> Result<String> {
+            let path = folder.path().join(format!("{number}-{name}.npy"));
+            files::write_values(&path, points.as_flattened(), 3)?;
+            Ok(path.display().to_string())
+        };
+        let points = save("points", job.positions)?;
+        let mut attributes = serde_json::Map::new();
+        for (index, (name, values)) in job.attributes.iter().enumerate() {
+            attributes.insert(name.clone(), save(&format!("attribute-{index}"), values)?.into());
+        }
+        let outputs: Vec<Json> = job
+            .targets
+            .iter()
+            .enumerate()
+            .map(|(index, target)| {
+                json!({"target": target, "file": folder.path().join(format!("{number}-output-{index}.npy"))})
+            })
+            .collect();
+        requests.push(json!({
+            "scene": job.scene, "points": points, "attributes": attributes, "outputs": outputs, "repeat": job.repeat,
+            "samples": job.samples,
+        }));
+    }
+    let request = json!({"jobs": requests, "kernel": kernel.name(), "threads": threads});
+    let result = run_script("probe.py", &request, kernel, receive)?;
+    let broken = || Error::new("script probe.py", result.to_string(), "an answer per job", "Run cloudparity doctor.");
+    let mut answers = Vec::new();
+    for (number, job) in jobs.iter().enumerate() {
+        let answer = &result["jobs"][number];
+        let mut values = Vec::new();
+        let mut components = Vec::new();
+        for index in 0..job.targets.len() {
+            let (found, _) = files::read_values(&folder.path().join(format!("{number}-output-{index}.npy")))?;
+            let count = answer["outputs"][index]["components"].as_u64().ok_or_else(broken)? as usize;
+            if found.len() != count * job.positions.len() {
+                return Err(broken());
+            }
+            values.push(found);
+            components.push(count);
+        }
+        let render_seconds =
+            answer["render_seconds"].as_array().ok_or_else(broken)?.iter().filter_map(Json::as_f64).collect();
+        answers.push(Answer { values, components, render_seconds });
+    }
+    Ok(Answers { jobs: answers, blender: result["blender"].as_str().unwrap_or_default().to_owned() })
+}

@@ -1,0 +1,325 @@
+//! Light models by name, and the parameters that all of them share.
+//!
+//! A named light model is a set of values on top of what a density model brings along: its sun, shadow march and phase function.
+
+use crate::base::error::{Error, Result};
+use crate::engines::light::terms::{MOST_OCTAVES, Terms};
+use crate::engines::light::{LightModel, SourceFactor};
+use crate::engines::parameters::{Parameter, Range};
+
+/// A light model by name.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct NamedLight {
+    /// Name on the command line and in files.
+    pub id: &'static str,
+    /// What it is, in a sentence.
+    pub about: &'static str,
+    /// Parameters that it sets.
+    pub settings: &'static [(&'static str, f64)],
+}
+
+const UNIT: Range = Range::Between(0.0, 1.0);
+const COSINE: Range = Range::Between(-0.999, 0.999);
+
+/// Parameters of light models. A default is the value that changes nothing, but for the last four, which are the density model's own
+/// where they are not set: those of perlin-fbm are shown.
+pub const PARAMETERS: &[Parameter] = &[
+    Parameter {
+        name: "exposure",
+        about: "factor on the light of the scene's sun and world that the medium scatters",
+        unit: "",
+        range: Range::NotNegative,
+        default: Terms::NONE.exposure,
+        usual: [0.5, 2.0],
+    },
+    Parameter {
+        name: "octaves",
+        about: "octaves of multiple scattering; 1 is single scattering",
+        unit: "",
+        range: Range::Whole(1, MOST_OCTAVES),
+        default: Terms::NONE.octaves.count as f64,
+        usual: [1.0, 8.0],
+    },
+    Parameter {
+        name: "contribution",
+        about: "weight of an octave over that of the one before",
+        unit: "",
+        range: Range::NotNegative,
+        default: Terms::NONE.octaves.contribution,
+        usual: [0.2, 1.0],
+    },
+    Parameter {
+        name: "attenuation",
+        about: "optical depth of an octave over that of the one before",
+        unit: "",
+        range: UNIT,
+        default: Terms::NONE.octaves.attenuation,
+        usual: [0.1, 1.0],
+    },
+    Parameter {
+        name: "eccentricity",
+        about: "mean cosines of an octave's phase function over those of the one before",
+        unit: "",
+        range: UNIT,
+        default: Terms::NONE.octaves.eccentricity,
+        usual: [0.1, 1.0],
+    },
+    Parameter {
+        name: "depth_compression",
+        about: "how much great depths towards the sun count less, in all octaves",
+        unit: "",
+        range: Range::NotNegative,
+        default: Terms::NONE.octaves.compression,
+        usual: [0.0, 2.0],
+    },
+    Parameter {
+        name: "powder_strength",
+        about: "what a part without extinction loses of its light",
+        unit: "",
+        range: UNIT,
+        default: Terms::NONE.powder.strength,
+        usual: [0.0, 1.0],
+    },
+    Parameter {
+        name: "powder_length",
+        about: "length over which extinction counts for powder",
+        unit: "sides of the box",
+        range: Range::NotNegative,
+        default: Terms::NONE.powder.length,
+        usual: [0.0, 1.0],
+    },
+    Parameter {
+        name: "powder_ambient",
+        about: "share of powder that ambient light has, too",
+        unit: "",
+        range: UNIT,
+        default: Terms::NONE.powder.ambient,
+        usual: [0.0, 1.0],
+    },
+    Parameter {
+        name: "body_strength",
+        about: "what surroundings without extinction lose of the sun's light",
+        unit: "",
+        range: UNIT,
+        default: Terms::NONE.body.strength,
+        usual: [0.0, 1.0],
+    },
+    Parameter {
+        name: "body_length",
+        about: "length over which the extinction around a place counts",
+        unit: "sides of the box",
+        range: Range::NotNegative,
+        default: Terms::NONE.body.length,
+        usual: [0.0, 1.0],
+    },
+    Parameter {
+        name: "coarse_shadow",
+        about: "1: the march towards the sun reads averages of the density",
+        unit: "",
+        range: Range::Whole(0, 1),
+        default: 0.0,
+        usual: [0.0, 1.0],
+    },
+    Parameter {
+        name: "silver_strength",
+        about: "added to the phase function towards the sun",
+        unit: "per steradian",
+        range: Range::NotNegative,
+        default: Terms::NONE.silver.strength,
+        usual: [0.0, 2.0],
+    },
+    Parameter {
+        name: "silver_exponent",
+        about: "exponent of the cosine of the silver lining",
+        unit: "",
+        range: Range::Positive,
+        default: Terms::NONE.silver.exponent,
+        usual: [1.0, 32.0],
+    },
+    Parameter {
+        name: "ambient_bottom",
+        about: "factor on the ambient light at the bottom of the box",
+        unit: "",
+        range: Range::NotNegative,
+        default: Terms::NONE.ambient[0],
+        usual: [0.0, 2.0],
+    },
+    Parameter {
+        name: "ambient_top",
+        about: "the same at the top, linear between",
+        unit: "",
+        range: Range::NotNegative,
+        default: Terms::NONE.ambient[1],
+        usual: [0.0, 2.0],
+    },
+    Parameter {
+        name: "first_lobe",
+        about: "mean cosine of the first lobe of the phase function",
+        unit: "",
+        range: COSINE,
+        default: -0.3,
+        usual: [-0.9, 0.9],
+    },
+    Parameter {
+        name: "second_lobe",
+        about: "mean cosine of the second lobe",
+        unit: "",
+        range: COSINE,
+        default: 0.3,
+        usual: [-0.9, 0.9],
+    },
+    Parameter {
+        name: "second_share",
+        about: "share of the second lobe",
+        unit: "",
+        range: UNIT,
+        default: 0.8,
+        usual: [0.0, 1.0],
+    },
+    Parameter {
+        name: "source_albedo",
+        about: "single-scattering albedo of the source",
+        unit: "",
+        range: UNIT,
+        default: 1.0,
+        usual: [0.9, 1.0],
+    },
+];
+
+/// All light models by name.
+pub const LIGHTS: &[NamedLight] = &[
+    NamedLight { id: "single", about: "single scattering of the sun and a constant ambient light", settings: &[] },
+    NamedLight {
+        id: "octaves",
+        about: "eight octaves, each with half the light, half the depth and half the eccentricity of the one before",
+        settings: &[("octaves", 8.0), ("contribution", 0.5), ("attenuation", 0.5), ("eccentricity", 0.5)],
+    },
+    NamedLight {
+        id: "octaves-deep",
+        about: "four octaves, each with half the light and a quarter of the depth of the one before",
+        settings: &[("octaves", 4.0), ("contribution", 0.5), ("attenuation", 0.25), ("eccentricity", 0.5)],
+    },
+    NamedLight {
+        id: "powder",
+        about: "single scattering, thin parts darkened",
+        settings: &[("powder_strength", 0.8), ("powder_length", 0.1)],
+    },
+    NamedLight {
+        id: "silver",
+        about: "single scattering with a silver lining around the sun",
+        settings: &[("silver_strength", 0.5), ("silver_exponent", 8.0)],
+    },
+    NamedLight {
+        id: "gradient",
+        about: "single scattering, ambient light that falls to 0.3 at the bottom",
+        settings: &[("ambient_bottom", 0.3)],
+    },
+    NamedLight {
+        id: "combined",
+        about: "octaves, powder and an ambient gradient together",
+        settings: &[
+            ("octaves", 8.0),
+            ("contribution", 0.5),
+            ("attenuation", 0.5),
+            ("eccentricity", 0.5),
+            ("powder_strength", 0.8),
+            ("powder_length", 0.1),
+            ("ambient_bottom", 0.3),
+        ],
+    },
+];
+
+/// A light model by its name.
+pub fn find(id: &str) -> Result<&'static NamedLight> {
+    LIGHTS.iter().find(|light| light.id == id).ok_or_else(|| {
+        let known: Vec<&str> = LIGHTS.iter().map(|light| light.id).collect();
+        Error::new("light model", format!("\"{id}\""), format!("one of {}", known.join(", ")), "Correct the name.")
+    })
+}
+
+impl NamedLight {
+    /// Puts its settings into a light model.
+    pub fn apply(&self, light: &mut LightModel) -> Result<()> {
+        self.settings.iter().try_for_each(|&(name, value)| set(light, name, value, self.id))
+    }
+}
+
+/// Sets a parameter of a light model, after its name and range are checked; `place` says where the value stands.
+pub fn set(light: &mut LightModel, name: &str, value: f64, place: &str) -> Result<()> {
+    Parameter::check(PARAMETERS, name, value, place)?;
+    match name {
+        "exposure" => light.terms.exposure = value,
+        "octaves" => light.terms.octaves.count = value as u32,
+        "contribution" => light.terms.octaves.contribution = value,
+        "attenuation" => light.terms.octaves.attenuation = value,
+        "eccentricity" => light.terms.octaves.eccentricity = value,
+        "depth_compression" => light.terms.octaves.compression = value,
+        "powder_strength" => light.terms.powder.strength = value,
+        "powder_length" => light.terms.powder.length = value,
+        "powder_ambient" => light.terms.powder.ambient = value,
+        "body_strength" => light.terms.body.strength = value,
+        "body_length" => light.terms.body.length = value,
+        "coarse_shadow" => light.terms.body.shadow = value == 1.0,
+        "silver_strength" => light.terms.silver.strength = value,
+        "silver_exponent" => light.terms.silver.exponent = value,
+        "ambient_bottom" => light.terms.ambient[0] = value,
+        "ambient_top" => light.terms.ambient[1] = value,
+        "first_lobe" => light.phase.anisotropy[0] = value,
+        "second_lobe" => light.phase.anisotropy[1] = value,
+        "second_share" => light.phase.second = value,
+        "source_albedo" => light.source = SourceFactor::Albedo([value; 3]),
+        _ => unreachable!("{name} is in the list of parameters"),
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::engines::light::Variant;
+    use crate::engines::parameters::Values;
+    use crate::engines::perlin_fbm::settings;
+
+    fn light() -> LightModel {
+        settings::light(&Values::defaults(settings::PARAMETERS), Variant::Fixed)
+    }
+
+    #[test]
+    fn defaults_change_nothing() {
+        let mut changed = light();
+        for parameter in PARAMETERS {
+            set(&mut changed, parameter.name, parameter.default, "test").expect("a default is in range");
+        }
+        assert_eq!(changed, light());
+    }
+
+    #[test]
+    fn every_parameter_changes_something_and_every_light_differs() {
+        for parameter in PARAMETERS {
+            let mut changed = light();
+            let [low, high] = parameter.usual;
+            set(&mut changed, parameter.name, if parameter.default == high { low } else { high }, "test")
+                .expect("usual");
+            assert_ne!(changed, light(), "{}", parameter.name);
+        }
+        let mut seen: Vec<LightModel> = Vec::new();
+        for named in LIGHTS {
+            let mut changed = light();
+            named.apply(&mut changed).expect("in range");
+            assert!(!seen.contains(&changed), "{}", named.id);
+            seen.push(changed);
+        }
+    }
+
+    #[test]
+    fn unknown_names_and_values_are_refused() {
+        let error = find("moonlight").expect_err("unknown").to_string();
+        assert!(error.contains("octaves-deep"), "{error}");
+        let mut changed = light();
+        let error = set(&mut changed, "octave", 2.0, "--light-parameter").expect_err("unknown").to_string();
+        assert!(error.contains("--light-parameter") && error.contains("contribution"), "{error}");
+        for (name, value) in [("octaves", 2.5), ("octaves", 0.0), ("attenuation", 1.5), ("contribution", f64::NAN)] {
+            assert!(set(&mut changed, name, value, "test").is_err(), "{name} {value}");
+        }
+    }
+}

@@ -1,0 +1,174 @@
+//! Source terms that imitate multiple scattering, on top of single scattering; each is off by default.
+//!
+//! With the optical depth t towards the sun, the cosine c between the view ray and the direction to the sun, the phase function p with
+//! mean cosines that can be scaled, the sun's irradiance E and the ambient radiance A, a light model gives per unit of scattering
+//!
+//! ```text
+//! L = E P B ( sum_n b^n p(c; g^n) exp(-a^n D) + s max(c, 0)^k exp(-D) ) + A (d + (u - d) h) ( 1 + q (P - 1) )
+//! P = 1 - w exp(-l e)      B = 1 - v exp(-m f)      D = 2 t / (1 + sqrt(1 + 2 r t))
+//! ```
+//!
+//! - octaves n = 0..N with contribution b, attenuation a and eccentricity g: Wrenninge, Kulla and Lundqvist 2013, "Oz: The Great and
+//!   Volumetric"; one octave is single scattering;
+//! - compression r of the depth: scattered light falls more slowly than exp(-t), D grows as t where r t is far below 1 and as sqrt(2 t / r)
+//!   far above; 0 is none (a form of ours: any that bends so would serve, and this one loses no digits in f32);
+//! - a silver lining of strength s and exponent k, added to the phase function of single scattering;
+//! - an ambient light that falls from u at the top of the box (height h = 1) to d at its bottom;
+//! - powder of strength w and length l, with the extinction e (mean of the channels): thin parts scatter less because less light has
+//!   gathered in them (Schneider and Vos 2015, "The Real-time Volumetric Cloudscapes of Horizon: Zero Dawn"); ambient light has the
+//!   share q of it, as published all;
+//! - body of strength v and length m, with the extinction f around the place; t may be that of the density's averages, too
+//!   ([`crate::media::averages`]).
+
+use crate::media::transfer::{absorbed, transmittance};
+use num_traits::Float;
+use serde::{Deserialize, Serialize};
+
+/// Most octaves; the kernel holds a weight of each.
+pub const MOST_OCTAVES: u32 = 16;
+
+/// Most that compression times depth counts: far above it nothing is left of the light, and f32 would not hold it.
+const LARGEST_COMPRESSED: f64 = 1e38;
+
+/// Octaves of dimmed and widened single scattering.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Octaves {
+    /// How many, 1 to [`MOST_OCTAVES`]; 1 is single scattering.
+    pub count: u32,
+    /// Weight of an octave over that of the one before.
+    pub contribution: f64,
+    /// Optical depth of an octave over that of the one before.
+    pub attenuation: f64,
+    /// Mean cosines of an octave's phase function over those of the one before.
+    pub eccentricity: f64,
+    /// How much great depths count less, in all octaves; 0: each as it is.
+    pub compression: f64,
+}
+
+/// Less light from thin parts.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Powder {
+    /// What a part without extinction loses, 0 to 1; 0 is no powder.
+    pub strength: f64,
+    /// Length over which extinction counts, in sides of the box.
+    pub length: f64,
+    /// Share of it that ambient light has, too, 0 to 1.
+    pub ambient: f64,
+}
+
+/// Light that thick surroundings keep and thin ones lose: multiple scattering spreads, so that the sun's light at a place follows the
+/// density around it (averages: [`crate::media::averages`]), and not only the depth towards the sun.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Body {
+    /// What surroundings without extinction lose of the sun's light, 0 to 1; 0 is no such term.
+    pub strength: f64,
+    /// Length over which the extinction around counts, in sides of the box.
+    pub length: f64,
+    /// Whether the march towards the sun reads averages of the density, too: shadows without detail.
+    pub shadow: bool,
+}
+
+/// More light around the sun.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct SilverLining {
+    /// Per steradian, added to the phase function towards the sun; 0 is none.
+    pub strength: f64,
+    /// Exponent of the cosine.
+    pub exponent: f64,
+}
+
+/// All of them.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Terms {
+    /// Factor on the sun and the world of a scene.
+    pub exposure: f64,
+    /// Octaves of multiple scattering.
+    pub octaves: Octaves,
+    /// Powder.
+    pub powder: Powder,
+    /// What surrounds a place.
+    pub body: Body,
+    /// Silver lining.
+    pub silver: SilverLining,
+    /// Factor on the ambient light at the bottom of the box and at its top, linear between.
+    pub ambient: [f64; 2],
+}
+
+impl Terms {
+    /// Single scattering and a constant ambient light.
+    pub const NONE: Self = Self {
+        exposure: 1.0,
+        octaves: Octaves { count: 1, contribution: 0.5, attenuation: 0.5, eccentricity: 0.5, compression: 0.0 },
+        powder: Powder { strength: 0.0, length: 0.1, ambient: 1.0 },
+        body: Body { strength: 0.0, length: 0.1, shadow: false },
+        silver: SilverLining { strength: 0.0, exponent: 8.0 },
+        ambient: [1.0; 2],
+    };
+}
+
+impl Terms {
+    /// Whether averages of the density are read.
+    pub fn needs_coarse(&self) -> bool {
+        self.body.strength > 0.0 || self.body.shadow
+    }
+}
+
+impl Octaves {
+    /// The sum over octaves of their weights, which hold the phase functions, each dimmed by its part of an optical depth.
+    pub fn sum(&self, weights: &[f64], depth: f64) -> f64 {
+        octaves(weights, self.attenuation, depth)
+    }
+
+    /// The depth towards the sun that counts.
+    pub fn compressed(&self, depth: f64) -> f64 {
+        compressed(self.compression, depth)
+    }
+}
+
+impl Powder {
+    /// Factor on all light, for an extinction per side of the box.
+    pub fn factor(&self, extinction: f64) -> f64 {
+        powder(self.strength, self.length, extinction)
+    }
+}
+
+impl Body {
+    /// Factor on the sun's light, for an extinction around a place per side of the box.
+    pub fn factor(&self, extinction: f64) -> f64 {
+        powder(self.strength, self.length, extinction)
+    }
+}
+
+impl SilverLining {
+    /// What is added to the phase function, per steradian.
+    pub fn value(&self, cosine: f64) -> f64 {
+        silver(self.strength, self.exponent, cosine)
+    }
+}
+
+/// [`Octaves::sum`] in f32 or f64.
+pub fn octaves<T: Float>(weights: &[T], attenuation: T, depth: T) -> T {
+    let (mut sum, mut dimmed) = (T::zero(), depth);
+    for &weight in weights {
+        sum = sum + weight * transmittance(dimmed);
+        dimmed = dimmed * attenuation;
+    }
+    sum
+}
+
+/// [`Octaves::compressed`] in f32 or f64: nothing is subtracted, so that each rounding counts once.
+pub fn compressed<T: Float>(compression: T, depth: T) -> T {
+    let two = T::one() + T::one();
+    let bent = (two * compression * depth).min(T::from(LARGEST_COMPRESSED).expect("f32 holds it"));
+    two * depth / (T::one() + (T::one() + bent).sqrt())
+}
+
+/// [`Powder::factor`] in f32 or f64: of thin parts without the difference of nearly equal numbers.
+pub fn powder<T: Float>(strength: T, length: T, extinction: T) -> T {
+    (T::one() - strength) + strength * absorbed(length * extinction)
+}
+
+/// [`SilverLining::value`] in f32 or f64.
+pub fn silver<T: Float>(strength: T, exponent: T, cosine: T) -> T {
+    strength * cosine.max(T::zero()).powf(exponent)
+}

@@ -1,0 +1,132 @@
+//! Density models beside the node graph: clouds of published engines, rebuilt from what they compute.
+//!
+//! All of them answer through [`DensityModel`], in a *local box* from -0.5 to 0.5 on every axis whose side is one unit of length.
+
+pub mod graph;
+pub mod light;
+pub mod march;
+pub mod parameters;
+pub mod passes;
+pub mod perlin_fbm;
+pub mod render;
+
+use crate::base::error::{Error, Result};
+use crate::engines::light::{LightModel, Variant};
+use crate::engines::march::RealTimeSettings;
+use crate::engines::passes::god_rays::GodRays;
+use crate::media::averages::CoarseDensity;
+use crate::media::density::DensityModel;
+use crate::scene::Scene;
+use std::sync::OnceLock;
+
+/// A density model by name: of a published engine, or a scene's own.
+pub struct Model {
+    /// Name on the command line.
+    pub id: &'static str,
+    /// Name in words.
+    pub title: &'static str,
+    /// What it is, in a sentence or two.
+    pub about: &'static str,
+    /// Its parameters.
+    pub parameters: &'static [parameters::Parameter],
+    /// Levels of quality: a name, and the parameters that it sets.
+    pub qualities: &'static [(&'static str, &'static [(&'static str, f64)])],
+    /// How it is built.
+    pub build: Build,
+}
+
+/// How an engine is built.
+pub enum Build {
+    /// From its parameters, after seconds of animation.
+    Alone(fn(&parameters::Values, Variant, f64) -> Result<Engine>),
+    /// From a scene's material and parameters.
+    OfScene(fn(&Scene, &parameters::Values, Variant) -> Result<Engine>),
+}
+
+/// A model with all that its engine brings along.
+pub struct Engine {
+    /// Name of the model.
+    pub model: &'static str,
+    /// Which form.
+    pub variant: Variant,
+    /// The parameters that it was built from.
+    pub values: parameters::Values,
+    /// The density.
+    pub density: Box<dyn DensityModel>,
+    /// The engine's light; a scene brings its own sun and world.
+    pub light: LightModel,
+    /// How the engine marches.
+    pub march: RealTimeSettings,
+    /// The engine's god rays.
+    pub god_rays: GodRays,
+    /// What is to be said about the parameters.
+    pub warnings: Vec<String>,
+    /// Averages of the density, made when a light model asks for them.
+    pub averages: OnceLock<CoarseDensity>,
+}
+
+impl Engine {
+    /// Averages of the density.
+    pub fn coarse(&self) -> &CoarseDensity {
+        self.averages.get_or_init(|| CoarseDensity::of(self.density.as_ref()))
+    }
+
+    /// The same engine with another density.
+    pub fn with_density(&self, density: Box<dyn DensityModel>) -> Self {
+        Self {
+            density,
+            values: self.values.clone(),
+            light: self.light.clone(),
+            march: self.march.clone(),
+            god_rays: self.god_rays,
+            warnings: self.warnings.clone(),
+            averages: std::sync::OnceLock::new(),
+            ..*self
+        }
+    }
+}
+
+/// All models.
+pub fn models() -> &'static [&'static Model] {
+    static MODELS: [&Model; 2] = [&graph::MODEL, &perlin_fbm::MODEL];
+    &MODELS
+}
+
+/// A model by its name.
+pub fn find(id: &str) -> Result<&'static Model> {
+    models().iter().copied().find(|model| model.id == id).ok_or_else(|| {
+        let known: Vec<&str> = models().iter().map(|model| model.id).collect();
+        Error::new("density model", format!("\"{id}\""), format!("one of {}", known.join(", ")), "Correct the name.")
+    })
+}
+
+impl Model {
+    /// Its engine for a scene, after `seconds` of animation.
+    pub fn engine(&self, scene: &Scene, values: &parameters::Values, variant: Variant, seconds: f64) -> Result<Engine> {
+        match self.build {
+            Build::Alone(build) => build(values, variant, seconds),
+            Build::OfScene(build) => build(scene, values, variant),
+        }
+    }
+
+    /// The default values, changed by a level of quality and by texts `NAME=VALUE`, in this order.
+    pub fn values(&self, quality: Option<&str>, texts: &[String]) -> Result<parameters::Values> {
+        let mut values = parameters::Values::defaults(self.parameters);
+        if let Some(wanted) = quality {
+            let Some((_, settings)) = self.qualities.iter().find(|(name, _)| *name == wanted) else {
+                let known: Vec<&str> = self.qualities.iter().map(|(name, _)| *name).collect();
+                return Err(Error::new(
+                    "--quality",
+                    format!("\"{wanted}\""),
+                    format!("one of {}", known.join(", ")),
+                    "Correct the name.",
+                ));
+            };
+            for &(name, value) in *settings {
+                values.set(self.parameters, name, value, "a level of quality")?;
+            }
+        }
+        values.set_texts(self.parameters, texts)?;
+        Ok(values)
+    }
+}

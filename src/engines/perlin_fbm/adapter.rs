@@ -1,0 +1,189 @@
+//! The Perlin-FBM cloud on the adapter: its bake, and its density for marches.
+
+use crate::base::error::Result;
+use crate::engines::perlin_fbm::bake::{Bake, MOST_OCTAVES};
+use crate::engines::perlin_fbm::mask::SIDE;
+use crate::engines::perlin_fbm::random::permutation;
+use crate::engines::perlin_fbm::rows::Tables;
+use crate::engines::perlin_fbm::{Cloud, Volume};
+use crate::gpu::Gpu;
+use crate::gpu::ModelShader;
+use crate::graph::wgsl::Linker;
+use bytemuck::{Pod, Zeroable};
+
+/// Invocations per workgroup.
+const WORKGROUP: usize = 64;
+
+/// Texels of an invocation, one behind the other.
+const DEPTH: usize = 4;
+
+/// Noises per submission: some 40 ms on a software adapter.
+const NOISES: usize = 1 << 21;
+
+/// Bytes of a uniform buffer that every adapter allows.
+const UNIFORM_BYTES: usize = 1 << 16;
+
+/// Uniforms of `shaders/engines/perlin_fbm/bake.wgsl`.
+#[repr(C)]
+#[derive(Clone, Copy, Pod, Zeroable)]
+struct BakeUniform {
+    side: u32,
+    octaves: u32,
+    first: u32,
+    count: u32,
+    coverage: f32,
+    softness: f32,
+    intensity: f32,
+    padding: u32,
+}
+
+/// Uniforms of `shaders/engines/perlin_fbm/density.wgsl`.
+#[repr(C)]
+#[derive(Clone, Copy, Pod, Zeroable)]
+struct ModelUniform {
+    flattening_low: [f32; 3],
+    mask_radius: f32,
+    flattening_high: [f32; 3],
+    mask_softness: f32,
+    offset: [f32; 3],
+    tiling: f32,
+    strengths: [f32; 2],
+    threshold: f32,
+    multiplier: f32,
+    side: u32,
+    mask_side: u32,
+    reads_textures: u32,
+    shows_mask: u32,
+}
+
+/// The kernel of the bake.
+pub struct BakeKernel<'a> {
+    gpu: &'a Gpu,
+    /// With the tables of the axes in a uniform buffer, and in storage, for those that do not fit.
+    pipelines: [wgpu::ComputePipeline; 2],
+}
+
+impl<'a> BakeKernel<'a> {
+    /// Compiles it.
+    pub fn new(gpu: &'a Gpu) -> Result<Self> {
+        let source = include_str!("../../../shaders/engines/perlin_fbm/bake.wgsl");
+        let pipeline = |definitions: &[&str]| {
+            let module = Linker::bare()?.link_with("engines/perlin_fbm/bake.wgsl", source, definitions)?;
+            gpu.pipeline("perlin_fbm_bake", &module)
+        };
+        Ok(Self { gpu, pipelines: [pipeline(&[])?, pipeline(&["LARGE_AXES"])?] })
+    }
+
+    /// The texture of `side` texels per axis, in single precision over tables of double: a few texels of a hundred differ by 1
+    /// from [`Bake::volume`].
+    pub fn volume(&self, bake: &Bake, side: usize) -> Result<Volume> {
+        bake.check_side(side)?;
+        let table = permutation(bake.seed);
+        let tables = Tables::<f64>::new(bake, &table, side);
+        let mut axes: Vec<[f32; 2]> = Vec::new();
+        for axis in tables.axes.iter().flatten() {
+            let places = axis.fractions.iter().zip(&axis.cells);
+            axes.extend(places.map(|(&fraction, &cell)| [fraction as f32, f32::from_bits(cell as u32)]));
+        }
+        // Coordinates beyond all numbers: what the CPU gives is no number, and its byte is 0.
+        if axes.iter().any(|[fraction, ..]| fraction.is_nan()) {
+            return Ok(Volume { side, texels: vec![0; side.pow(3)] });
+        }
+        let pairs: Vec<u8> =
+            (0..1 << 16).map(|index| table[(usize::from(table[index & 255]) + (index >> 8)) & 255]).collect();
+        let amplitudes: Vec<f32> =
+            tables.amplitudes.iter().map(|&amplitude| (amplitude / tables.amplitude_sum) as f32).collect();
+        let gradients = tables.last.map(|gradient| {
+            let gradient = u32::from(gradient);
+            let first_is_x = u32::from(gradient < 8);
+            let second = match gradient {
+                0..4 => 2,
+                12 | 14 => 4,
+                _ => 0,
+            };
+            gradient << 31 | (gradient >> 1 & 1) << 30 | first_is_x | second
+        });
+        let storage = wgpu::BufferUsages::STORAGE;
+        let all = side.pow(3);
+        let output = self.gpu.device().create_buffer(&wgpu::BufferDescriptor {
+            label: Some("texels"),
+            size: 4 * all as u64,
+            usage: storage | wgpu::BufferUsages::COPY_SRC,
+            mapped_at_creation: false,
+        });
+        let uniform = wgpu::BufferUsages::UNIFORM;
+        let are_large = axes.len() * 8 > UNIFORM_BYTES;
+        // A uniform binding is as large as its declaration.
+        let padded = |bytes: &[u8], size: usize| {
+            let mut bytes = bytes.to_vec();
+            bytes.resize(size.max(bytes.len()), 0);
+            bytes
+        };
+        let axes = padded(bytemuck::cast_slice(&axes), UNIFORM_BYTES);
+        let data = [
+            self.gpu.upload("axes", &axes, if are_large { storage } else { uniform }),
+            self.gpu.upload(
+                "amplitudes",
+                &padded(bytemuck::cast_slice(&amplitudes), 4 * MOST_OCTAVES as usize),
+                uniform,
+            ),
+            self.gpu.upload("pairs", &pairs, uniform),
+            self.gpu.upload("gradients", bytemuck::cast_slice(&gradients), uniform),
+            output,
+        ];
+        let octaves = bake.octaves.count;
+        let invocations = side * side * side.div_ceil(DEPTH);
+        let most = (NOISES / (8 * DEPTH * octaves as usize)).next_multiple_of(WORKGROUP);
+        for first in (0..invocations).step_by(most) {
+            let count = most.min(invocations - first);
+            let uniform = BakeUniform {
+                side: side as u32,
+                octaves,
+                first: first as u32,
+                count: count as u32,
+                coverage: bake.coverage as f32,
+                softness: bake.softness as f32,
+                intensity: bake.intensity as f32,
+                padding: 0,
+            };
+            let uniform = self.gpu.upload("bake", bytemuck::bytes_of(&uniform), wgpu::BufferUsages::UNIFORM);
+            let buffers = std::iter::once(&uniform).chain(&data).collect();
+            self.gpu.dispatch(&self.pipelines[usize::from(are_large)], &[buffers], count.div_ceil(WORKGROUP) as u32);
+        }
+        let [.., output] = &data;
+        let words: Vec<u32> = bytemuck::pod_collect_to_vec(&self.gpu.read_back(output, 4 * all as u64)?);
+        Ok(Volume { side, texels: words.into_iter().map(|word| word as u8).collect() })
+    }
+}
+
+/// The density of a cloud for the adapter.
+pub(crate) fn density(cloud: &Cloud) -> ModelShader {
+    let parameters = &cloud.parameters;
+    let mask = &parameters.mask;
+    let single = |values: [f64; 3]| values.map(|value| value as f32);
+    let uniform = ModelUniform {
+        flattening_low: single(mask.flattening[0]),
+        mask_radius: mask.radius as f32,
+        flattening_high: single(mask.flattening[1]),
+        mask_softness: mask.softness as f32,
+        offset: single(parameters.offset),
+        tiling: parameters.tiling as f32,
+        strengths: mask.deformations.map(|deformation| deformation.strength as f32),
+        threshold: parameters.threshold as f32,
+        multiplier: parameters.density_multiplier as f32,
+        side: cloud.volume.side as u32,
+        mask_side: SIDE as u32,
+        reads_textures: u32::from(mask.reads_textures),
+        shows_mask: u32::from(parameters.shows_mask),
+    };
+    let [main, fine] = &cloud.mask.textures;
+    ModelShader {
+        path: "engines/perlin_fbm/density.wgsl",
+        source: include_str!("../../../shaders/engines/perlin_fbm/density.wgsl"),
+        uniform: bytemuck::bytes_of(&uniform).to_vec(),
+        storage: vec![
+            cloud.volume.texels.clone(),
+            main.texels.iter().zip(&fine.texels).flat_map(|(&main, &fine)| [main, fine]).collect(),
+        ],
+    }
+}

@@ -1,0 +1,152 @@
+//! The byte volume: octaves of noise, made periodic, thresholded.
+
+use crate::base::error::{Error, Result};
+use crate::engines::perlin_fbm::noise::{Octaves, octaves};
+use crate::engines::perlin_fbm::random::{Permutation, permutation};
+use crate::engines::perlin_fbm::{Volume, above_zero, finite, rows};
+use crate::media::transfer::smooth;
+use num_traits::Float;
+use rayon::prelude::*;
+
+/// Most texels per axis: 16 MiB.
+pub const LARGEST: usize = 256;
+
+/// Most octaves.
+pub const MOST_OCTAVES: u32 = 64;
+
+/// Parameters of a bake.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Bake {
+    /// Centre of the threshold, 0 to 1.
+    pub coverage: f64,
+    /// Half width of the threshold, above 0.
+    pub softness: f64,
+    /// Units of noise across the box, above 0.
+    pub noise_scale: f64,
+    /// Octaves of noise.
+    pub octaves: Octaves,
+    /// Exponent before the threshold, above 0.
+    pub intensity: f64,
+    /// Makes the permutation, and shifts the coordinates. Any finite number.
+    pub seed: f64,
+}
+
+impl Default for Bake {
+    /// The engine's defaults; its seed is random, ours is 42.
+    fn default() -> Self {
+        Self {
+            coverage: 0.55,
+            softness: 0.05,
+            noise_scale: 3.5,
+            octaves: Octaves { count: 5, persistence: 0.5, lacunarity: 3.0 },
+            intensity: 1.0,
+            seed: 42.0,
+        }
+    }
+}
+
+/// Corners of the blend in the order of the sum, which decides its rounding.
+pub(crate) const CORNERS: [[usize; 3]; 8] =
+    [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1], [1, 1, 0], [1, 0, 1], [0, 1, 1], [1, 1, 1]];
+
+impl Bake {
+    /// Refuses parameters outside of their ranges.
+    pub fn check(&self) -> Result<()> {
+        let Octaves { count, persistence, lacunarity } = self.octaves;
+        for (name, value) in [
+            ("coverage", self.coverage),
+            ("softness", self.softness),
+            ("noise_scale", self.noise_scale),
+            ("persistence", persistence),
+            ("lacunarity", lacunarity),
+            ("intensity", self.intensity),
+            ("seed", self.seed),
+        ] {
+            finite(name, value)?;
+        }
+        above_zero("softness", self.softness)?;
+        above_zero("noise_scale", self.noise_scale)?;
+        above_zero("intensity", self.intensity)?;
+        if !(1..=MOST_OCTAVES).contains(&count) {
+            let expected = format!("1 to {MOST_OCTAVES}");
+            return Err(Error::new("parameter octaves", count.to_string(), expected, "Correct the parameter."));
+        }
+        Ok(())
+    }
+
+    /// The texture of `side` texels per axis, in double precision: byte for byte the original's.
+    pub fn volume(&self, side: usize) -> Result<Volume> {
+        self.volume_in::<f64>(side)
+    }
+
+    /// The texture in the precision `T`. In single precision a few texels of a hundred differ by 1.
+    pub fn volume_in<T: Float + Send + Sync>(&self, side: usize) -> Result<Volume> {
+        self.check_side(side)?;
+        let values = rows::blend::<T>(self, &permutation(self.seed), side);
+        Ok(Volume { side, texels: values.into_par_iter().map(|value| self.byte(value)).collect() })
+    }
+
+    /// The same as [`Self::volume`], texel by texel on one core as the original computes it: what benchmarks and tests compare with.
+    pub fn volume_plain(&self, side: usize) -> Result<Volume> {
+        self.check_side(side)?;
+        let table = permutation(self.seed);
+        let texel = |index: usize| {
+            let place = [index % side, index / side % side, index / (side * side)];
+            self.byte(self.blend(&table, place.map(|number| number as f64 / (side - 1) as f64)))
+        };
+        Ok(Volume { side, texels: (0..side.pow(3)).map(texel).collect() })
+    }
+
+    pub(crate) fn check_side(&self, side: usize) -> Result<()> {
+        self.check()?;
+        if (2..=LARGEST).contains(&side) {
+            return Ok(());
+        }
+        Err(Error::new(
+            "parameter texture_size",
+            side.to_string(),
+            format!("2 to {LARGEST} texels per axis"),
+            "Correct the parameter.",
+        ))
+    }
+
+    /// The periodic noise mapped to about [0, 1], at a place of the unit box: eight shifted copies, each with the weight of its corner.
+    pub fn blend<T: Float>(&self, table: &Permutation, place: [T; 3]) -> T {
+        let convert = |value: f64| T::from(value).expect("a float holds any double, rounded");
+        let (scale, seed) = (convert(self.noise_scale), convert(self.seed));
+        let base = place.map(|coordinate| coordinate * scale + seed);
+        let mut sum = T::zero();
+        for corner in CORNERS {
+            let shifted = std::array::from_fn(|axis| if corner[axis] == 1 { base[axis] - scale } else { base[axis] });
+            let mut term = octaves(table, shifted, &self.octaves);
+            for axis in 0..3 {
+                term = term * if corner[axis] == 1 { place[axis] } else { T::one() - place[axis] };
+            }
+            sum = sum + term;
+        }
+        (sum + T::one()) / (T::one() + T::one())
+    }
+
+    /// The value in [0, 1] at a place in periods of the texture, that no texture rounds: what a texture of ever more texels and bits
+    /// tends to.
+    pub fn exact(&self, table: &Permutation, place: [f64; 3]) -> f64 {
+        self.density(self.blend(table, place.map(|coordinate| coordinate - coordinate.floor())))
+    }
+
+    /// The thresholded value of the blended noise. NaN, a negative value to a broken power, gives 0.
+    fn density<T: Float>(&self, value: T) -> T {
+        let convert = |value: f64| T::from(value).expect("a float holds any double, rounded");
+        let [coverage, softness, intensity] = [self.coverage, self.softness, self.intensity].map(convert);
+        let powered = value.powf(intensity);
+        if powered.is_nan() {
+            return T::zero();
+        }
+        smooth(coverage - softness, coverage + softness, powered)
+    }
+
+    /// The texel of a value of the blended noise. NaN, a negative value to a broken power, gives 0.
+    pub fn byte<T: Float>(&self, value: T) -> u8 {
+        let most = T::from(255.0).expect("a small whole number");
+        (self.density(value) * most).floor().to_u8().unwrap_or(0)
+    }
+}

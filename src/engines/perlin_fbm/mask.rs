@@ -1,0 +1,159 @@
+//! The mask: the signed distance of a sphere that is flattened in six directions and deformed by two textures of noise.
+
+use crate::base::error::Result;
+use crate::engines::perlin_fbm::noise::{Field, noise};
+use crate::engines::perlin_fbm::random::{Permutation, permutation};
+use crate::engines::perlin_fbm::{Volume, Wrap, above_zero, finite};
+use std::sync::Arc;
+
+/// Texels of a mask texture per axis.
+pub const SIDE: usize = 128;
+
+/// Parameters of the mask, in units of the local box.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Mask {
+    /// Radius of the sphere; not above 0: no cloud.
+    pub radius: f64,
+    /// Distance over which the mask fades in, above 0.
+    pub softness: f64,
+    /// Factors on the radius along -x, -y, -z and +x, +y, +z: 1 is a sphere, below it flat. Above 0: the original divides by it.
+    pub flattening: [[f64; 3]; 2],
+    /// Main and fine deformation.
+    pub deformations: [Deformation; 2],
+    /// Whether the textures are read. The original never uploads its own, so that both read as 0 and the sphere is smaller by
+    /// both strengths (defect PF-2).
+    pub reads_textures: bool,
+}
+
+/// A deformation of the sphere.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Deformation {
+    /// Seed of its noise.
+    pub seed: f64,
+    /// Largest displacement.
+    pub strength: f64,
+    /// Units of noise in the sphere's radius.
+    pub frequency: f64,
+}
+
+impl Default for Mask {
+    /// What the engine's mask begins with: the only values with which its mask works as published.
+    fn default() -> Self {
+        Self {
+            radius: 0.52,
+            softness: 0.17,
+            flattening: [[0.9, 0.3, 0.9], [0.9, 0.7, 0.9]],
+            deformations: [
+                Deformation { seed: 1.0, strength: 0.05, frequency: 2.7 },
+                Deformation { seed: 10.0, strength: 0.036, frequency: 10.5 },
+            ],
+            reads_textures: true,
+        }
+    }
+}
+
+/// A mask with its textures.
+#[derive(Debug, Clone)]
+pub struct Baked {
+    mask: Mask,
+    /// Main and fine deformation.
+    pub textures: [Arc<Volume>; 2],
+    /// Their permutations.
+    tables: [Permutation; 2],
+}
+
+impl Mask {
+    /// Makes the textures, after refusing parameters that are no numbers, or not above 0 where they must be.
+    pub fn bake(&self) -> Result<Baked> {
+        self.bake_after(None)
+    }
+
+    /// The same, with the textures of another mask where their seed and frequency are the same.
+    pub fn bake_after(&self, other: Option<&Baked>) -> Result<Baked> {
+        finite("mask radius", self.radius)?;
+        finite("mask softness", self.softness)?;
+        for &value in self.flattening.as_flattened() {
+            finite("flattening", value)?;
+            above_zero("flattening", value)?;
+        }
+        for Deformation { seed, strength, frequency } in self.deformations {
+            finite("deformation seed", seed)?;
+            finite("deformation strength", strength)?;
+            finite("deformation frequency", frequency)?;
+        }
+        above_zero("mask softness", self.softness)?;
+        let textures = std::array::from_fn(|number| {
+            let wanted = self.deformations[number];
+            let found = other.and_then(|other| {
+                let there = other.mask.deformations[number];
+                (there.seed == wanted.seed && there.frequency == wanted.frequency)
+                    .then(|| Arc::clone(&other.textures[number]))
+            });
+            found.unwrap_or_else(|| Arc::new(wanted.texture()))
+        });
+        let tables = self.deformations.map(|deformation| permutation(deformation.seed));
+        Ok(Baked { mask: *self, textures, tables })
+    }
+}
+
+impl Deformation {
+    /// The texture of `SIDE` texels per axis: noise in the direction of each texel from the centre, as a byte that wraps around.
+    pub fn texture(&self) -> Volume {
+        let table = permutation(self.seed);
+        Volume::bake(SIDE, |place| {
+            // The side is even: no texel lies at the centre.
+            let value = self.value(&table, place.map(|number| 2.0 * number as f64 / (SIDE - 1) as f64 - 1.0));
+            // Truncated, not clamped: 256 wraps to 0.
+            (128.0 * value + 128.0) as i64 as u8
+        })
+    }
+}
+
+impl Deformation {
+    /// The noise in a direction of any length but 0.
+    fn value(&self, table: &Permutation, [x, y, z]: [f64; 3]) -> f64 {
+        let inverse = 1.0 / (x * x + y * y + z * z).sqrt();
+        noise(Field::Mask, table, [x, y, z].map(|part| part * inverse * self.frequency))
+    }
+}
+
+impl Baked {
+    /// Signed distance at a place of the local box, positive inside; -1 without a radius.
+    pub fn distance(&self, place: [f64; 3]) -> f64 {
+        self.distance_by(place, |number, direction| {
+            if !self.mask.reads_textures {
+                return -1.0;
+            }
+            let at = direction.map(|part| part * self.mask.radius * 0.5 + 0.5);
+            2.0 * self.textures[number].sample(at, Wrap::Clamp) - 1.0
+        })
+    }
+
+    /// The same by the noise itself instead of its textures.
+    pub fn exact_distance(&self, place: [f64; 3]) -> f64 {
+        self.distance_by(place, |number, direction| {
+            if !self.mask.reads_textures {
+                return -1.0;
+            }
+            self.mask.deformations[number].value(&self.tables[number], direction)
+        })
+    }
+
+    /// The distance with the deformations, each -1 to 1, that `deformation` gives by number and unit direction.
+    fn distance_by(&self, place: [f64; 3], deformation: impl Fn(usize, [f64; 3]) -> f64) -> f64 {
+        let Mask { radius, flattening, deformations, .. } = self.mask;
+        if radius <= 0.0 {
+            return -1.0;
+        }
+        let stretched: [f64; 3] =
+            std::array::from_fn(|axis| place[axis] / flattening[usize::from(place[axis] > 0.0)][axis]);
+        let length = stretched.iter().map(|part| part * part).sum::<f64>().sqrt();
+        if length == 0.0 {
+            return radius;
+        }
+        let direction = stretched.map(|part| part / length);
+        let displacement: f64 =
+            (0..2).map(|number| deformation(number, direction) * deformations[number].strength).sum();
+        radius + displacement - length
+    }
+}

@@ -1,0 +1,210 @@
+//! The bake row by row: the values of [`Bake::blend`](super::bake::Bake::blend), to the bit, for a fraction of its work.
+//!
+//! A coordinate of the noise depends on one axis, one copy of the blend and one octave, so cells, fractions and fades are tables.
+//! Along a row of texels y and z stand still: at a lattice point the gradient's dot product is then a x + b for the
+//! texel's x, where a and b have one of 16 values for each of the four lattice rows around the texels. Adding the part of a gradient
+//! that is 0 changes no value, and the interpolation along x, y and z keeps its order, so every rounding is that of the
+//! straightforward evaluation.
+
+use crate::engines::perlin_fbm::bake::{Bake, CORNERS};
+use crate::engines::perlin_fbm::random::Permutation;
+use num_traits::Float;
+use rayon::prelude::*;
+
+/// The 16 gradients: what each axis counts for.
+const GRADIENTS: [[i8; 3]; 16] = [
+    [1, 1, 0],
+    [-1, 1, 0],
+    [1, -1, 0],
+    [-1, -1, 0],
+    [1, 0, 1],
+    [-1, 0, 1],
+    [1, 0, -1],
+    [-1, 0, -1],
+    [0, 1, 1],
+    [0, -1, 1],
+    [0, 1, -1],
+    [0, -1, -1],
+    [1, 1, 0],
+    [0, -1, 1],
+    [-1, 1, 0],
+    [0, -1, -1],
+];
+
+/// Dot products at a lattice point of the four rows around a row of texels: slope and value, row (y, z) at index y + 2 z.
+type Slopes<T> = [[T; 4]; 2];
+
+/// The coordinates of an axis in one copy of the blend and one octave, for every texel.
+pub(crate) struct Axis<T> {
+    /// Lattice cell modulo 256.
+    pub(crate) cells: Vec<usize>,
+    /// Place in the cell, 0 to 1.
+    pub(crate) fractions: Vec<T>,
+    /// Weight of the cell's end in the interpolation.
+    pub(crate) fades: Vec<T>,
+    /// Lattice points that the texels lie between, each once, modulo 256.
+    points: Vec<usize>,
+    /// Number of the lattice point before each texel; the next one lies after it.
+    before: Vec<usize>,
+}
+
+impl<T: Float> Axis<T> {
+    fn new(coordinates: impl Iterator<Item = T>) -> Self {
+        let convert = |value: f64| T::from(value).expect("a small whole number");
+        let [six, ten, fifteen] = [6.0, 10.0, 15.0].map(convert);
+        let mut axis = Self {
+            cells: Vec::new(),
+            fractions: Vec::new(),
+            fades: Vec::new(),
+            points: Vec::new(),
+            before: Vec::new(),
+        };
+        // The floor at the second of the last two points.
+        let mut last = T::nan();
+        for coordinate in coordinates {
+            let floor = coordinate.floor();
+            let cell = (floor.to_i64().unwrap_or(0) & 255) as usize;
+            let t = coordinate - floor;
+            if floor == last {
+                axis.points.push((cell + 1) & 255);
+            } else if floor + T::one() != last {
+                axis.points.extend([cell, (cell + 1) & 255]);
+            }
+            last = floor + T::one();
+            axis.before.push(axis.points.len() - 2);
+            axis.cells.push(cell);
+            axis.fractions.push(t);
+            axis.fades.push(t * t * t * (t * (t * six - fifteen) + ten));
+        }
+        axis
+    }
+}
+
+/// Everything that no row changes.
+pub(crate) struct Tables<'a, T> {
+    /// The permutation, and the last two of its look-ups in one, as the number of a gradient.
+    first: &'a Permutation,
+    pub(crate) last: [u8; 256],
+    /// Place of each texel in the box.
+    places: Vec<T>,
+    /// Per axis, copy (0 or 1 along that axis) and octave. Axes differ in nothing, so there is one of them.
+    pub(crate) axes: [Vec<Axis<T>>; 2],
+    pub(crate) amplitudes: Vec<T>,
+    pub(crate) amplitude_sum: T,
+}
+
+/// The blended noise of all texels, x fastest.
+pub(crate) fn blend<T: Float + Send + Sync>(bake: &Bake, table: &Permutation, side: usize) -> Vec<T> {
+    let tables = Tables::new(bake, table, side);
+    let mut values = vec![T::zero(); side.pow(3)];
+    // Layers of one z, whose rows run through y.
+    values.par_chunks_mut(side * side).enumerate().for_each(|(z, layer)| {
+        fearless_simd::dispatch!(crate::nodes::lane_level(), simd => {
+            let _ = simd;
+            tables.layer(z, layer);
+        });
+    });
+    values
+}
+
+impl<'a, T: Float> Tables<'a, T> {
+    pub(crate) fn new(bake: &Bake, table: &'a Permutation, side: usize) -> Self {
+        let convert = |value: f64| T::from(value).expect("a float holds any double, rounded");
+        let [scale, seed, persistence, lacunarity] =
+            [bake.noise_scale, bake.seed, bake.octaves.persistence, bake.octaves.lacunarity].map(convert);
+        let places: Vec<T> = (0..side).map(|number| convert(number as f64) / convert((side - 1) as f64)).collect();
+        let mut tables = Self {
+            first: table,
+            last: std::array::from_fn(|index| table[usize::from(table[index])] & 15),
+            places: places.clone(),
+            axes: [Vec::new(), Vec::new()],
+            amplitudes: Vec::new(),
+            amplitude_sum: T::zero(),
+        };
+        let (mut amplitude, mut frequency) = (T::one(), T::one());
+        for _ in 0..bake.octaves.count {
+            for (copy, axes) in tables.axes.iter_mut().enumerate() {
+                axes.push(Axis::new(places.iter().map(|&place| {
+                    let base = place * scale + seed;
+                    (if copy == 1 { base - scale } else { base }) * frequency
+                })));
+            }
+            tables.amplitudes.push(amplitude);
+            tables.amplitude_sum = tables.amplitude_sum + amplitude;
+            amplitude = amplitude * persistence;
+            frequency = frequency * lacunarity;
+        }
+        tables
+    }
+
+    #[inline(always)]
+    fn layer(&self, z: usize, layer: &mut [T]) {
+        let side = self.places.len();
+        let mut noise = vec![T::zero(); side];
+        let mut slopes: Vec<Slopes<T>> = Vec::new();
+        for (y, row) in layer.chunks_exact_mut(side).enumerate() {
+            for corner in CORNERS {
+                noise.fill(T::zero());
+                for octave in 0..self.amplitudes.len() {
+                    let [along_x, along_y, along_z] = corner.map(|copy| &self.axes[copy][octave]);
+                    self.dot_products(along_x, [(along_y, y), (along_z, z)], &mut slopes);
+                    add_octave(
+                        along_x,
+                        [along_y.fades[y], along_z.fades[z]],
+                        &slopes,
+                        self.amplitudes[octave],
+                        &mut noise,
+                    );
+                }
+                let weight = |axis: usize, place: T| if corner[axis] == 1 { place } else { T::one() - place };
+                let [along_y, along_z] = [weight(1, self.places[y]), weight(2, self.places[z])];
+                for ((sum, noise), &place) in row.iter_mut().zip(&noise).zip(&self.places) {
+                    *sum = *sum + *noise / self.amplitude_sum * weight(0, place) * along_y * along_z;
+                }
+            }
+            for value in row {
+                *value = (*value + T::one()) / (T::one() + T::one());
+            }
+        }
+    }
+
+    /// Slopes and values at the lattice points along x, for the texel row at these places of y and z.
+    #[inline(always)]
+    fn dot_products(&self, along_x: &Axis<T>, across: [(&Axis<T>, usize); 2], slopes: &mut Vec<Slopes<T>>) {
+        let [y, z] = across.map(|(axis, place)| axis.fractions[place]);
+        let [cell_y, cell_z] = across.map(|(axis, place)| axis.cells[place]);
+        let part = |sign: i8| T::from(sign).expect("a small whole number");
+        let dot: [[[T; 2]; 16]; 4] = std::array::from_fn(|row| {
+            let [from_y, from_z] = [(y, row & 1), (z, row >> 1)].map(|(t, up)| if up == 1 { t - T::one() } else { t });
+            std::array::from_fn(|gradient| {
+                let [a, b, c] = GRADIENTS[gradient].map(part);
+                [a, b * from_y + c * from_z]
+            })
+        });
+        slopes.clear();
+        slopes.extend(along_x.points.iter().map(|&point| {
+            let first = usize::from(self.first[point]);
+            let second = [0, 1].map(|up| usize::from(self.first[(first + cell_y + up) & 255]));
+            let found: [[T; 2]; 4] = std::array::from_fn(|row| {
+                let gradient = self.last[(second[row & 1] + cell_z + (row >> 1)) & 255];
+                dot[row][usize::from(gradient & 15)]
+            });
+            [0, 1].map(|part| std::array::from_fn(|row| found[row][part]))
+        }));
+    }
+}
+
+/// Adds one octave of noise along a row.
+#[inline(always)]
+fn add_octave<T: Float>(axis: &Axis<T>, fades: [T; 2], slopes: &[Slopes<T>], amplitude: T, noise: &mut [T]) {
+    let lerp = |t: T, a: T, b: T| a + t * (b - a);
+    let texels = axis.before.iter().zip(&axis.fractions).zip(&axis.fades);
+    for (((&before, &from), &fade), sum) in texels.zip(noise) {
+        let [low, high] = [&slopes[before], &slopes[before + 1]];
+        let to = from - T::one();
+        let rows: [T; 4] =
+            std::array::from_fn(|row| lerp(fade, low[0][row] * from + low[1][row], high[0][row] * to + high[1][row]));
+        let value = lerp(fades[1], lerp(fades[0], rows[0], rows[1]), lerp(fades[0], rows[2], rows[3]));
+        *sum = *sum + value * amplitude;
+    }
+}

@@ -1,0 +1,236 @@
+//! The published engine's parameters, presets and light, under the names of this program.
+//!
+//! Defaults are those that its document calls mandatory, but for the mask, whose documented settings divide by zero: there they are
+//! the values that the mask itself begins with, the only ones with which it works as published.
+
+use crate::base::error::Result;
+use crate::engines::light::terms::Terms;
+use crate::engines::light::{LightModel, ShadowExtinction, ShadowLength, ShadowMarch, SourceFactor, TwoLobes, Variant};
+use crate::engines::march::RealTimeSettings;
+use crate::engines::parameters::{Parameter, Range, Values};
+use crate::engines::passes::god_rays::GodRays;
+use crate::engines::perlin_fbm::bake::{Bake, LARGEST, MOST_OCTAVES};
+use crate::engines::perlin_fbm::mask::{Deformation, Mask};
+use crate::engines::perlin_fbm::noise::Octaves;
+use crate::engines::perlin_fbm::{Evaluation, Parameters, TINT};
+use crate::media::transfer::Integration;
+
+/// Short to write.
+const fn parameter(
+    name: &'static str,
+    default: f64,
+    range: Range,
+    usual: [f64; 2],
+    unit: &'static str,
+    about: &'static str,
+) -> Parameter {
+    Parameter { name, about, unit, range, default, usual }
+}
+
+const BOX_SIDES: &str = "sides of the box";
+const PERIODS: &str = "periods of the texture";
+const SPEED: &str = "periods per second";
+const FLAT: &str = "factor on the radius; not above 0 divides by zero in the original";
+const UNIT: Range = Range::Between(0.0, 1.0);
+
+/// All parameters.
+pub const PARAMETERS: &[Parameter] = &[
+    parameter(
+        "texture_size",
+        96.0,
+        Range::Whole(2, LARGEST as u32),
+        [32.0, 256.0],
+        "texels",
+        "texels of the volume per axis",
+    ),
+    parameter("coverage", 0.55, UNIT, [0.0, 1.0], "", "centre of the threshold on the noise"),
+    parameter("softness", 0.05, Range::Positive, [1e-3, 0.5], "", "half width of the threshold"),
+    parameter("noise_scale", 3.5, Range::Positive, [0.5, 12.0], "units of noise", "noise across the box"),
+    parameter("octaves", 5.0, Range::Whole(1, MOST_OCTAVES), [1.0, 8.0], "", "octaves of noise"),
+    parameter("persistence", 0.5, UNIT, [0.0, 1.0], "", "amplitude of an octave over that of the one before"),
+    parameter("lacunarity", 3.0, Range::Positive, [1.1, 4.0], "", "frequency of an octave over that of the one before"),
+    parameter("intensity", 1.0, Range::Positive, [0.2, 4.0], "", "exponent on the noise before the threshold"),
+    parameter("seed", 42.0, Range::Any, [0.0, 1000.0], "", "seed of the noise (the original's is random)"),
+    parameter("mask_radius", 0.52, Range::Any, [0.0, 1.2], BOX_SIDES, "radius of the mask; not above 0: no cloud"),
+    parameter("mask_softness", 0.17, Range::Positive, [0.01, 1.0], BOX_SIDES, "distance over which the mask fades in"),
+    parameter("flatten_top", 0.7, Range::Any, [0.0, 2.0], "", FLAT),
+    parameter("flatten_bottom", 0.3, Range::Any, [0.0, 2.0], "", FLAT),
+    parameter("flatten_x_positive", 0.9, Range::Any, [0.0, 2.0], "", FLAT),
+    parameter("flatten_x_negative", 0.9, Range::Any, [0.0, 2.0], "", FLAT),
+    parameter("flatten_z_positive", 0.9, Range::Any, [0.0, 2.0], "", FLAT),
+    parameter("flatten_z_negative", 0.9, Range::Any, [0.0, 2.0], "", FLAT),
+    parameter("mask_seed", 1.0, Range::Any, [0.0, 1000.0], "", "seed of the main deformation"),
+    parameter("noise_strength", 0.05, Range::Any, [0.0, 0.3], BOX_SIDES, "largest main deformation"),
+    parameter("noise_frequency", 2.7, Range::Any, [0.0, 20.0], "units of noise", "main deformation in the radius"),
+    parameter("detail_seed", 10.0, Range::Any, [0.0, 1000.0], "", "seed of the fine deformation"),
+    parameter("detail_strength", 0.036, Range::Any, [0.0, 0.2], BOX_SIDES, "largest fine deformation"),
+    parameter("detail_frequency", 10.5, Range::Any, [0.0, 40.0], "units of noise", "fine deformation in the radius"),
+    parameter("tiling", 2.0, Range::Positive, [0.5, 6.0], PERIODS, "texture across the box"),
+    parameter("threshold", 0.0, UNIT, [0.0, 1.0], "", "texel values below it are empty"),
+    parameter("density_multiplier", 50.0, Range::NotNegative, [0.0, 200.0], "", "density of a texel of value 1"),
+    parameter("opacity", 6.0, Range::NotNegative, [0.0, 20.0], "per side of the box", "extinction per unit of density"),
+    parameter("speed_x", 0.02, Range::Any, [-0.1, 0.1], SPEED, "motion of the texture, the mask stays"),
+    parameter("speed_y", 0.0, Range::Any, [-0.1, 0.1], SPEED, "motion of the texture, the mask stays"),
+    parameter("speed_z", 0.01, Range::Any, [-0.1, 0.1], SPEED, "motion of the texture, the mask stays"),
+    parameter("show_mask", 0.0, Range::Whole(0, 1), [0.0, 0.0], "", "1: the mask alone, every texel counts as 1"),
+    parameter("exact", 0.0, Range::Whole(0, 1), [0.0, 0.0], "", "1: noise at each place instead of textures; CPU only"),
+    parameter("march_steps", 44.0, Range::Whole(1, 100_000), [1.0, 128.0], "", "steps of a view ray"),
+    parameter("light_steps", 1.0, Range::Whole(1, 1000), [1.0, 8.0], "", "steps towards the sun"),
+    parameter("god_ray_density", 0.96, Range::NotNegative, [0.0, 1.0], "", "factor on the god rays"),
+    parameter("god_ray_decay", 0.95, UNIT, [0.5, 1.0], "", "weight of a read over that of the one before"),
+    parameter("god_ray_weight", 0.5, Range::NotNegative, [0.0, 1.0], "", "weight of the first read"),
+    parameter("god_ray_exposure", 0.6, Range::NotNegative, [0.0, 1.0], "", "another factor on the god rays"),
+    parameter("god_ray_samples", 100.0, Range::Whole(1, 10_000), [1.0, 128.0], "", "reads per pixel"),
+    parameter("albedo", 1.0, UNIT, [0.0, 1.0], "", "single-scattering albedo; fixed form only"),
+];
+
+/// Levels of quality as the engine names them. The engine applies one always, so that its mandatory 44 steps and 1 become 30 and 2
+/// (defect PF-12).
+pub const QUALITIES: &[(&str, &[(&str, f64)])] = &[
+    ("low", &[("texture_size", 64.0), ("march_steps", 20.0), ("light_steps", 1.0), ("god_ray_samples", 60.0)]),
+    ("medium", &[("texture_size", 96.0), ("march_steps", 30.0), ("light_steps", 2.0), ("god_ray_samples", 80.0)]),
+    ("high", &[("texture_size", 128.0), ("march_steps", 44.0), ("light_steps", 4.0), ("god_ray_samples", 120.0)]),
+];
+
+/// The mask's settings as the document states them: four of its flattenings are 0.
+pub const DOCUMENTED_MASK: &[(&str, f64)] = &[
+    ("mask_radius", 1.0),
+    ("mask_softness", 0.5),
+    ("flatten_top", 0.0),
+    ("flatten_bottom", 0.0),
+    ("flatten_x_positive", 0.0),
+    ("flatten_x_negative", 0.0),
+    ("flatten_z_positive", 0.0),
+    ("flatten_z_negative", 0.0),
+    ("noise_strength", 0.1),
+    ("noise_frequency", 1.0),
+    ("detail_strength", 0.05),
+    ("detail_frequency", 2.0),
+];
+
+/// The value of a parameter where none is given.
+fn default_of(name: &str) -> f64 {
+    Values::defaults(PARAMETERS).get(name)
+}
+
+/// What makes the density, after `seconds` of animation, and what is to be said about it: each defect of the parameters by
+/// name.
+pub fn parameters(values: &Values, variant: Variant, seconds: f64) -> Result<(Parameters, Vec<String>)> {
+    let get = |name: &str| values.get(name);
+    let mut warnings = Vec::new();
+    let mut radius = get("mask_radius");
+    let mut flattening = |name: &str| {
+        let value = get(name);
+        if value > 0.0 {
+            return value;
+        }
+        let outcome = match variant {
+            Variant::Fixed => "it counts as 1, no flattening",
+            Variant::AsPublished => {
+                radius = 0.0;
+                "as published there is no cloud"
+            }
+        };
+        warnings.push(format!("parameter {name} is {value}, which divides by zero: {outcome} (defect PF-1)"));
+        1.0
+    };
+    let flattening = [
+        ["flatten_x_negative", "flatten_bottom", "flatten_z_negative"].map(&mut flattening),
+        ["flatten_x_positive", "flatten_top", "flatten_z_positive"].map(&mut flattening),
+    ];
+    // The original makes the textures of the mask once, from what its mask begins with (defect PF-3).
+    let reaching = |name: &str| match variant {
+        Variant::AsPublished => default_of(name),
+        Variant::Fixed => get(name),
+    };
+    let deformation = |seed: &str, strength: &str, frequency: &str| Deformation {
+        seed: reaching(seed),
+        strength: get(strength),
+        frequency: reaching(frequency),
+    };
+    let offset = ["speed_x", "speed_y", "speed_z"].map(|name| (get(name) * seconds).rem_euclid(1.0));
+    let parameters = Parameters {
+        bake: Bake {
+            coverage: get("coverage"),
+            softness: get("softness"),
+            noise_scale: get("noise_scale"),
+            octaves: Octaves {
+                count: get("octaves") as u32,
+                persistence: get("persistence"),
+                lacunarity: get("lacunarity"),
+            },
+            intensity: get("intensity"),
+            seed: get("seed"),
+        },
+        texture_size: get("texture_size") as usize,
+        mask: Mask {
+            radius,
+            softness: get("mask_softness"),
+            flattening,
+            deformations: [
+                deformation("mask_seed", "noise_strength", "noise_frequency"),
+                deformation("detail_seed", "detail_strength", "detail_frequency"),
+            ],
+            // The original never uploads them (defect PF-2).
+            reads_textures: variant == Variant::Fixed,
+        },
+        tiling: get("tiling"),
+        offset,
+        threshold: get("threshold"),
+        density_multiplier: get("density_multiplier"),
+        opacity: get("opacity"),
+        shows_mask: get("show_mask") == 1.0,
+        evaluation: if get("exact") == 1.0 { Evaluation::Exact } else { Evaluation::Baked },
+    };
+    if variant == Variant::AsPublished && parameters.opacity * TINT[0] < 1.0 {
+        warnings.push(format!(
+            "parameter opacity is {}: as published the albedo is 1 / (opacity x {}), above 1 in red (defect PF-5)",
+            parameters.opacity, TINT[0]
+        ));
+    }
+    Ok((parameters, warnings))
+}
+
+/// The engine's light: a white sun of intensity 1 from (1, 1, 1), an ambient radiance of 0.3, two lobes.
+pub fn light(values: &Values, variant: Variant) -> LightModel {
+    let (shadow_length, extinction, source) = match variant {
+        // Defects PF-4 and PF-5.
+        Variant::AsPublished => (ShadowLength::Fixed(1.0), ShadowExtinction::Density, SourceFactor::Density),
+        Variant::Fixed => {
+            (ShadowLength::ToExit, ShadowExtinction::View, SourceFactor::Albedo([values.get("albedo"); 3]))
+        }
+    };
+    LightModel {
+        sun_direction: [1.0; 3],
+        sun: [1.0; 3],
+        ambient: [0.3; 3],
+        phase: TwoLobes { anisotropy: [-0.3, 0.3], second: 0.8 },
+        shadow: ShadowMarch { steps: values.get("light_steps") as u32, length: shadow_length, extinction },
+        source,
+        terms: Terms::NONE,
+    }
+}
+
+/// How the engine marches.
+pub fn march(values: &Values, variant: Variant) -> RealTimeSettings {
+    let is_published = variant == Variant::AsPublished;
+    RealTimeSettings {
+        steps: values.get("march_steps") as u32,
+        // Defects PF-6 and PF-9.
+        integration: if is_published { Integration::Plain } else { Integration::EnergyConserving },
+        exit_fade: is_published,
+        least_density: 0.01,
+        least_transmittance: 0.01,
+    }
+}
+
+/// The engine's god rays.
+pub fn god_rays(values: &Values) -> GodRays {
+    GodRays {
+        density: values.get("god_ray_density"),
+        decay: values.get("god_ray_decay"),
+        weight: values.get("god_ray_weight"),
+        exposure: values.get("god_ray_exposure"),
+        samples: values.get("god_ray_samples") as u32,
+    }
+}

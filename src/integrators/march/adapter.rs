@@ -1,0 +1,719 @@
+//! The marching kernels of `shaders/integrate/` and their buffers.
+//!
+//! The grid is baked and swept on the adapter, then view rays are marched in slices. Every
+//! submission is small enough to leave the adapter to others: slices start small and grow while
+//! they stay below [`SLICE_SECONDS`].
+
+use crate::base::error::{Error, Result};
+use crate::gpu::Gpu;
+use crate::graph::wgsl::Linker;
+use crate::integrators::LightMode;
+use crate::integrators::march::light_grid::{LightGrid, Sweep, sweep_axes};
+use crate::integrators::march::{Omission, Stage, ViewRay};
+use crate::media::density_cache::DensityCache;
+use crate::media::medium::{CELLS, Medium};
+use crate::media::transfer::Integration;
+use crate::view::lights::{Source, harmonics};
+use bytemuck::{Pod, Zeroable};
+use glam::DVec3;
+use std::collections::BTreeSet;
+use std::time::Instant;
+
+const BAKE: &str = include_str!("../../../shaders/integrators/march/light_grid_bake.wgsl");
+const TRACE: &str = include_str!("../../../shaders/integrators/march/light_grid_trace.wgsl");
+const GATHER: &str = include_str!("../../../shaders/integrators/march/light_grid_gather.wgsl");
+const MARCH: &str = include_str!("../../../shaders/integrators/march/march.wgsl");
+
+/// Invocations per workgroup of every kernel.
+const WORKGROUP: u32 = 64;
+
+/// Steps of a ray in one dispatch of a software adapter, whose loops end early otherwise
+/// ([`crate::gpu::SOFTWARE_LOOPS`]): a step of the cloud with light from the world goes through about 1,000 iterations.
+const SOFTWARE_STEPS: usize = 16;
+
+/// A slice that takes longer makes the next one smaller.
+const SLICE_SECONDS: f64 = 0.1;
+
+/// Smallest and largest number of invocations of a slice.
+const SLICES: std::ops::RangeInclusive<usize> = 256..=1 << 20;
+
+#[repr(C)]
+#[derive(Clone, Copy, Pod, Zeroable)]
+struct BakeUniform {
+    low: [f32; 3],
+    first: u32,
+    step: [f32; 3],
+    count: u32,
+    size: [u32; 3],
+    padding: u32,
+}
+
+#[repr(C)]
+#[derive(Clone, Copy, Pod, Zeroable)]
+struct SweepUniform {
+    size: [u32; 3],
+    rising: u32,
+    strides: [u32; 3],
+    rows: u32,
+    slope: [f32; 2],
+    distance: f32,
+    columns: u32,
+    first_row: i32,
+    first_column: i32,
+    channel: u32,
+    padding: u32,
+}
+
+#[repr(C)]
+#[derive(Clone, Copy, Pod, Zeroable)]
+struct Offset {
+    whole: [i32; 2],
+    fraction: [f32; 2],
+}
+
+#[repr(C)]
+#[derive(Clone, Copy, Pod, Zeroable)]
+struct WorldUniform {
+    extinction: [f32; 3],
+    extinctions: u32,
+    weights: [f32; 16],
+    harmonics: u32,
+    padding: [u32; 7],
+}
+
+#[repr(C)]
+#[derive(Clone, Copy, Pod, Zeroable)]
+struct StageUniform {
+    extinction: [f32; 3],
+    anisotropy: f32,
+    scattering: [f32; 3],
+    exit_transmittance: f32,
+    emission: [f32; 3],
+    cells: u32,
+    world: [f32; 3],
+    lights: u32,
+    bounds_low: [f32; 3],
+    harmonics: u32,
+    bounds_high: [f32; 3],
+    vertices: u32,
+    grid_low: [f32; 3],
+    rays: u32,
+    grid_scale: [f32; 3],
+    lit_by_world: u32,
+    grid_size: [u32; 3],
+    first_step: u32,
+    extinction_of_channel: [u32; 3],
+    end_step: u32,
+    emission_of_density: [f32; 3],
+    padding: u32,
+}
+
+#[repr(C)]
+#[derive(Clone, Copy, Pod, Zeroable)]
+struct CacheUniform {
+    low: [f32; 3],
+    smallest: f32,
+    scale: [f32; 3],
+    largest: f32,
+    size: [u32; 3],
+    padding: u32,
+}
+
+#[repr(C)]
+#[derive(Clone, Copy, Pod, Zeroable)]
+struct Ray {
+    local: [f32; 3],
+    step: f32,
+    local_step: [f32; 3],
+    steps: u32,
+    position: [f32; 3],
+    padding: f32,
+    direction: [f32; 3],
+    more_padding: f32,
+}
+
+#[repr(C)]
+#[derive(Clone, Copy, Pod, Zeroable)]
+struct Light {
+    place: [f32; 3],
+    kind: u32,
+    axis: [f32; 3],
+    edge: f32,
+    power: [f32; 3],
+    blend: f32,
+}
+
+#[repr(C)]
+#[derive(Clone, Copy, Pod, Zeroable)]
+struct Outcome {
+    radiance: [f32; 3],
+    padding: f32,
+    transmittance: [f32; 3],
+    more_padding: f32,
+}
+
+/// The density as kernels read it: the graph, or a grid in group 1.
+struct Density<'a> {
+    medium: &'a Medium,
+    /// Uniform and values of a cache.
+    cache: Option<[wgpu::Buffer; 2]>,
+}
+
+impl<'a> Density<'a> {
+    fn new(gpu: &Gpu, medium: &'a Medium) -> Result<Self> {
+        let Some(cache) = &medium.cache else { return Ok(Self { medium, cache: None }) };
+        let words = cache.words();
+        check_size(gpu, "density cache", words.len() as u64, "--density-cache")?;
+        let uniform = cache_uniform(cache);
+        let layout = gpu.upload("cache", bytemuck::bytes_of(&uniform), wgpu::BufferUsages::UNIFORM);
+        let texels = gpu.upload("texels", &words, wgpu::BufferUsages::STORAGE);
+        Ok(Self { medium, cache: Some([layout, texels]) })
+    }
+
+    /// Links an entry text with the density.
+    fn link(&self, path: &str, source: &str, definitions: &[&str]) -> Result<naga::Module> {
+        link(self.medium, path, source, definitions)
+    }
+
+    /// The buffers of group 1.
+    fn group(&self) -> Vec<(u32, &wgpu::Buffer)> {
+        (0..).zip(self.cache.iter().flatten()).collect()
+    }
+}
+
+/// Links an entry text with the density of a medium: its graph, or its cache.
+fn link(medium: &Medium, path: &str, source: &str, definitions: &[&str]) -> Result<naga::Module> {
+    match &medium.cache {
+        None => Linker::new(&medium.density)?.link_with(path, source, definitions),
+        Some(cache) => Linker::cached()?.link_with(path, source, &[definitions, &cache.definitions()].concat()),
+    }
+}
+
+/// The kernel that marches rays, with what the stage leaves out left out.
+pub(crate) fn march_module(stage: &Stage<'_>) -> Result<naga::Module> {
+    link(&stage.medium, "integrators/march/march.wgsl", MARCH, &definitions(stage))
+}
+
+fn cache_uniform(cache: &DensityCache) -> CacheUniform {
+    let (low, scale, size, [smallest, largest]) = cache.layout();
+    CacheUniform { low, smallest, scale, largest, size, padding: 0 }
+}
+
+/// Everything on the adapter that marching a ray needs.
+pub(crate) struct Kernels<'a> {
+    gpu: &'a Gpu,
+    march: wgpu::ComputePipeline,
+    /// Bindings of group 0 that are left in the specialised kernel.
+    bindings: BTreeSet<u32>,
+    cache: Option<[wgpu::Buffer; 2]>,
+    uniform: StageUniform,
+    lights: wgpu::Buffer,
+    cells: wgpu::Buffer,
+    grid: wgpu::Buffer,
+    anisotropy: f64,
+    harmonics: usize,
+    /// Middle of the medium's box in world space: the origin of the shader's places, so that a scene far from the origin keeps its accuracy.
+    middle: DVec3,
+}
+
+impl<'a> Kernels<'a> {
+    /// Compiles the kernels and bakes the light grid.
+    pub(crate) fn bake(gpu: &'a Gpu, stage: &Stage<'_>, progress: &(dyn Fn(f64) + Sync)) -> Result<Self> {
+        if stage.settings.light == LightMode::Exact {
+            return Err(Error::new(
+                "--light exact",
+                "the mode exact on the adapter",
+                "grid: shadow rays through the density exist on the CPU only",
+                "Give --light grid, or --backend cpu.",
+            ));
+        }
+        let mut layout = LightGrid::layout(&stage.medium, &stage.settings);
+        let density = Density::new(gpu, &stage.medium)?;
+        let grid = if stage.leaves_out(Omission::InScatter) {
+            zeros(gpu, "light", 1)?
+        } else {
+            bake_light(gpu, stage, &density, &mut layout, progress)?
+        };
+        let medium = &stage.medium;
+        let single = |values: [f64; 3]| values.map(|value| value as f32);
+        let vector = |value: DVec3| value.as_vec3().to_array();
+        let middle = medium.to_object.inverse().transform_point3((medium.bounds.low + medium.bounds.high) / 2.0);
+        let uniform = StageUniform {
+            extinction: single(medium.extinction),
+            anisotropy: medium.anisotropy as f32,
+            scattering: single(medium.scattering),
+            exit_transmittance: stage.settings.exit_transmittance as f32,
+            emission: single(medium.emission),
+            cells: CELLS as u32,
+            world: single(stage.world),
+            lights: stage.lights.len() as u32,
+            bounds_low: vector(medium.bounds.low),
+            harmonics: layout.harmonics as u32,
+            bounds_high: vector(medium.bounds.high),
+            vertices: layout.vertices() as u32,
+            grid_low: vector(layout.low),
+            rays: 0,
+            grid_scale: vector(1.0 / layout.step),
+            lit_by_world: (!stage.directions.is_empty()).into(),
+            grid_size: layout.size.map(|count| count as u32),
+            first_step: 0,
+            extinction_of_channel: layout.extinction_of_channel.map(|number| number as u32),
+            end_step: 0,
+            emission_of_density: single(medium.emission_of_density),
+            padding: 0,
+        };
+        // A buffer cannot be empty: a scene without lights has one that is never read.
+        let mut lights: Vec<Light> = stage
+            .lights
+            .iter()
+            .map(|light| {
+                let power = single(light.power);
+                match &light.source {
+                    Source::Direction(towards) => Light { place: vector(*towards), power, ..Light::zeroed() },
+                    Source::Position(place, None) => {
+                        Light { place: vector(*place - middle), kind: 1, power, ..Light::zeroed() }
+                    }
+                    Source::Position(place, Some((axis, edge, blend))) => Light {
+                        place: vector(*place - middle),
+                        kind: 2,
+                        axis: vector(*axis),
+                        edge: *edge as f32,
+                        power,
+                        blend: *blend as f32,
+                    },
+                }
+            })
+            .collect();
+        lights.resize(lights.len().max(1), Light::zeroed());
+        let cells: Vec<u32> = medium.cells.iter().map(|&cell| cell.into()).collect();
+        let storage = wgpu::BufferUsages::STORAGE;
+        let module = march_module(stage)?;
+        let bound = module.global_variables.iter().filter_map(|(_, variable)| variable.binding);
+        Ok(Self {
+            gpu,
+            march: gpu.pipeline("march", &module)?,
+            bindings: bound.filter(|place| place.group == 0).map(|place| place.binding).collect(),
+            cache: density.cache,
+            uniform,
+            lights: gpu.upload("lights", bytemuck::cast_slice(&lights), storage),
+            cells: gpu.upload("cells", bytemuck::cast_slice(&cells), storage),
+            grid,
+            anisotropy: medium.anisotropy,
+            harmonics: layout.harmonics,
+            middle,
+        })
+    }
+
+    /// Takes rays to their ends.
+    pub(crate) fn march(&self, rays: &mut [Option<ViewRay>]) -> Result<()> {
+        let mut waiting: Vec<&mut ViewRay> = rays.iter_mut().flatten().collect();
+        let mut slices = Slices::new();
+        let mut first = 0;
+        while first < waiting.len() {
+            let begin = Instant::now();
+            let last = waiting.len().min(first + slices.size);
+            self.march_slice(&mut waiting[first..last])?;
+            slices.adapt(begin);
+            first = last;
+        }
+        Ok(())
+    }
+
+    fn march_slice(&self, rays: &mut [&mut ViewRay]) -> Result<()> {
+        let vector = |value: DVec3| value.as_vec3().to_array();
+        let data: Vec<Ray> = rays
+            .iter()
+            .map(|ray| {
+                let distance = ray.start + ray.offset * ray.step;
+                Ray {
+                    local: vector(ray.local_origin + ray.local_direction * distance),
+                    step: ray.step as f32,
+                    local_step: vector(ray.local_direction * ray.step),
+                    steps: ray.steps as u32,
+                    position: vector(ray.origin - self.middle + ray.direction * distance),
+                    direction: vector(ray.direction),
+                    ..Ray::zeroed()
+                }
+            })
+            .collect();
+        let bases: Vec<f32> = rays
+            .iter()
+            .flat_map(|ray| {
+                let basis = harmonics(ray.direction);
+                (0..self.harmonics).map(move |harmonic| {
+                    let band = (harmonic as f64).sqrt() as i32;
+                    (self.anisotropy.powi(band) * basis[harmonic]) as f32
+                })
+            })
+            .collect();
+        let gpu = self.gpu;
+        let steps = rays.iter().map(|ray| ray.steps).max().unwrap_or(0);
+        let together = if gpu.adapter().is_software() { SOFTWARE_STEPS } else { steps.max(1) };
+        let storage = wgpu::BufferUsages::STORAGE;
+        // NaN in what no invocation wrote is seen in the picture.
+        let nothing = Outcome { radiance: [f32::NAN; 3], transmittance: [f32::NAN; 3], ..Outcome::zeroed() };
+        let unwritten = vec![nothing; rays.len()];
+        let unwritten: &[u8] = bytemuck::cast_slice(&unwritten);
+        let outcomes = gpu.upload("outcomes", unwritten, storage | wgpu::BufferUsages::COPY_SRC);
+        let data = gpu.upload("rays", bytemuck::cast_slice(&data), storage);
+        let bases = gpu.upload("bases", bytemuck::cast_slice(&bases), storage);
+        for first_step in (0..steps).step_by(together) {
+            let uniform = StageUniform {
+                rays: rays.len() as u32,
+                first_step: first_step as u32,
+                end_step: (first_step + together) as u32,
+                ..self.uniform
+            };
+            let stage = gpu.upload("stage", bytemuck::bytes_of(&uniform), wgpu::BufferUsages::UNIFORM);
+            let buffers = [&stage, &data, &self.lights, &bases, &self.cells, &self.grid, &outcomes];
+            let used: Vec<_> = (0..).zip(buffers).filter(|(binding, _)| self.bindings.contains(binding)).collect();
+            let cache: Vec<_> = (0..).zip(self.cache.iter().flatten()).collect();
+            dispatch_bound(gpu, &self.march, &[used, cache], [(rays.len() as u32).div_ceil(WORKGROUP), 1, 1]);
+        }
+        let bytes = gpu.read_back(&outcomes, unwritten.len() as u64)?;
+        let found: Vec<Outcome> = bytemuck::pod_collect_to_vec(&bytes);
+        for (ray, outcome) in rays.iter_mut().zip(found) {
+            ray.radiance = outcome.radiance.map(f64::from);
+            ray.transmittance = outcome.transmittance.map(f64::from);
+        }
+        Ok(())
+    }
+}
+
+/// A slice size that follows the adapter's speed.
+pub(crate) struct Slices {
+    pub(crate) size: usize,
+    range: std::ops::RangeInclusive<usize>,
+}
+
+impl Slices {
+    fn new() -> Self {
+        Self::within(1024, SLICES)
+    }
+
+    /// Slices that begin with a size and stay in a range.
+    pub(crate) fn within(size: usize, range: std::ops::RangeInclusive<usize>) -> Self {
+        Self { size, range }
+    }
+
+    pub(crate) fn adapt(&mut self, begin: Instant) {
+        let seconds = begin.elapsed().as_secs_f64();
+        if seconds > SLICE_SECONDS {
+            self.size /= 2;
+        } else if seconds < SLICE_SECONDS / 3.0 {
+            self.size *= 2;
+        }
+        self.size = self.size.clamp(*self.range.start(), *self.range.end());
+    }
+}
+
+/// What the marching kernel is compiled with.
+fn definitions(stage: &Stage<'_>) -> Vec<&'static str> {
+    let mut definitions: Vec<&str> = [
+        (Omission::InScatter, "WITHOUT_IN_SCATTER"),
+        (Omission::Lights, "WITHOUT_LIGHTS"),
+        (Omission::World, "WITHOUT_WORLD"),
+        (Omission::Phase, "WITHOUT_PHASE"),
+        (Omission::EmptyCells, "WITHOUT_EMPTY_CELLS"),
+    ]
+    .into_iter()
+    .filter_map(|(omission, name)| stage.leaves_out(omission).then_some(name))
+    .collect();
+    if stage.settings.integration == Integration::Plain {
+        definitions.push("PLAIN_INTEGRATION");
+    }
+    if stage.medium.emission_of_density != [0.0; 3] {
+        definitions.push("EMISSION_OF_DENSITY");
+    }
+    definitions
+}
+
+/// Light at the vertices of the grid: depths per light, then coefficients of the world.
+fn bake_light(
+    gpu: &Gpu,
+    stage: &Stage<'_>,
+    density: &Density<'_>,
+    layout: &mut LightGrid,
+    progress: &(dyn Fn(f64) + Sync),
+) -> Result<wgpu::Buffer> {
+    let world_channels = if stage.directions.is_empty() { 0 } else { layout.extinctions.len() * layout.harmonics };
+    let channels = (stage.lights.len() + world_channels).max(1);
+    let density = bake_density(gpu, density, layout, &|done| progress(0.5 * done))?;
+    let grid = zeros(gpu, "light", layout.vertices() * channels)?;
+    let to_cells = layout.to_cells(&stage.medium);
+    let bytes = 4 * layout.vertices() as u64;
+    for (number, light) in stage.lights.iter().enumerate() {
+        let Source::Position(place, _) = &light.source else { continue };
+        // Light from a point has no parallel rays to sweep: the CPU's depths serve.
+        if layout.density.is_empty() {
+            layout.density = bytemuck::pod_collect_to_vec(&gpu.read_back(&density, bytes)?);
+        }
+        let depths = layout.depth_to_point(*place, &stage.medium);
+        gpu.queue().write_buffer(&grid, number as u64 * bytes, bytemuck::cast_slice(&depths));
+    }
+    let sweeps = Sweeps::new(gpu, layout, &density, &grid)?;
+    for (number, light) in stage.lights.iter().enumerate() {
+        if let Source::Direction(towards) = &light.source {
+            sweeps.run(to_cells * *towards, number, None)?;
+        }
+    }
+    let solid_angle = 4.0 * std::f64::consts::PI / stage.directions.len().max(1) as f64;
+    for (number, &towards) in stage.directions.iter().enumerate() {
+        let weights = harmonics(towards).map(|value| (value * solid_angle) as f32);
+        sweeps.run(to_cells * towards, stage.lights.len(), Some(weights))?;
+        progress(0.5 + 0.5 * (number + 1) as f64 / stage.directions.len() as f64);
+    }
+    Ok(grid)
+}
+
+/// Density at the vertices, on the adapter.
+fn bake_density(gpu: &Gpu, source: &Density<'_>, layout: &LightGrid, progress: &dyn Fn(f64)) -> Result<wgpu::Buffer> {
+    let module = source.link("integrators/march/light_grid_bake.wgsl", BAKE, &[])?;
+    let pipeline = gpu.pipeline("light_grid_bake", &module)?;
+    let density = zeros(gpu, "density", layout.vertices())?;
+    let mut slices = Slices::new();
+    let mut first = 0;
+    while first < layout.vertices() {
+        let begin = Instant::now();
+        let count = slices.size.min(layout.vertices() - first);
+        let uniform = BakeUniform {
+            low: layout.low.as_vec3().to_array(),
+            first: first as u32,
+            step: layout.step.as_vec3().to_array(),
+            count: count as u32,
+            size: layout.size.map(|count| count as u32),
+            padding: 0,
+        };
+        let bake = gpu.upload("bake", bytemuck::bytes_of(&uniform), wgpu::BufferUsages::UNIFORM);
+        let groups = [vec![(0, &bake), (1, &density)], source.group()];
+        dispatch_bound(gpu, &pipeline, &groups, [(count as u32).div_ceil(WORKGROUP), 1, 1]);
+        gpu.wait()?;
+        slices.adapt(begin);
+        first += count;
+        progress(first as f64 / layout.vertices() as f64);
+    }
+    Ok(density)
+}
+
+/// The sweep kernels over one grid.
+struct Sweeps<'a> {
+    gpu: &'a Gpu,
+    layout: &'a LightGrid,
+    trace: wgpu::ComputePipeline,
+    gather: wgpu::ComputePipeline,
+    density: &'a wgpu::Buffer,
+    light: &'a wgpu::Buffer,
+    table: wgpu::Buffer,
+}
+
+impl<'a> Sweeps<'a> {
+    fn new(gpu: &'a Gpu, layout: &'a LightGrid, density: &'a wgpu::Buffer, light: &'a wgpu::Buffer) -> Result<Self> {
+        let [nx, ny, nz] = layout.size;
+        // A sweep shears its rays by at most one cell per slice, for any of the three main axes.
+        let largest = [[nx, ny, nz], [nx, nz, ny], [ny, nz, nx]]
+            .map(|[along, across, slices]| (across + slices + 2) * slices * (along + 1))
+            .into_iter()
+            .max()
+            .unwrap_or(0);
+        Ok(Self {
+            gpu,
+            layout,
+            trace: gpu.pipeline("light_grid_trace", &plain_module("light_grid_trace.wgsl", TRACE)?)?,
+            gather: gpu.pipeline("light_grid_gather", &plain_module("light_grid_gather.wgsl", GATHER)?)?,
+            density,
+            light,
+            table: zeros(gpu, "depths along rays", largest)?,
+        })
+    }
+
+    /// One direction, in cells per metre: stores depths in a channel, or adds the transmittances of
+    /// all extinctions times the weights of the harmonics from that channel on.
+    fn run(&self, direction: DVec3, channel: usize, weights: Option<[f32; 16]>) -> Result<()> {
+        let axes = sweep_axes(direction);
+        let sweep = Sweep::new(self.layout.size, axes, direction);
+        let along = || sweep.offsets.iter().map(|(whole, _)| whole[0]);
+        let (lowest, highest) = (along().min().unwrap_or(0), along().max().unwrap_or(0));
+        let [nx, ny, _] = self.layout.size;
+        let [along_rows, across, slices] = sweep.size;
+        let uniform = SweepUniform {
+            size: sweep.size.map(|count| count as u32),
+            rising: sweep.rising.into(),
+            strides: axes.map(|axis| [1, nx, nx * ny][axis] as u32),
+            rows: sweep.rows as u32,
+            slope: sweep.slope,
+            distance: sweep.length,
+            columns: (along_rows as i64 + 1 + highest - lowest) as u32,
+            first_row: sweep.first_row as i32,
+            first_column: (-1 - highest) as i32,
+            channel: channel as u32,
+            padding: 0,
+        };
+        let mut extinction = [0.0; 3];
+        for (value, known) in extinction.iter_mut().zip(&self.layout.extinctions) {
+            *value = *known as f32;
+        }
+        let world = WorldUniform {
+            extinction,
+            extinctions: weights.map_or(0, |_| self.layout.extinctions.len() as u32),
+            weights: weights.unwrap_or_default(),
+            harmonics: self.layout.harmonics as u32,
+            padding: [0; 7],
+        };
+        let offsets: Vec<Offset> = sweep
+            .offsets
+            .iter()
+            .map(|(whole, fraction)| Offset { whole: whole.map(|cells| cells as i32), fraction: *fraction })
+            .collect();
+        let gpu = self.gpu;
+        let sweep_buffer = gpu.upload("sweep", bytemuck::bytes_of(&uniform), wgpu::BufferUsages::UNIFORM);
+        let offsets = gpu.upload("offsets", bytemuck::cast_slice(&offsets), wgpu::BufferUsages::STORAGE);
+        let world = gpu.upload("world", bytemuck::bytes_of(&world), wgpu::BufferUsages::UNIFORM);
+        dispatch(
+            gpu,
+            &self.trace,
+            &[&sweep_buffer, &offsets, self.density, &self.table],
+            [uniform.columns.div_ceil(WORKGROUP), uniform.rows, 1],
+        );
+        gpu.wait()?;
+        dispatch(
+            gpu,
+            &self.gather,
+            &[&sweep_buffer, &offsets, &self.table, self.light, &world],
+            [(along_rows as u32).div_ceil(WORKGROUP), across as u32, slices as u32],
+        );
+        gpu.wait()
+    }
+}
+
+/// A storage buffer of zeros, which wgpu guarantees for new buffers.
+fn zeros(gpu: &Gpu, label: &str, floats: usize) -> Result<wgpu::Buffer> {
+    let size = 4 * floats as u64;
+    check_size(gpu, label, size, "--grid-cells")?;
+    Ok(gpu.device().create_buffer(&wgpu::BufferDescriptor {
+        label: Some(label),
+        size,
+        usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC | wgpu::BufferUsages::COPY_DST,
+        mapped_at_creation: false,
+    }))
+}
+
+/// An error where a storage buffer is larger than the adapter binds; `option` would make it smaller.
+fn check_size(gpu: &Gpu, label: &str, size: u64, option: &str) -> Result<()> {
+    let limit = gpu.device().limits().max_storage_buffer_binding_size;
+    if size <= limit {
+        return Ok(());
+    }
+    Err(Error::new(
+        format!("buffer of {label}"),
+        format!("{size} bytes"),
+        format!("at most {limit} bytes, the largest that adapter {} binds", gpu.adapter().name),
+        format!("Lower {option}, or give --backend cpu."),
+    ))
+}
+
+/// Submits one kernel with its buffers in the order of their bindings.
+pub(crate) fn dispatch(gpu: &Gpu, pipeline: &wgpu::ComputePipeline, buffers: &[&wgpu::Buffer], groups: [u32; 3]) {
+    dispatch_bound(gpu, pipeline, &[(0..).zip(buffers.iter().copied()).collect()], groups);
+}
+
+/// Submits one kernel; `bound` are the bindings of each group, all that the kernel has and no other.
+fn dispatch_bound(gpu: &Gpu, pipeline: &wgpu::ComputePipeline, bound: &[Vec<(u32, &wgpu::Buffer)>], groups: [u32; 3]) {
+    let bindings: Vec<wgpu::BindGroup> = (0..)
+        .zip(bound)
+        .take_while(|(_, buffers)| !buffers.is_empty())
+        .map(|(group, buffers)| {
+            let entries: Vec<wgpu::BindGroupEntry<'_>> = buffers
+                .iter()
+                .map(|(binding, buffer)| wgpu::BindGroupEntry {
+                    binding: *binding,
+                    resource: buffer.as_entire_binding(),
+                })
+                .collect();
+            gpu.device().create_bind_group(&wgpu::BindGroupDescriptor {
+                label: None,
+                layout: &pipeline.get_bind_group_layout(group),
+                entries: &entries,
+            })
+        })
+        .collect();
+    let mut encoder = gpu.device().create_command_encoder(&Default::default());
+    {
+        let mut pass = encoder.begin_compute_pass(&Default::default());
+        pass.set_pipeline(pipeline);
+        for (group, bindings) in (0..).zip(&bindings) {
+            pass.set_bind_group(group, bindings, &[]);
+        }
+        pass.dispatch_workgroups(groups[0], groups[1], groups[2]);
+    }
+    gpu.queue().submit([encoder.finish()]);
+}
+
+/// A module without imports.
+fn plain_module(name: &str, source: &str) -> Result<naga::Module> {
+    naga::front::wgsl::parse_str(source).map_err(|cause| {
+        Error::new(
+            format!("shader integrate/{name}"),
+            cause.emit_to_string(source),
+            "a module that parses",
+            "This is a defect of the program: report it.",
+        )
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Size and offsets of a struct in WGSL, against the Rust type's.
+    fn check(module: &naga::Module, name: &str, size: usize, offsets: &[(&str, usize)]) {
+        let found = module.types.iter().find(|(_, kind)| kind.name.as_deref() == Some(name));
+        let naga::TypeInner::Struct { members, span } = &found.expect("the struct exists").1.inner else {
+            panic!("{name} is no struct");
+        };
+        assert_eq!(*span as usize, size, "size of {name}");
+        for (member, offset) in offsets {
+            let found = members.iter().find(|found| found.name.as_deref() == Some(member));
+            assert_eq!(found.expect("the member exists").offset as usize, *offset, "{name}.{member}");
+        }
+    }
+
+    macro_rules! layout {
+        ($kind:ty: $($member:ident),*) => {
+            [$((stringify!($member), std::mem::offset_of!($kind, $member))),*]
+        };
+    }
+
+    #[test]
+    fn buffers_lie_in_memory_as_the_kernels_read_them() {
+        let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("parity/scenes/homogeneous-cube.scene.json");
+        let scene = crate::scene::Scene::load(&path).expect("the committed scene loads");
+        let link = |source: &str| {
+            let program = crate::graph::Program::density(&scene).expect("the density compiles");
+            Linker::new(&program).and_then(|linker| linker.link("test", source)).expect("the kernel links")
+        };
+        let size = std::mem::size_of::<BakeUniform>();
+        check(&link(BAKE), "Bake", size, &layout!(BakeUniform: low, first, step, count, size));
+        for module in [plain_module("trace", TRACE), plain_module("gather", GATHER)].map(|m| m.expect("it parses")) {
+            let offsets = layout!(SweepUniform: size, rising, strides, rows, slope, distance, columns, first_row,
+                first_column, channel);
+            check(&module, "Sweep", std::mem::size_of::<SweepUniform>(), &offsets);
+            check(&module, "Offset", std::mem::size_of::<Offset>(), &layout!(Offset: whole, fraction));
+        }
+        let gather = plain_module("gather", GATHER).expect("it parses");
+        let offsets = layout!(WorldUniform: extinction, extinctions, weights, harmonics);
+        check(&gather, "World", std::mem::size_of::<WorldUniform>(), &offsets);
+        let march = link(MARCH);
+        let offsets = layout!(StageUniform: extinction, anisotropy, scattering, exit_transmittance, emission, cells,
+            world, lights, bounds_low, harmonics, bounds_high, vertices, grid_low, rays, grid_scale, lit_by_world,
+            grid_size, extinction_of_channel, emission_of_density);
+        check(&march, "Stage", std::mem::size_of::<StageUniform>(), &offsets);
+        let offsets = layout!(Ray: local, step, local_step, steps, position, direction);
+        check(&march, "Ray", std::mem::size_of::<Ray>(), &offsets);
+        check(&march, "Light", std::mem::size_of::<Light>(), &layout!(Light: place, kind, axis, edge, power, blend));
+        let cached = Linker::cached().and_then(|linker| linker.link("test", MARCH)).expect("the kernel links");
+        let offsets = layout!(CacheUniform: low, smallest, scale, largest, size);
+        check(&cached, "density_cache_Cache", std::mem::size_of::<CacheUniform>(), &offsets);
+        let offsets = layout!(Outcome: radiance, transmittance);
+        check(&march, "Outcome", std::mem::size_of::<Outcome>(), &offsets);
+    }
+}

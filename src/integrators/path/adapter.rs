@@ -1,0 +1,277 @@
+//! The path integrator on the adapter: buffers and slices of `shaders/integrators/path/path.wgsl`.
+//!
+//! An invocation makes the samples of one pixel one after the other. Every dispatch ends after a number of
+//! tentative collisions per pixel that follows the adapter's speed, so that none holds it for long; the
+//! state waits in a buffer. Sums of up to 64 samples are f32, the rest is f64.
+//!
+//! Places of world space are relative to the middle of the medium's box, so that a scene far from the origin keeps its accuracy in f32.
+//!
+//! The random numbers along rays are those of the CPU, the others are not stratified: pictures of the same seed
+//! are neither equal nor independent. Compare them with different seeds.
+
+use crate::base::error::{Error, Result};
+use crate::gpu::Gpu;
+use crate::graph::wgsl::Linker;
+use crate::integrators::march::adapter::{Slices, dispatch};
+use crate::integrators::path::tracer::{Counters, Tracer, World, violation};
+use crate::media::majorant::FINEST;
+use crate::media::medium::Medium;
+use crate::scene::Scene;
+use crate::view::sampled_lights::AdapterLight;
+use bytemuck::{Pod, Zeroable};
+use glam::{DMat4, DVec3};
+use std::time::Instant;
+
+const PATH: &str = include_str!("../../../shaders/integrators/path/path.wgsl");
+
+/// Invocations per workgroup, as in the shader.
+const WORKGROUP: u32 = 64;
+
+/// The shader's stage of a pixel without a path.
+const FINISHED: u32 = 4;
+
+/// Pixels of one dispatch: enough for every lane of an adapter, at 300 bytes each.
+const PIXELS: usize = 1 << 17;
+
+/// Pixels of one dispatch of a software adapter, which has few lanes.
+const SOFTWARE_PIXELS: usize = 1 << 13;
+
+/// Bytes of the camera rays of some pixels and samples.
+const RAY_BYTES: usize = 64 << 20;
+
+/// Samples that are summed in f32: the sum of 64 errs by 64 roundings of itself at most, 4e-6.
+const SAMPLES_TOGETHER: u32 = 64;
+
+/// Tentative collisions per pixel of the first dispatch, before anything is known of the adapter.
+const FIRST_BUDGET: usize = 4;
+
+/// Tentative collisions per pixel of one dispatch.
+const BUDGETS: std::ops::RangeInclusive<usize> = 1..=1 << 16;
+
+/// The same of a software adapter, whose loops end early otherwise ([`crate::gpu::SOFTWARE_LOOPS`]): a
+/// texture of 16 octaves of 625 cells goes through 10,000 iterations, the way to a collision through some thousand.
+const SOFTWARE_BUDGETS: std::ops::RangeInclusive<usize> = 1..=4;
+
+#[repr(C)]
+#[derive(Clone, Copy, Pod, Zeroable)]
+struct Stage {
+    scattering: [f32; 3],
+    anisotropy: f32,
+    extinction: [f32; 3],
+    events: u32,
+    share: [f32; 3],
+    lights: u32,
+    emission: [f32; 3],
+    scatters: u32,
+    world: [f32; 3],
+    transparent: u32,
+    low: [f32; 3],
+    pixels: u32,
+    cells_per_metre: [f32; 3],
+    samples: u32,
+    cell: [f32; 3],
+    budget: u32,
+    to_object: [[f32; 4]; 3],
+    first_pixel: u32,
+    first_sample: u32,
+    seed: u32,
+    table: u32,
+}
+
+#[repr(C)]
+#[derive(Clone, Copy, Pod, Zeroable)]
+struct Ray {
+    origin: [f32; 3],
+    length: f32,
+    direction: [f32; 3],
+    padding: f32,
+}
+
+/// Words of a path's state in the shader, and which of them is its stage.
+const STATE_WORDS: usize = 60;
+const STATE_STAGE: usize = 3;
+
+#[repr(C)]
+#[derive(Clone, Copy, Pod, Zeroable)]
+struct Outcome {
+    radiance: [f32; 3],
+    opacity: f32,
+    collisions: u32,
+    scatterings: u32,
+    null_collisions: f32,
+    finished: u32,
+    place: [f32; 3],
+    extinction: f32,
+    majorant: f32,
+    padding: [u32; 7],
+}
+
+/// The kernel with what all its dispatches read.
+pub(crate) struct Kernel<'a> {
+    tracer: &'a Tracer,
+    gpu: &'a Gpu,
+    pipeline: wgpu::ComputePipeline,
+    stage: Stage,
+    tree: wgpu::Buffer,
+    rates: wgpu::Buffer,
+    lights: wgpu::Buffer,
+    pixels: usize,
+    /// Middle of the medium's box in world space: the origin of the shader's places.
+    middle: DVec3,
+}
+
+impl<'a> Kernel<'a> {
+    /// Compiles the kernel; None where no ray can meet the medium. It knows one object whose coefficients are one
+    /// density times constants, one Henyey-Greenstein lobe and a constant world, and refuses the rest.
+    pub(crate) fn new(tracer: &'a Tracer, scene: &Scene, gpu: &'a Gpu) -> Result<Option<Self>> {
+        let Some(majorants) = &tracer.volume.majorants else { return Ok(None) };
+        let medium = Medium::new(scene).map_err(|cause| {
+            Error::new(
+                format!("--backend gpu, {}", cause.place),
+                cause.found,
+                "one object whose coefficients are one density times constants, and one Henyey-Greenstein lobe",
+                "Give --backend cpu, which knows all media.",
+            )
+        })?;
+        if medium.emission_of_density != [0.0; 3] {
+            return Err(Error::new(
+                "--backend gpu",
+                "an emission whose strength is the density",
+                "a constant emission: the adapter knows no other yet",
+                "Give --backend cpu.",
+            ));
+        }
+        let World::Constant(world) = tracer.world else {
+            return Err(Error::new(
+                "--backend gpu, $.world.image",
+                "a picture around the scene",
+                "a constant world: the adapter knows no other yet",
+                "Give --backend cpu.",
+            ));
+        };
+        let flat = majorants.flat();
+        let single = |values: [f64; 3]| values.map(|value| value as f32);
+        let vector = |value: DVec3| value.as_vec3().to_array();
+        let middle = tracer.volume.to_frame.inverse().transform_point3(flat.low + flat.cell * (FINEST / 2.0));
+        let transform = tracer.volume.to_frame * DMat4::from_translation(middle);
+        let mut lights =
+            tracer.lights.iter().map(|light| light.on_adapter(middle)).collect::<Result<Vec<AdapterLight>>>()?;
+        let stage = Stage {
+            scattering: single(medium.scattering),
+            anisotropy: medium.anisotropy as f32,
+            extinction: single(medium.extinction),
+            events: tracer.events,
+            share: single(tracer.volume.share),
+            lights: lights.len() as u32,
+            emission: single(tracer.volume.emission),
+            scatters: tracer.volume.scatters().into(),
+            world: single(world),
+            transparent: tracer.transparent.into(),
+            low: vector(flat.low),
+            cells_per_metre: vector(1.0 / flat.cell),
+            cell: vector(flat.cell),
+            to_object: std::array::from_fn(|row| transform.row(row).as_vec4().to_array()),
+            table: flat.nodes,
+            ..Stage::zeroed()
+        };
+        // A buffer cannot be empty: a scene without lights has one that is never read.
+        lights.resize(lights.len().max(1), AdapterLight::zeroed());
+        let storage = wgpu::BufferUsages::STORAGE;
+        let module = Linker::new(&medium.density)?.link("integrators/path/path.wgsl", PATH)?;
+        let software = gpu.adapter().is_software();
+        Ok(Some(Self {
+            tracer,
+            gpu,
+            pipeline: gpu.pipeline("path", &module)?,
+            stage,
+            tree: gpu.upload("majorant tree", bytemuck::cast_slice(&flat.tree), storage),
+            rates: gpu.upload("rates and majorants", bytemuck::cast_slice(&flat.rates), storage),
+            lights: gpu.upload("lights", bytemuck::cast_slice(&lights), storage),
+            pixels: if software { SOFTWARE_PIXELS } else { PIXELS },
+            middle,
+        }))
+    }
+
+    /// The adapter's description.
+    pub(crate) fn adapter(&self) -> &crate::gpu::Adapter {
+        self.gpu.adapter()
+    }
+
+    /// Sums over some samples of every pixel, and what was counted.
+    pub(crate) fn pass(&self, first_sample: u32, samples: u32, seed: u32) -> Result<(Vec<[f64; 4]>, Counters)> {
+        let total = self.tracer.size.iter().map(|&side| side as usize).product::<usize>();
+        let mut sums = vec![[0.0; 4]; total];
+        let mut counters = Counters { paths: total as u64 * u64::from(samples), ..Counters::default() };
+        let budgets = if self.gpu.adapter().is_software() { SOFTWARE_BUDGETS } else { BUDGETS };
+        let mut budget = Slices::within(FIRST_BUDGET, budgets);
+        let together = (RAY_BYTES / size_of::<Ray>() / self.pixels).clamp(1, SAMPLES_TOGETHER as usize) as u32;
+        for first_pixel in (0..total).step_by(self.pixels) {
+            let pixels = self.pixels.min(total - first_pixel);
+            for sample in (0..samples).step_by(together as usize) {
+                let stage = Stage {
+                    pixels: pixels as u32,
+                    samples: together.min(samples - sample),
+                    first_pixel: first_pixel as u32,
+                    first_sample: first_sample + sample,
+                    seed,
+                    ..self.stage
+                };
+                for (outcome, sum) in self.trace(stage, &mut budget)?.iter().zip(&mut sums[first_pixel..]) {
+                    for (sum, found) in sum.iter_mut().zip(outcome.radiance) {
+                        *sum += f64::from(found);
+                    }
+                    sum[3] += f64::from(outcome.opacity);
+                    counters.collisions += u64::from(outcome.collisions);
+                    counters.scatterings += u64::from(outcome.scatterings);
+                    counters.null_collisions += f64::from(outcome.null_collisions);
+                }
+            }
+        }
+        Ok((sums, counters))
+    }
+
+    /// The samples of some pixels, slice by slice.
+    fn trace(&self, stage: Stage, budget: &mut Slices) -> Result<Vec<Outcome>> {
+        let gpu = self.gpu;
+        let pixels = stage.pixels as usize;
+        let storage = wgpu::BufferUsages::STORAGE;
+        let rays: Vec<Ray> = (0..stage.pixels)
+            .flat_map(|slot| (0..stage.samples).map(move |sample| (slot, sample)))
+            .map(|(slot, sample)| self.camera_ray(stage.first_pixel + slot, stage.first_sample + sample, stage.seed))
+            .collect();
+        let rays = gpu.upload("rays", bytemuck::cast_slice(&rays), storage);
+        let mut states = vec![0_u32; pixels * STATE_WORDS];
+        states.iter_mut().skip(STATE_STAGE).step_by(STATE_WORDS).for_each(|word| *word = FINISHED);
+        let states = gpu.upload("paths", bytemuck::cast_slice(&states), storage);
+        let outcomes = vec![Outcome::zeroed(); pixels];
+        let bytes = size_of_val(outcomes.as_slice()) as u64;
+        let outcomes = gpu.upload("outcomes", bytemuck::cast_slice(&outcomes), storage | wgpu::BufferUsages::COPY_SRC);
+        loop {
+            let begin = Instant::now();
+            let stage = Stage { budget: budget.size as u32, ..stage };
+            let stage = gpu.upload("stage", bytemuck::bytes_of(&stage), wgpu::BufferUsages::UNIFORM);
+            let buffers = [&stage, &rays, &self.tree, &self.rates, &self.lights, &states, &outcomes];
+            dispatch(gpu, &self.pipeline, &buffers, [(pixels as u32).div_ceil(WORKGROUP), 1, 1]);
+            let found: Vec<Outcome> = bytemuck::pod_collect_to_vec(&gpu.read_back(&outcomes, bytes)?);
+            budget.adapt(begin);
+            if let Some(wrong) = found.iter().find(|outcome| outcome.majorant != 0.0) {
+                return Err(violation(wrong.place, f64::from(wrong.extinction), f64::from(wrong.majorant)));
+            }
+            if found.iter().all(|outcome| outcome.finished != 0) {
+                return Ok(found);
+            }
+        }
+    }
+
+    /// The part of a camera ray that lies in the medium.
+    fn camera_ray(&self, pixel: u32, sample: u32, seed: u32) -> Ray {
+        let path = self.tracer.begin(pixel, sample, seed);
+        let vector = |value: DVec3| value.as_vec3().to_array();
+        Ray {
+            origin: vector(path.origin - self.middle + path.direction * path.walk.distance),
+            length: (path.walk.end - path.walk.distance) as f32,
+            direction: vector(path.direction),
+            padding: 0.0,
+        }
+    }
+}

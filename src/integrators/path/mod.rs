@@ -1,0 +1,471 @@
+//! Path tracing of participating media without bias, on the CPU or the adapter.
+//!
+//! [`render`] gives a picture, [`render_replicas`] several with other seeds that share the majorants.
+//! The algorithm is that of `tracer`; `volume` is what it asks of the media. All closures, several objects that may
+//! overlap and a picture around the scene are known on the CPU; the adapter knows less and refuses the rest.
+//!
+//! A picture is made in passes of a fixed number of samples, a pass in ranges of paths that are traced
+//! on all cores. Ranges are summed in order, so that equal settings and seeds give equal bits
+//! whatever the number of threads.
+
+mod accumulation;
+mod adapter;
+mod tracer;
+mod volume;
+
+pub use crate::media::majorant::Tracking;
+pub use tracer::Counters;
+
+use crate::base::error::{Error, Result};
+use crate::base::files::json;
+use crate::base::progress::Progress as Report;
+use crate::gpu::Backend;
+use crate::gpu::Gpu;
+use crate::media::majorant::Effort;
+use crate::scene::Scene;
+use crate::scene::image::Image;
+use crate::view::camera::Camera;
+use crate::view::environment::Environment;
+use crate::view::film::Warp;
+use crate::view::lights::world_radiance;
+use crate::view::memory;
+use crate::view::sampled_lights::sampled_lights;
+use accumulation::Accumulation;
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+use std::path::Path;
+use std::time::Instant;
+use tracer::{Tracer, Work, World};
+use volume::Volume;
+
+/// Paths of one pass: enough to keep all cores busy, few enough to show progress.
+const PASS_PATHS: u64 = 1 << 20;
+
+/// The same on a software adapter, which is slower.
+const SOFTWARE_PASS_PATHS: u64 = 1 << 16;
+
+/// Paths of one range: the last paths of a range share batches with nobody.
+const RANGE_PATHS: u64 = 1 << 15;
+
+/// Memory that a pixel takes while a picture is made: sums (7 numbers of 8 bytes), the sums of a pass, those of its ranges
+/// (4 each), the picture and its channels for the file (4 of 4 bytes each).
+const BYTES_PER_PIXEL: u64 = (7 + 4 + 4) * 8 + 2 * 16;
+
+/// Rays per path of which majorants take account: of a long path most rays are short.
+const RAYS_PER_PATH: u32 = 8;
+
+/// Passes that have to be done before an error is believed.
+const PASSES_FOR_ERROR: u32 = 4;
+
+/// Seconds between two writings of the state.
+const SAVE_EVERY: f64 = 30.0;
+
+/// How much work, and which random numbers. A render stops at whatever it reaches first.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PathSettings {
+    /// Paths per pixel.
+    pub samples: u32,
+    /// Chooses the random numbers: pictures of different seeds are independent.
+    pub seed: u32,
+    /// Seconds after which no further pass begins, preparation not counted.
+    pub time: Option<f64>,
+    /// Estimated relative mean squared error that is good enough: the mean over pixels and channels of
+    /// v / (m^2 + (0.01 M)^2) with the pixel's mean m, the variance v of it, and the picture's mean M.
+    pub error: Option<f64>,
+    /// How rays find their collisions.
+    #[serde(default)]
+    pub tracking: Tracking,
+}
+
+impl Default for PathSettings {
+    fn default() -> Self {
+        Self { samples: 64, seed: 0, time: None, error: None, tracking: Tracking::default() }
+    }
+}
+
+/// Samples per pixel of which majorants take account at most: how long a render with a time limit lasts is not known.
+const SAMPLES_FOR_MAJORANTS: u32 = 256;
+
+/// What is reported while majorants are made.
+pub const PREPARATION: &str = "majorants";
+
+/// Most paths per pixel.
+pub const MOST_SAMPLES: u32 = 1 << 24;
+
+impl PathSettings {
+    fn check(&self) -> Result<()> {
+        let wrong = |name: &str, found: String, expected: String| {
+            Err(Error::new(format!("setting {name}"), found, expected, "Correct the setting."))
+        };
+        if !(1..=MOST_SAMPLES).contains(&self.samples) {
+            return wrong("samples", self.samples.to_string(), format!("1 to {MOST_SAMPLES}"));
+        }
+        for (name, value) in [("time", self.time), ("error", self.error)] {
+            if let Some(value) = value.filter(|value| !(*value > 0.0 && value.is_finite())) {
+                return wrong(name, value.to_string(), "a positive finite number".into());
+            }
+        }
+        Ok(())
+    }
+
+    /// What the samples depend on: renders that agree in it may go on from each other's state. The
+    /// number of samples decides how far majorants are refined, and so belongs to it.
+    fn identity(&self, scene: &Scene, engine: &Engine<'_>) -> String {
+        let version = env!("CARGO_PKG_VERSION");
+        let Self { samples, seed, tracking, .. } = self;
+        format!("{version} {} {samples} {seed} {tracking:?} {}", scene.content_hash(), engine.name())
+    }
+}
+
+/// What traces paths.
+enum Engine<'a> {
+    Cpu(&'a Tracer),
+    Adapter(Box<adapter::Kernel<'a>>),
+}
+
+impl<'a> Engine<'a> {
+    fn new(tracer: &'a Tracer, scene: &Scene, gpu: Option<&'a Gpu>) -> Result<Self> {
+        let kernel = match gpu {
+            // Where no ray can meet the medium there is nothing to do on an adapter.
+            Some(gpu) => adapter::Kernel::new(tracer, scene, gpu)?,
+            None => None,
+        };
+        Ok(kernel.map_or(Self::Cpu(tracer), |kernel| Self::Adapter(Box::new(kernel))))
+    }
+
+    /// Sums over some samples of every pixel.
+    fn pass(&self, first_sample: u32, samples: u32, seed: u32) -> Result<(Vec<[f64; 4]>, Counters)> {
+        match self {
+            Self::Cpu(tracer) => tracer.pass(first_sample, samples, seed),
+            Self::Adapter(kernel) => kernel.pass(first_sample, samples, seed),
+        }
+    }
+
+    /// How many paths a pass has.
+    fn pass_paths(&self) -> u64 {
+        match self {
+            Self::Adapter(kernel) if kernel.adapter().is_software() => SOFTWARE_PASS_PATHS,
+            _ => PASS_PATHS,
+        }
+    }
+
+    fn name(&self) -> String {
+        match self {
+            Self::Cpu(_) => "CPU".to_owned(),
+            Self::Adapter(kernel) => format!("GPU, {}", json(kernel.adapter())),
+        }
+    }
+}
+
+/// Renders a scene by path tracing. The picture's provenance names the scene, settings, counters and times.
+///
+/// With a `state` file, what is done is written there now and then, a render goes on from what it finds there, and the file is removed
+/// at the end. The picture is, bit for bit, the one of an uninterrupted render of as many samples.
+pub fn render(
+    scene: &Scene,
+    settings: &PathSettings,
+    backend: Backend,
+    state: Option<&Path>,
+    progress: Report<'_>,
+) -> Result<Image> {
+    let prepared = Prepared::new(scene, settings, backend, progress)?;
+    let image = prepared.render(scene, settings, state, progress)?;
+    if let Some(path) = state {
+        match std::fs::remove_file(path) {
+            Err(cause) if cause.kind() != std::io::ErrorKind::NotFound => {
+                return Err(Error::io(path, "a file that can be removed", &cause));
+            }
+            _ => {}
+        }
+    }
+    Ok(image)
+}
+
+/// [`render`] once per seed, without state files; the seed of `settings` does not count.
+pub fn render_replicas(
+    scene: &Scene,
+    settings: &PathSettings,
+    backend: Backend,
+    seeds: &[u32],
+    progress: Report<'_>,
+) -> Result<Vec<Image>> {
+    let mut images = Vec::with_capacity(seeds.len());
+    render_each(scene, settings, backend, seeds, progress, &mut |_, image| {
+        images.push(image);
+        Ok(())
+    })?;
+    Ok(images)
+}
+
+/// [`render_replicas`] that hands over each picture, with its seed, as soon as it is there.
+pub fn render_each(
+    scene: &Scene,
+    settings: &PathSettings,
+    backend: Backend,
+    seeds: &[u32],
+    progress: Report<'_>,
+    receive: &mut dyn FnMut(u32, Image) -> Result<()>,
+) -> Result<()> {
+    let prepared = Prepared::new(scene, settings, backend, progress)?;
+    let count = seeds.len() as f64;
+    for (number, &seed) in seeds.iter().enumerate() {
+        let report = |done: f64, what: &str| progress((number as f64 + done) / count, what);
+        receive(seed, prepared.render(scene, &PathSettings { seed, ..settings.clone() }, None, &report)?)?;
+    }
+    Ok(())
+}
+
+/// What all pictures of a scene share, whatever their seed.
+struct Prepared {
+    tracer: Tracer,
+    gpu: Option<Gpu>,
+    /// Time that it took.
+    seconds: f64,
+}
+
+impl Prepared {
+    fn new(scene: &Scene, settings: &PathSettings, backend: Backend, progress: Report<'_>) -> Result<Self> {
+        settings.check()?;
+        memory::check(scene.image_size(), BYTES_PER_PIXEL)?;
+        let gpu = backend.open()?;
+        let begin = Instant::now();
+        progress(0.0, PREPARATION);
+        let tracer = Tracer::new(scene, settings)?;
+        progress(0.0, "paths");
+        Ok(Self { tracer, gpu, seconds: begin.elapsed().as_secs_f64() })
+    }
+
+    /// One picture, from its state if there is one.
+    fn render(
+        &self,
+        scene: &Scene,
+        settings: &PathSettings,
+        state: Option<&Path>,
+        progress: Report<'_>,
+    ) -> Result<Image> {
+        let engine = Engine::new(&self.tracer, scene, self.gpu.as_ref())?;
+        self.tracer.render(scene, settings, &engine, state, self.seconds, progress)
+    }
+}
+
+impl World {
+    fn new(scene: &Scene) -> Result<Self> {
+        match Environment::load(scene)? {
+            Some(picture) if picture.is_black() => return Ok(Self::Constant([0.0; 3])),
+            Some(picture) => return Ok(Self::Picture(picture)),
+            None => {}
+        }
+        let radiance = world_radiance(scene);
+        if radiance.iter().all(|value| value.is_finite() && *value >= 0.0) {
+            return Ok(Self::Constant(radiance));
+        }
+        let found = format!("radiance {radiance:?}");
+        Err(Error::new("$.world", found, "finite radiance, none below 0", "Correct the color."))
+    }
+}
+
+impl Tracer {
+    fn new(scene: &Scene, settings: &PathSettings) -> Result<Self> {
+        let size = scene.image_size();
+        let events = scene.integrator.volume_bounces.min(scene.integrator.max_bounces).saturating_add(1);
+        let paths = f64::from(size[0]) * f64::from(size[1]) * f64::from(settings.samples.min(SAMPLES_FOR_MAJORANTS));
+        // The camera ray, and per event a shadow ray and a sampled one.
+        let rays = paths * f64::from(1 + 2 * events.min(RAYS_PER_PATH));
+        Ok(Self {
+            camera: Camera::new(scene, size)?,
+            size,
+            filter: Warp::new(scene.film.pixel_filter, f64::from(scene.film.filter_width)),
+            transparent: scene.film.transparent,
+            exposure: f64::from(scene.film.exposure),
+            lights: sampled_lights(scene)?,
+            world: World::new(scene)?,
+            volume: Volume::new(scene, Effort { rays, tracking: settings.tracking })?,
+            events,
+        })
+    }
+
+    /// Boxes that were bounded for the majorants, and their leaves.
+    fn tree(&self) -> [usize; 2] {
+        self.volume.majorants.as_ref().map_or([0; 2], |majorants| [majorants.boxes, majorants.leaves()])
+    }
+
+    /// One replica, from its state if there is one.
+    fn render(
+        &self,
+        scene: &Scene,
+        settings: &PathSettings,
+        engine: &Engine<'_>,
+        state: Option<&Path>,
+        preparation: f64,
+        progress: Report<'_>,
+    ) -> Result<Image> {
+        let begin = Instant::now();
+        let pixels = self.size.iter().map(|&side| u64::from(side)).product::<u64>();
+        let per_pass = (engine.pass_paths() / pixels).clamp(1, MOST_SAMPLES as u64) as u32;
+        let mut sums = Accumulation::new(settings.identity(scene, engine), pixels as usize);
+        if let Some(path) = state {
+            sums = Accumulation::load(path, sums)?;
+        }
+        let before = sums.progress.seconds;
+        let mut saved = 0.0;
+        while sums.progress.samples < settings.samples {
+            let samples = per_pass.min(settings.samples - sums.progress.samples);
+            let (pass, counters) = match engine.pass(sums.progress.samples, samples, settings.seed) {
+                Ok(done) => done,
+                // A lost device, say: what is done so far is kept for the next try.
+                Err(cause) => {
+                    if let Some(path) = state.filter(|_| sums.progress.samples > 0) {
+                        sums.save(path)?;
+                    }
+                    return Err(cause);
+                }
+            };
+            sums.add(&pass, samples);
+            sums.progress.counters.add(&counters);
+            let now = begin.elapsed().as_secs_f64();
+            sums.progress.seconds = before + now;
+            let error = sums.relative_error().filter(|_| sums.progress.passes >= PASSES_FOR_ERROR);
+            let parts = [
+                f64::from(sums.progress.samples) / f64::from(settings.samples),
+                settings.time.map_or(0.0, |limit| sums.progress.seconds / limit),
+                settings.error.and_then(|limit| Some(limit / error?)).unwrap_or(0.0),
+            ];
+            let done = parts.into_iter().fold(0.0, f64::max);
+            progress(done.min(1.0), "paths");
+            if done >= 1.0 {
+                break;
+            }
+            if let Some(path) = state.filter(|_| now - saved > SAVE_EVERY) {
+                sums.save(path)?;
+                saved = now;
+            }
+        }
+        Ok(self.picture(scene, settings, engine, &sums, preparation))
+    }
+
+    /// Sums over some samples of every pixel.
+    fn pass(&self, first_sample: u32, samples: u32, seed: u32) -> Result<(Vec<[f64; 4]>, Counters)> {
+        let pixels = self.size.iter().map(|&side| side as usize).product::<usize>();
+        let total = pixels as u64 * u64::from(samples);
+        let ranges: Vec<_> = (0..total)
+            .step_by(RANGE_PATHS as usize)
+            .map(|start| Work { items: start..total.min(start + RANGE_PATHS), first_sample, samples, seed })
+            .collect();
+        let parts: Vec<_> = ranges.par_iter().map(|work| self.trace(work)).collect::<Result<_>>()?;
+        let mut sums = vec![[0.0; 4]; pixels];
+        let mut counters = Counters::default();
+        for part in parts {
+            for (sum, found) in sums[part.first_pixel..].iter_mut().zip(part.pixels) {
+                for (sum, found) in sum.iter_mut().zip(found) {
+                    *sum += found;
+                }
+            }
+            counters.add(&part.counters);
+        }
+        Ok((sums, counters))
+    }
+
+    /// The picture with its provenance.
+    fn picture(
+        &self,
+        scene: &Scene,
+        settings: &PathSettings,
+        engine: &Engine<'_>,
+        sums: &Accumulation,
+        preparation: f64,
+    ) -> Image {
+        let mut image = Image::new(self.size[0] as usize, self.size[1] as usize);
+        let scale = 1.0 / f64::from(sums.progress.samples);
+        for (pixel, sum) in image.pixels.iter_mut().zip(&sums.sums) {
+            let [red, green, blue, opacity] = sum.map(|value| value * scale);
+            let alpha = if self.transparent { opacity } else { 1.0 };
+            let [red, green, blue] = [red, green, blue].map(|radiance| (radiance * self.exposure) as f32);
+            *pixel = [red, green, blue, alpha as f32];
+        }
+        let counters = &sums.progress.counters;
+        let [boxes, leaves] = self.tree();
+        for (name, value) in [
+            ("renderer", format!("cloudparity {} path", env!("CARGO_PKG_VERSION"))),
+            ("scene", scene.name.clone()),
+            ("scene_sha256", scene.content_hash()),
+            ("settings", json(settings)),
+            ("film", json(&scene.film)),
+            ("integrator", json(&scene.integrator)),
+            ("backend", engine.name()),
+            ("threads", rayon::current_num_threads().to_string()),
+            ("seed", settings.seed.to_string()),
+            ("samples", sums.progress.samples.to_string()),
+            ("relative_error", sums.relative_error().map_or("unknown".to_owned(), |error| format!("{error:.3e}"))),
+            ("majorant_boxes", boxes.to_string()),
+            ("majorant_leaves", leaves.to_string()),
+            ("paths", counters.paths.to_string()),
+            ("collisions", counters.collisions.to_string()),
+            ("null_share", format!("{:.4}", counters.null_collisions / (counters.collisions.max(1) as f64))),
+            ("scatterings", counters.scatterings.to_string()),
+            ("violations", counters.violations.to_string()),
+            ("preparation_seconds", format!("{preparation:.3}")),
+            ("render_seconds", format!("{:.3}", sums.progress.seconds)),
+        ] {
+            image.provenance.insert(name.to_owned(), value);
+        }
+        image
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn cube() -> Scene {
+        let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("parity/scenes/homogeneous-cube.scene.json");
+        Scene::load(&file).expect("the committed scene loads")
+    }
+
+    #[test]
+    fn a_lost_device_is_an_error_that_keeps_what_is_done() {
+        let Ok(gpu) = Gpu::open() else {
+            assert!(
+                !std::env::var("CLOUDPARITY_REQUIRE").unwrap_or_default().contains("vulkan"),
+                "an adapter is required"
+            );
+            return;
+        };
+        let scene = cube();
+        let settings = PathSettings { samples: 1 << 16, seed: 3, ..PathSettings::default() };
+        let tracer = Tracer::new(&scene, &settings).expect("a tracer");
+        let engine = Engine::new(&tracer, &scene, Some(&gpu)).expect("a kernel");
+        let Engine::Adapter(_) = engine else { panic!("the cube is rendered on the adapter") };
+        let folder = tempfile::tempdir().expect("a folder");
+        let state = folder.path().join("a.exr.state");
+        // The device goes away at the first report, which is after the first pass.
+        let report = |_: f64, _: &str| gpu.device().destroy();
+        let error = tracer.render(&scene, &settings, &engine, Some(&state), 0.0, &report).expect_err("it is lost");
+        assert!(error.place.contains("adapter"), "{error}");
+        let fresh = Accumulation::new(settings.identity(&scene, &engine), tracer.size.iter().product::<u32>() as usize);
+        let kept = Accumulation::load(&state, fresh).expect("the state is whole");
+        assert_eq!(kept.progress.passes, 1);
+        assert!(kept.progress.samples > 0 && kept.progress.samples < settings.samples);
+    }
+
+    #[test]
+    fn an_interrupted_render_ends_in_the_picture_of_an_uninterrupted_one() {
+        let mut scene = cube();
+        // Passes of four samples.
+        scene.film.resolution = [512, 512];
+        let settings = PathSettings { samples: 8, seed: 3, ..PathSettings::default() };
+        let tracer = Tracer::new(&scene, &settings).expect("a tracer");
+        let (pass, counters) = tracer.pass(0, 4, settings.seed).expect("a pass");
+        let mut sums = Accumulation::new(settings.identity(&scene, &Engine::Cpu(&tracer)), pass.len());
+        sums.add(&pass, 4);
+        sums.progress.counters.add(&counters);
+        let folder = tempfile::tempdir().expect("a folder");
+        let state = folder.path().join("a.exr.state");
+        sums.save(&state).expect("it is written");
+        let resumed = render(&scene, &settings, Backend::Cpu, Some(&state), &|_, _| {}).expect("it goes on");
+        let whole = render(&scene, &settings, Backend::Cpu, None, &|_, _| {}).expect("it renders");
+        assert_eq!(resumed.pixels, whole.pixels);
+        assert_eq!(resumed.provenance["collisions"], whole.provenance["collisions"]);
+        assert!(!state.exists(), "the state is removed at the end");
+    }
+}

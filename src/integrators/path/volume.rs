@@ -1,0 +1,446 @@
+//! What the path integrator asks of the media of a scene, in one place: coefficients at a batch of positions, how
+//! they are bounded, and how they scatter.
+//!
+//! Everything happens in a *frame*: the object's own where there is one object, the world where there are several.
+//! Three things are found out beforehand, because they make paths cheaper or less noisy:
+//!
+//! * whether the coefficients are one density times constants: then all channels share its bounds;
+//! * whether phase functions and their proportions are constant: then no event has to look them up;
+//! * whether emission is the same in the whole medium: then it is integrated in closed form along flights.
+
+use crate::base::error::{Error, Result};
+use crate::graph::bounds::Bounds3;
+use crate::graph::evaluate::Evaluator;
+use crate::media::majorant::{COORDINATE_PADDING, Effort, Majorants, Tracking};
+use crate::media::medium::Region;
+use crate::media::objects::{Media, ObjectMedium, PhaseMixture, Values};
+use crate::media::phase::PhaseFunction;
+use crate::nodes::Interval;
+use crate::nodes::closure::Coefficients;
+use crate::scene::Scene;
+use glam::{DMat4, DVec3};
+use rayon::prelude::*;
+
+/// Tentative collisions that are added, for the sake of emission that varies, to a ray along the diagonal of a
+/// medium that emits as much as its bound everywhere. More make emission less noisy and rays slower.
+const EMISSION_COLLISIONS: f64 = 16.0;
+
+/// How often the box of a medium is divided into eight to bound its emission.
+const EMISSION_DEPTH: u32 = 3;
+
+/// Widening of bounds, relative: their rounding to f32, and what an adapter's f32 product is rounded by.
+const WIDENING: f64 = 2.0 * f32::EPSILON as f64;
+
+/// Positions that a thread looks up before the rays begin.
+const PILOT_BATCH: usize = 4096;
+
+const NOTHING: Coefficients<f64> = Coefficients { scattering: [0.0; 3], extinction: [0.0; 3], emission: [0.0; 3] };
+
+/// What is known beforehand of how light scatters.
+pub(crate) enum Lobes {
+    /// By one constant phase function.
+    Single(PhaseFunction),
+    /// By several constant ones in constant proportions.
+    Constant(PhaseMixture),
+    /// Only known at a position.
+    Varying,
+}
+
+/// The media of a scene with their majorants.
+pub(crate) struct Volume {
+    /// Those that have an inside.
+    objects: Vec<ObjectMedium>,
+    /// Coefficients per unit density, of one object in which only the density varies.
+    proportional: Option<Coefficients<f64>>,
+    /// None where no object has an inside.
+    pub(crate) majorants: Option<Majorants>,
+    /// Per channel, what a control is multiplied by to be one of that channel: the channel's extinction over that
+    /// of the channel with the most where coefficients are proportional to a density, else 1.
+    pub(crate) share: [f64; 3],
+    /// Radiance per metre that is the same in the whole medium; 0 if it varies.
+    pub(crate) emission: [f64; 3],
+    /// Whether emission varies, and so is collected at tentative collisions.
+    pub(crate) emission_varies: bool,
+    /// Tentative collisions per metre for each unit of varying emission.
+    emission_rate: f64,
+    /// How light scatters.
+    pub(crate) lobes: Lobes,
+    /// World to frame.
+    pub(crate) to_frame: DMat4,
+}
+
+impl Volume {
+    /// The media of a scene.
+    pub(crate) fn new(scene: &Scene, effort: Effort) -> Result<Self> {
+        let mut objects = Media::new(scene)?.objects;
+        objects.retain(|object| !object.bounds.is_empty());
+        let proportional = match objects.as_slice() {
+            [only] => only.proportional(),
+            _ => None,
+        };
+        if let Some(unit) = &proportional {
+            check(unit)?;
+        }
+        let most = proportional.map_or(0.0, |unit| largest(&unit.extinction));
+        let constant_emission = match objects.as_slice() {
+            [] => Some([0.0; 3]),
+            [only] => only.constant_emission(),
+            several if several.iter().all(|object| object.character.dark) => Some([0.0; 3]),
+            _ => None,
+        };
+        let mut volume = Self {
+            share: proportional.filter(|_| most > 0.0).map_or([1.0; 3], |unit| unit.extinction.map(|own| own / most)),
+            emission: constant_emission.unwrap_or([0.0; 3]),
+            emission_varies: constant_emission.is_none(),
+            emission_rate: 0.0,
+            lobes: lobes(&objects, proportional.is_some())?,
+            to_frame: if let [only] = objects.as_slice() { only.to_object } else { DMat4::IDENTITY },
+            majorants: None,
+            proportional,
+            objects,
+        };
+        let Some(region) = volume.region() else { return Ok(volume) };
+        let to_world = volume.to_frame.inverse();
+        if volume.emission_varies {
+            let most = volume.most_emission()?;
+            volume.emission_varies = most > 0.0;
+            if volume.emission_varies {
+                volume.emission_rate = EMISSION_COLLISIONS / (most * diagonal(&region, &to_world));
+            }
+        }
+        let enclose = |boxes: &[Bounds3]| volume.enclose(boxes);
+        let mut majorants = Majorants::build([region.low, region.high], &to_world, effort, enclose)?;
+        // Emission that varies is collected at tentative collisions, whose rate is above 0 by its majorant.
+        if effort.tracking == Tracking::Adaptive && !volume.emission_varies {
+            majorants.pilot(&to_world, effort.rays, |places| volume.extinctions(places))?;
+        }
+        volume.majorants = Some(majorants);
+        Ok(volume)
+    }
+
+    /// The box of the frame that holds all objects; none without an object.
+    fn region(&self) -> Option<Region> {
+        match self.objects.as_slice() {
+            [] => None,
+            [only] => Some(only.bounds),
+            several => several
+                .iter()
+                .map(|object| surrounding(&object.bounds, &object.to_object.inverse()))
+                .reduce(|a, b| Region { low: a.low.min(b.low), high: a.high.max(b.high) }),
+        }
+    }
+
+    /// A bound of the magnitude of varying emission.
+    fn most_emission(&self) -> Result<f64> {
+        let mut sum = 0.0;
+        for object in &self.objects {
+            let whole = Bounds3::new(object.bounds.low.as_vec3().into(), object.bounds.high.as_vec3().into());
+            let found = object.bounds_of(&[whole], EMISSION_DEPTH)?[0].emission;
+            let most = found.iter().map(|channel| channel.magnitude()).fold(0.0, f64::max);
+            if found.iter().any(|channel| channel.may_be_nan) || !most.is_finite() {
+                return Err(Error::new(
+                    format!("object {}", object.object),
+                    "an emission that may be infinite or NaN somewhere",
+                    "an emission with a finite bound",
+                    "Clamp the emission in the material.",
+                ));
+            }
+            sum += most;
+        }
+        Ok(sum)
+    }
+
+    /// Encloses, over boxes of the frame, the extinction and what is added to it for the sake of emission. The
+    /// upper end holds for every channel; the lower one for the channel with the most where coefficients are
+    /// proportional to a density, else for every channel.
+    fn enclose(&self, boxes: &[Bounds3]) -> Result<Vec<Interval>> {
+        let widened = |low: f64, high: f64, may_be_nan: bool| Interval {
+            low: (low * (1.0 - WIDENING)) as f32,
+            high: (high * (1.0 + WIDENING)) as f32,
+            may_be_nan,
+        };
+        if let Some(unit) = &self.proportional {
+            let most = largest(&unit.extinction);
+            let scaled = |density: Interval| {
+                let [low, high] = density.ends().map(|end| end.max(0.0) * most);
+                widened(low, high, density.may_be_nan)
+            };
+            let program = self.objects[0].program();
+            if program.output_components() == 0 {
+                return Ok(vec![scaled(Interval::ONE); boxes.len()]);
+            }
+            return Ok(program.bounds_many(boxes)?.into_iter().map(scaled).collect());
+        }
+        let mut sums = vec![Enclosed::default(); boxes.len()];
+        for object in &self.objects {
+            let parts: Vec<(usize, Bounds3, bool)> = boxes
+                .iter()
+                .enumerate()
+                .filter_map(|(number, place)| {
+                    let (part, whole) = self.part_inside(object, place)?;
+                    Some((number, part, whole))
+                })
+                .collect();
+            let places: Vec<Bounds3> = parts.iter().map(|(_, part, _)| *part).collect();
+            for ((number, _, whole), found) in parts.iter().zip(object.bounds_of(&places, 0)?) {
+                sums[*number].add(&found, *whole);
+            }
+        }
+        let together = |sum: &Enclosed| {
+            let least = sum.low.iter().copied().fold(f64::INFINITY, f64::min);
+            // Without varying emission the rate is 0, and its product with an infinite bound would be NaN.
+            let emission = if self.emission_varies { self.emission_rate * largest(&sum.emission) } else { 0.0 };
+            widened(least, largest(&sum.high) + emission, sum.may_be_nan)
+        };
+        Ok(sums.iter().map(together).collect())
+    }
+
+    /// Extinction of the channel with the most at positions of the frame, on all cores.
+    fn extinctions(&self, positions: &[DVec3]) -> Result<Vec<f64>> {
+        let parts: Vec<Vec<f64>> = positions
+            .par_chunks(PILOT_BATCH)
+            .map(|part| {
+                let mut found = Vec::new();
+                self.evaluator()?.evaluate(part, &mut found)?;
+                Ok(found.iter().map(|coefficients| largest(&coefficients.extinction)).collect())
+            })
+            .collect::<Result<_>>()?;
+        Ok(parts.concat())
+    }
+
+    /// The part of a box of the frame that may lie inside an object, in the object's frame, and whether all of
+    /// the box does; none where they are apart.
+    fn part_inside(&self, object: &ObjectMedium, place: &Bounds3) -> Option<(Bounds3, bool)> {
+        if let [_] = self.objects.as_slice() {
+            return Some((*place, true));
+        }
+        let corner = |corner: [f32; 3]| DVec3::from(corner.map(f64::from));
+        let around = surrounding(&Region { low: corner(place.low), high: corner(place.high) }, &object.to_object);
+        let own = object.bounds;
+        let whole = around.low.cmpge(own.low).all() && around.high.cmple(own.high).all();
+        // Positions are rounded to f32 in the object's frame.
+        let pad = COORDINATE_PADDING * own.low.abs().max(own.high.abs()).max_element();
+        let (low, high) = (around.low.max(own.low) - pad, around.high.min(own.high) + pad);
+        low.cmple(high).all().then(|| (Bounds3::new(low.as_vec3().into(), high.as_vec3().into()), whole))
+    }
+
+    /// Distance along a ray of the last face of an object up to `far`; negative infinity where there is none. A
+    /// camera ray of Cycles goes from face to face, and leaves out the medium behind the last one that it finds.
+    /// (Measured for one object, where it leaves out all of an object that reaches across the far clip.)
+    pub(crate) fn last_face(&self, origin: DVec3, direction: DVec3, far: f64) -> f64 {
+        let faces = |object: &ObjectMedium| {
+            let origin = object.to_object.transform_point3(origin);
+            let direction = object.to_object.transform_vector3(direction);
+            object.bounds.segment(origin, direction)
+        };
+        self.objects
+            .iter()
+            .filter_map(faces)
+            .flat_map(|(enter, leave)| [enter, leave])
+            .filter(|&face| face <= far)
+            .fold(f64::NEG_INFINITY, f64::max)
+    }
+
+    /// Whether any channel scatters anywhere.
+    pub(crate) fn scatters(&self) -> bool {
+        self.objects.iter().any(|object| !object.character.absorbing)
+    }
+
+    /// Whether any channel emits.
+    pub(crate) fn emits(&self) -> bool {
+        self.emission_varies || self.emission != [0.0; 3]
+    }
+
+    /// Evaluates coefficients on the calling thread.
+    pub(crate) fn evaluator(&self) -> Result<CoefficientEvaluator<'_>> {
+        let one = |medium| {
+            let program = Evaluator::new(ObjectMedium::program(medium))?;
+            Ok(ObjectEvaluator { medium, program, positions: Vec::new(), lanes: Vec::new(), values: None })
+        };
+        Ok(CoefficientEvaluator { volume: self, objects: self.objects.iter().map(one).collect::<Result<_>>()? })
+    }
+}
+
+/// Refuses coefficients that make no sense.
+fn check(unit: &Coefficients<f64>) -> Result<()> {
+    for (name, values, least) in [
+        ("extinction", unit.extinction, 0.0),
+        ("scattering", unit.scattering, 0.0),
+        // A cool blackbody's blue is below 0.
+        ("emission", unit.emission, f64::MIN),
+    ] {
+        if values.iter().any(|value| !(value.is_finite() && *value >= least)) {
+            return Err(Error::new(
+                "$.graph, the closure's colours",
+                format!("{name} {values:?}"),
+                "finite coefficients, extinction and scattering not below 0",
+                "Correct Color, Absorption Color or the emission.",
+            ));
+        }
+    }
+    Ok(())
+}
+
+/// How objects scatter. Lobes of coefficients that are proportional to a density are constant, and so are their
+/// proportions.
+fn lobes(objects: &[ObjectMedium], proportional: bool) -> Result<Lobes> {
+    let mut lobes = objects.iter().flat_map(ObjectMedium::phases);
+    // Where nothing scatters any will do.
+    let Some(first) = lobes.next() else { return Ok(Lobes::Single(PhaseFunction::ISOTROPIC)) };
+    if let Some(first) = first
+        && lobes.all(|lobe| lobe == Some(first))
+    {
+        return Ok(Lobes::Single(first));
+    }
+    if !proportional {
+        return Ok(Lobes::Varying);
+    }
+    let row = vec![1.0; objects[0].program().output_components()];
+    let mixture = objects[0].values(&row).mixture(0);
+    check_phase(&mixture, format!("object {}", objects[0].object))?;
+    Ok(Lobes::Constant(mixture))
+}
+
+/// Refuses phase functions with parameters that are no numbers.
+fn check_phase(mixture: &PhaseMixture, place: String) -> Result<()> {
+    if mixture.evaluate(0.0).is_finite() {
+        return Ok(());
+    }
+    Err(Error::new(
+        place,
+        "a phase function without a finite value",
+        "finite parameters of scattering",
+        "Look at what Anisotropy and its like are (cloudparity eval).",
+    ))
+}
+
+fn largest(values: &[f64; 3]) -> f64 {
+    values.iter().copied().fold(0.0, f64::max)
+}
+
+/// The box around a transformed box.
+fn surrounding(region: &Region, transform: &DMat4) -> Region {
+    let corners = (0..8_u32).map(|corner| {
+        let upper = |axis: usize| corner >> axis & 1 == 1;
+        let place: [f64; 3] =
+            std::array::from_fn(|axis| if upper(axis) { region.high[axis] } else { region.low[axis] });
+        transform.transform_point3(DVec3::from(place))
+    });
+    let nowhere = Region { low: DVec3::INFINITY, high: DVec3::NEG_INFINITY };
+    corners.fold(nowhere, |known, corner| Region { low: known.low.min(corner), high: known.high.max(corner) })
+}
+
+/// Length in metres that no edge of a box exceeds, near that of its diagonal: the root of the sum of their squares.
+fn diagonal(region: &Region, to_world: &DMat4) -> f64 {
+    let size = region.high - region.low;
+    (0..3).map(|axis| (to_world.col(axis).truncate() * size[axis]).length_squared()).sum::<f64>().sqrt()
+}
+
+/// Bounds over a box, summed over objects.
+#[derive(Debug, Clone, Copy, Default)]
+struct Enclosed {
+    low: [f64; 3],
+    high: [f64; 3],
+    /// Magnitude.
+    emission: [f64; 3],
+    may_be_nan: bool,
+}
+
+impl Enclosed {
+    /// Adds an object that fills the whole box, or perhaps only a part.
+    fn add(&mut self, found: &Coefficients<Interval>, whole: bool) {
+        for channel in 0..3 {
+            let [low, high] = found.extinction[channel].ends();
+            // Negative extinction is refused where it is met.
+            self.low[channel] += if whole { low.max(0.0) } else { 0.0 };
+            self.high[channel] += high.max(0.0);
+            self.emission[channel] += found.emission[channel].magnitude();
+            self.may_be_nan |= found.extinction[channel].may_be_nan || found.emission[channel].may_be_nan;
+        }
+    }
+}
+
+/// Coefficients at batches of positions.
+pub(crate) struct CoefficientEvaluator<'a> {
+    volume: &'a Volume,
+    objects: Vec<ObjectEvaluator<'a>>,
+}
+
+/// One object's share of a batch.
+struct ObjectEvaluator<'a> {
+    medium: &'a ObjectMedium,
+    program: Evaluator<'a>,
+    /// Positions inside, in the object's frame, and which of the batch they are (in ascending order).
+    positions: Vec<[f32; 3]>,
+    lanes: Vec<usize>,
+    values: Option<Values<'a>>,
+}
+
+impl ObjectEvaluator<'_> {
+    /// Chooses the positions of the world that lie inside, and evaluates there; faces count as inside.
+    fn evaluate(&mut self, positions: &[DVec3], results: &mut [Coefficients<f64>], several: bool) -> Result<()> {
+        self.positions.clear();
+        self.lanes.clear();
+        let Region { low, high } = self.medium.bounds;
+        for (lane, position) in positions.iter().enumerate() {
+            let local = if several { self.medium.to_object.transform_point3(*position) } else { *position };
+            if !several || local.cmpge(low).all() && local.cmple(high).all() {
+                self.positions.push(local.as_vec3().to_array());
+                self.lanes.push(lane);
+            }
+        }
+        let values = self.medium.values(self.program.evaluate(&self.positions));
+        for (row, (&lane, &position)) in self.lanes.iter().zip(&self.positions).enumerate() {
+            let found = values.checked(row, position)?;
+            let sum = &mut results[lane];
+            for channel in 0..3 {
+                sum.scattering[channel] += found.scattering[channel];
+                sum.extinction[channel] += found.extinction[channel];
+                sum.emission[channel] += found.emission[channel];
+            }
+        }
+        self.values = Some(values);
+        Ok(())
+    }
+}
+
+impl CoefficientEvaluator<'_> {
+    /// One entry per position of the frame, into `results`. Where coefficients are proportional to a density, NaN
+    /// stays to be seen and emission is left out.
+    pub(crate) fn evaluate(&mut self, positions: &[DVec3], results: &mut Vec<Coefficients<f64>>) -> Result<()> {
+        results.clear();
+        let Some(unit) = &self.volume.proportional else {
+            results.resize(positions.len(), NOTHING);
+            let several = self.objects.len() > 1;
+            return self.objects.iter_mut().try_for_each(|object| object.evaluate(positions, results, several));
+        };
+        let coefficients = |density: f64| Coefficients {
+            scattering: unit.scattering.map(|per_density| per_density * density),
+            extinction: unit.extinction.map(|per_density| per_density * density),
+            emission: [0.0; 3],
+        };
+        let object = &mut self.objects[0];
+        if object.medium.program().output_components() == 0 {
+            results.resize(positions.len(), coefficients(1.0));
+            return Ok(());
+        }
+        object.positions.clear();
+        object.positions.extend(positions.iter().map(|position| position.as_vec3().to_array()));
+        let densities = object.program.evaluate(&object.positions).iter();
+        // Negative density acts as 0, and NaN is not below 0.
+        results.extend(densities.map(|&density| coefficients(if density < 0.0 { 0.0 } else { f64::from(density) })));
+        Ok(())
+    }
+
+    /// The lobes at a position of the last batch, by its number; asked only where they are [`Lobes::Varying`].
+    pub(crate) fn mixture(&self, lane: usize) -> Result<PhaseMixture> {
+        let mut mixture = PhaseMixture::empty();
+        for object in &self.objects {
+            let (Some(values), Ok(row)) = (&object.values, object.lanes.binary_search(&lane)) else { continue };
+            mixture.append(values.mixture(row));
+            let place = object.positions[row];
+            check_phase(&mixture, format!("object {}, object-space position {place:?}", object.medium.object))?;
+        }
+        Ok(mixture)
+    }
+}

@@ -1,0 +1,489 @@
+//! Two density models in one box, under one camera and one light: what a page of the report shows.
+//!
+//! The density of a scene's node graph takes the place of a published engine's, with the engine's extinction, albedo and phase
+//! function, so that pictures differ by the density alone. One factor on each density brings the mean optical depth along the box's
+//! vertical lines to the same value. Both are then rendered by the engine's light as published, by every light model on its mended form, and by
+//! path tracing with the light transport that these stand for. Path tracing sees both as grids of the same voxels, those of the statistics.
+
+use crate::base::error::{Error, Result};
+use crate::base::files;
+use crate::base::files::sha256;
+use crate::base::progress::Progress;
+use crate::bridge;
+use crate::bridge::Kernel;
+use crate::engines::graph::GraphDensity;
+use crate::engines::light::models::LIGHTS;
+use crate::engines::light::{SourceFactor, TwoLobes, Variant};
+use crate::engines::parameters::Values;
+use crate::engines::render;
+use crate::engines::render::{EngineJitter, EngineSettings, box_of, container_side};
+use crate::engines::{Build, Engine, Model};
+use crate::gpu::Backend;
+use crate::gpu::Gpu;
+use crate::graph::evaluate::Points;
+use crate::integrators::path;
+use crate::integrators::path::PathSettings;
+use crate::measure::densities::statistics::FieldStatistics;
+use crate::measure::pictures;
+use crate::measure::pictures::DisplaySettings;
+use crate::media::density::DensityModel;
+use crate::media::objects::length_scale;
+use crate::scene::image::Image;
+use crate::scene::volume_grid::{DENSITY, GridHandle, VolumeGrid};
+use crate::scene::{Bounds, Display, Graph, GraphSource, Scene, Shape};
+use glam::{DAffine3, DMat3, DVec3};
+use indexmap::IndexMap;
+use ndarray::{Array3, Axis};
+use rand::{Rng as _, SeedableRng as _};
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+use serde_json::json;
+use std::path::Path;
+use std::sync::Arc;
+use std::time::Instant;
+
+/// What is compared and how closely.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Settings {
+    /// Places per axis of the statistics, and voxels per axis of path tracing.
+    pub places: usize,
+    /// Paths per pixel.
+    pub samples: u32,
+    /// Rays per pixel and axis of the engine.
+    pub sub_pixels: u32,
+    /// Mean optical depth of both; the model's own where none is given.
+    pub mean_depth: Option<f64>,
+    /// Points of the timing.
+    pub timed_points: usize,
+}
+
+/// What was found: `models.json`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Comparison {
+    /// Name of the scene with camera, light and graph.
+    pub scene: String,
+    /// Its hash.
+    pub scene_sha256: String,
+    /// Name of the engine whose medium both densities are rendered as.
+    pub model: String,
+    /// The model's parameters.
+    pub parameters: IndexMap<String, f64>,
+    /// How it was made.
+    pub settings: Settings,
+    /// Extinction per unit of density and side of the box.
+    pub extinction: [f64; 3],
+    /// Single-scattering albedo of path tracing and of the mended light model.
+    pub albedo: f64,
+    /// The phase function.
+    pub phase: TwoLobes,
+    /// Most scattering events of a path.
+    pub scattering_events: u32,
+    /// The adapter of the timing, if there is one.
+    pub adapter: Option<serde_json::Value>,
+    /// The densities, the graph's first.
+    pub sides: [Side; 2],
+    /// Pictures, by light model and density.
+    pub pictures: Vec<Picture>,
+}
+
+/// One density.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Side {
+    /// Its name, which file names hold.
+    pub id: String,
+    /// Its name in words.
+    pub title: String,
+    /// Factor on it that brings the mean optical depth to the common value.
+    pub factor: f64,
+    /// Its figures, factor included.
+    pub statistics: FieldStatistics,
+    /// What evaluates it on the CPU.
+    pub evaluator: String,
+    /// Nanoseconds of wall time per density at random places of the box, on all cores.
+    pub cpu_nanoseconds: f64,
+    /// The same on the adapter, transfers included.
+    pub gpu_nanoseconds: Option<f64>,
+}
+
+/// One picture.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Picture {
+    /// The light model.
+    pub light: String,
+    /// Its name in words.
+    pub light_title: String,
+    /// The density.
+    pub density: String,
+    /// Scene-linear file.
+    pub exr: String,
+    /// File to look at, where it could be made.
+    pub png: Option<String>,
+    /// Wall time of the render, in seconds.
+    pub seconds: f64,
+    /// Mean of the colour channels over the picture, what the film holds.
+    pub mean_radiance: f64,
+}
+
+/// File name of the figure of both fields.
+pub const FIGURE: &str = "models.svg";
+
+/// Repetitions of the timing; their median counts.
+const REPEATS: usize = 5;
+
+/// Seed of the places of the timing.
+const SEED: u64 = 42;
+
+/// Places that are evaluated together.
+const BATCH: usize = 1 << 14;
+
+/// A density times a factor.
+struct Scaled {
+    density: Box<dyn DensityModel>,
+    factor: f64,
+}
+
+impl DensityModel for Scaled {
+    fn densities(&self, places: &[DVec3]) -> Vec<f64> {
+        self.density.densities(places).into_iter().map(|density| density * self.factor).collect()
+    }
+
+    fn extinction(&self) -> [f64; 3] {
+        self.density.extinction()
+    }
+
+    fn shader(&self) -> Result<crate::gpu::ModelShader> {
+        Err(Error::new(
+            "density model",
+            "a density times a factor",
+            "a density with a shader of its own",
+            "Leave --gpu out.",
+        ))
+    }
+}
+
+/// Compares the density of a scene's graph with a model's; pictures are written to `folder` as they are made.
+pub fn run(
+    scene: &Scene,
+    model: &'static Model,
+    values: &Values,
+    settings: &Settings,
+    folder: &Path,
+    progress: Progress<'_>,
+) -> Result<Comparison> {
+    check(settings)?;
+    if matches!(model.build, Build::OfScene(_)) {
+        return Err(Error::new(
+            "--model",
+            format!("\"{}\"", model.id),
+            "a density model that is not the scene's own",
+            "Give another one: cloudparity models lists them.",
+        ));
+    }
+    std::fs::create_dir_all(folder).map_err(|cause| Error::io(folder, "a folder for the results", &cause))?;
+    let engine = |variant| model.engine(scene, values, variant, 0.0);
+    let mended = engine(Variant::Fixed)?;
+    let (extinction, light) = (mended.density.extinction(), mended.light.clone());
+    let SourceFactor::Albedo([albedo, ..]) = light.source else {
+        unreachable!("the mended form of an engine has an albedo");
+    };
+    let mean_extinction = extinction.iter().sum::<f64>() / 3.0;
+
+    progress(0.0, "statistics of the fields");
+    let graph = GraphDensity::new(scene, extinction)?;
+    let fields = [sample(scene, &graph, settings.places)?, sample(scene, mended.density.as_ref(), settings.places)?];
+    let depths = fields.each_ref().map(|field| field.mean().expect("a field has places") * mean_extinction);
+    let names = [("graph", format!("node graph of {}", scene.name)), (model.id, model.id.to_owned())];
+    for (depth, (_, title)) in depths.iter().zip(&names) {
+        if !(*depth > 0.0 && depth.is_finite()) {
+            return Err(Error::new(
+                format!("the density: {title}"),
+                format!("a mean optical depth of {depth}"),
+                "one above 0, so that it can be brought to the other's",
+                "Look at the density with cloudparity eval or grid, and mend the scene or the parameters.",
+            ));
+        }
+    }
+    let target = settings.mean_depth.unwrap_or(depths[1]);
+    let factors = depths.map(|depth| target / depth);
+
+    progress(0.1, "cost per sample");
+    let gpu = Gpu::open().ok();
+    let [graph_cost, model_cost] = costs(&graph, mended.density.as_ref(), settings.timed_points, gpu.as_ref())?;
+    let evaluators = ["f32, vectors", "f64, scalar"];
+    let figures = |index: usize, (cpu_nanoseconds, gpu_nanoseconds): (f64, Option<f64>)| Side {
+        id: names[index].0.to_owned(),
+        title: names[index].1.clone(),
+        factor: factors[index],
+        statistics: FieldStatistics::of(&fields[index].mapv(|density| density * factors[index]), mean_extinction),
+        evaluator: evaluators[index].to_owned(),
+        cpu_nanoseconds,
+        gpu_nanoseconds,
+    };
+    let sides = [figures(0, graph_cost), figures(1, model_cost)];
+
+    let densities: [Arc<dyn DensityModel>; 2] = [
+        Arc::new(Scaled { density: Box::new(graph), factor: factors[0] }),
+        Arc::new(Scaled { density: mended.density, factor: factors[1] }),
+    ];
+    let mut pictures = Vec::new();
+    let mut done = 0.15;
+    let mut keep = |light: &str, title: &str, density: &str, image: &Image| -> Result<()> {
+        let exr = format!("models-{light}-{density}.exr");
+        image.write_exr(&folder.join(&exr), false)?;
+        let sum: f64 = image.pixels.iter().flat_map(|pixel| &pixel[..3]).map(|&value| f64::from(value)).sum();
+        pictures.push(Picture {
+            light: light.to_owned(),
+            light_title: title.to_owned(),
+            density: density.to_owned(),
+            exr,
+            png: None,
+            seconds: image.provenance.get("render_seconds").and_then(|text| text.parse().ok()).unwrap_or(f64::NAN),
+            mean_radiance: sum / (3 * image.pixels.len()) as f64,
+        });
+        Ok(())
+    };
+    let engine_settings =
+        EngineSettings { jitter: EngineJitter::None, frame: 0, sub_pixels: settings.sub_pixels, god_rays: false };
+    let mut lights = vec![(engine(Variant::AsPublished)?, "as-published", "Light as published".to_owned())];
+    for named in LIGHTS {
+        let mut mended = engine(Variant::Fixed)?;
+        named.apply(&mut mended.light)?;
+        lights.push((mended, named.id, format!("Light {}: {}", named.id, named.about)));
+    }
+    let share = 0.5 / (2 * lights.len()) as f64;
+    for (lit, id, title) in lights {
+        for (density, side) in densities.iter().zip(&sides) {
+            let engine = lit.with_density(Box::new(Arc::clone(density)));
+            let report = |part: f64, what: &str| progress(done + share * part, what);
+            let image = render::render(scene, &engine, &engine_settings, Backend::Cpu, &report)?;
+            keep(id, &title, &side.id, &image)?;
+            done += share;
+        }
+    }
+    let path_settings = PathSettings { samples: settings.samples, ..PathSettings::default() };
+    for ((field, side), factor) in fields.iter().zip(&sides).zip(factors) {
+        let medium = grid_scene(scene, &field.mapv(|density| density * factor), extinction, albedo, &light.phase)?;
+        let report = |part: f64, what: &str| progress(done + 0.17 * part, what);
+        let image = path::render(&medium, &path_settings, Backend::Cpu, None, &report)?;
+        keep("path", "Path tracing", &side.id, &image)?;
+        done += 0.17;
+    }
+    Ok(Comparison {
+        scene: scene.name.clone(),
+        scene_sha256: scene.content_hash(),
+        model: model.id.to_owned(),
+        parameters: values.iter().map(|(name, value)| (name.to_owned(), value)).collect(),
+        settings: settings.clone(),
+        extinction,
+        albedo,
+        phase: light.phase,
+        scattering_events: scene.integrator.volume_bounces.min(scene.integrator.max_bounces) + 1,
+        adapter: gpu.map(|gpu| serde_json::to_value(gpu.adapter()).expect("an adapter serialises")),
+        sides,
+        pictures,
+    })
+}
+
+fn check(settings: &Settings) -> Result<()> {
+    let wrong = |name: &str, found: String, expected: &str| {
+        Err(Error::new(format!("setting {name}"), found, expected, "Correct the setting."))
+    };
+    if !(2..=512).contains(&settings.places) {
+        return wrong("places", settings.places.to_string(), "2 to 512 per axis");
+    }
+    if let Some(depth) = settings.mean_depth.filter(|depth| !(*depth > 0.0 && depth.is_finite())) {
+        return wrong("mean depth", depth.to_string(), "a positive finite optical depth");
+    }
+    Ok(())
+}
+
+/// Densities in the middle of `places`^3 equal parts of the box, by the object's x, y and z.
+fn sample(scene: &Scene, density: &dyn DensityModel, places: usize) -> Result<Array3<f64>> {
+    let to_object = grid_to_object(&scene.volume.bounds, places);
+    let to_box = box_of(&scene.volume.bounds) * to_object;
+    let place = |index: usize| {
+        DVec3::new((index / (places * places)) as f64, (index / places % places) as f64, (index % places) as f64)
+    };
+    let starts: Vec<usize> = (0..places.pow(3)).step_by(BATCH).collect();
+    let values: Vec<f64> = starts
+        .par_iter()
+        .flat_map_iter(|&start| {
+            let end = places.pow(3).min(start + BATCH);
+            let asked: Vec<DVec3> = (start..end).map(|index| to_box.transform_point3(place(index))).collect();
+            density.densities(&asked)
+        })
+        .collect();
+    if let Some(index) = values.iter().position(|value| !value.is_finite()) {
+        return Err(Error::new(
+            format!("the density at {} of object {}", to_object.transform_point3(place(index)), scene.volume.object),
+            values[index].to_string(),
+            "a finite density",
+            "Mend the graph: cloudparity eval shows its values.",
+        ));
+    }
+    Ok(Array3::from_shape_vec((places, places, places), values).expect("one value per place"))
+}
+
+/// Index of a place to the object's frame: places stand in the middle of equal parts of the box.
+fn grid_to_object(bounds: &Bounds, places: usize) -> DAffine3 {
+    let [low, high] = [bounds.min, bounds.max].map(|corner| DVec3::from(corner.map(f64::from)));
+    let step = (high - low) / places as f64;
+    DAffine3 { matrix3: DMat3::from_diagonal(step), translation: low + step / 2.0 }
+}
+
+/// Nanoseconds per density on the CPU and on the adapter, of the graph and of the model, at the same random places.
+fn costs(
+    graph: &GraphDensity,
+    model: &dyn DensityModel,
+    count: usize,
+    gpu: Option<&Gpu>,
+) -> Result<[(f64, Option<f64>); 2]> {
+    let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(SEED);
+    let places: Vec<DVec3> =
+        (0..count).map(|_| DVec3::from(std::array::from_fn(|_| random.random_range(-0.5..0.5)))).collect();
+    let positions = graph.positions(&places);
+    let local: Vec<[f32; 3]> = places.iter().map(|place| place.as_vec3().to_array()).collect();
+    // The graph's evaluator takes all cores by itself; a model is called from all of them, as the march does.
+    let graph_cpu = nanoseconds(count, || graph.medium().densities(&positions).map(drop))?;
+    let model_cpu = nanoseconds(count, || {
+        let sum: f64 = places.par_chunks(BATCH / 16).map(|part| model.densities(part).iter().sum::<f64>()).sum();
+        std::hint::black_box(sum);
+        Ok(())
+    })?;
+    let (mut graph_gpu, mut model_gpu) = (None, None);
+    if let Some(gpu) = gpu {
+        let kernel = gpu.field(&graph.medium().density)?;
+        graph_gpu = Some(nanoseconds(count, || kernel.evaluate(Points::new(&positions)).map(drop))?);
+        // A model without a shader has no cost there.
+        if let Ok(shader) = model.shader() {
+            let kernel = gpu.density_field(&shader)?;
+            model_gpu = Some(nanoseconds(count, || kernel.evaluate(Points::new(&local)).map(drop))?);
+        }
+    }
+    Ok([(graph_cpu, graph_gpu), (model_cpu, model_gpu)])
+}
+
+/// Median time of some repetitions after one that does not count, over the number of points.
+fn nanoseconds(count: usize, mut evaluate: impl FnMut() -> Result<()>) -> Result<f64> {
+    evaluate()?;
+    let mut seconds = Vec::with_capacity(REPEATS);
+    for _ in 0..REPEATS {
+        let begin = Instant::now();
+        evaluate()?;
+        seconds.push(begin.elapsed().as_secs_f64());
+    }
+    seconds.sort_by(f64::total_cmp);
+    Ok(1e9 * seconds[REPEATS / 2] / count as f64)
+}
+
+/// The scene as path tracing sees it with an engine's medium in place of its volume: the density on a grid of `voxels`^3, with the
+/// extinction, albedo and phase function of the engine.
+pub fn path_scene(scene: &Scene, engine: &Engine, voxels: usize) -> Result<Scene> {
+    let SourceFactor::Albedo([albedo, ..]) = engine.light.source else {
+        return Err(Error::new(
+            format!("density model {}", engine.model),
+            "a source that is no albedo times extinction",
+            "the mended form",
+            "Give --variant fixed.",
+        ));
+    };
+    let densities = sample(scene, engine.density.as_ref(), voxels)?;
+    grid_scene(scene, &densities, engine.density.extinction(), albedo, &engine.light.phase)
+}
+
+/// The scene with a grid in place of its volume, under a medium of given extinction (per unit of density and side of the box), albedo
+/// and phase function.
+fn grid_scene(
+    scene: &Scene,
+    densities: &Array3<f64>,
+    extinction: [f64; 3],
+    albedo: f64,
+    phase: &TwoLobes,
+) -> Result<Scene> {
+    let side = container_side(scene)?;
+    let to_object = grid_to_object(&scene.volume.bounds, densities.len_of(Axis(0)));
+    let grid = VolumeGrid { values: densities.mapv(|density| density as f32), to_object };
+    let bytes: Vec<u8> = grid.values.iter().flat_map(|value| value.to_le_bytes()).collect();
+    let hash = sha256(&bytes);
+    let mut medium = scene.clone();
+    let [low, high] = grid.extent().map(|corner| corner.as_vec3().to_array());
+    medium.volume.shape = Shape::Grid { file: "memory.vdb".into(), sha256: hash.clone() };
+    medium.volume.bounds = Bounds { min: low, max: high };
+    medium.volume.grid = Some(GridHandle::new(grid, hash));
+    // Closures count per length of the object.
+    let largest = extinction.into_iter().fold(0.0, f64::max);
+    let strength = largest / side / length_scale(&medium.volume);
+    let tint = extinction.map(|channel| channel / largest);
+    let colour = |part: &dyn Fn(f64) -> f64| [part(tint[0]), part(tint[1]), part(tint[2]), 1.0];
+    let node = |name: &str, kind: &str, properties: serde_json::Value, inputs: serde_json::Value| {
+        // Blender's builder places every node.
+        json!({"name": name, "type": kind, "location": [0.0, 0.0], "properties": properties, "inputs": inputs})
+    };
+    let link = |node: &str, socket: &str| json!({"node": node, "socket": socket});
+    let scaled = |name: &str, factor: f64| {
+        let inputs = json!({"Value": link("Attribute", "Fac"), "Value_001": factor});
+        node(name, "ShaderNodeMath", json!({"operation": "MULTIPLY"}), inputs)
+    };
+    let lobe = |name: &str, share: &str, anisotropy: f64| {
+        let inputs = json!({
+            "Color": colour(&|tint| tint * albedo), "Density": link(share, "Value"), "Anisotropy": anisotropy,
+        });
+        node(name, "ShaderNodeVolumeScatter", json!({}), inputs)
+    };
+    let sum = |name: &str, first: &str, second: &str| {
+        let inputs = json!({"Shader": link(first, "Volume"), "Shader_001": link(second, "Volume")});
+        node(name, "ShaderNodeAddShader", json!({}), inputs)
+    };
+    let absorbed = json!({"Color": colour(&|tint| 1.0 - tint * (1.0 - albedo)), "Density": link("All", "Value")});
+    let both = json!({"Shader": link("Lobes", "Shader"), "Shader_001": link("Absorption", "Volume")});
+    let graph = json!({
+        "material": medium.volume.material,
+        "groups": [],
+        "nodes": [
+            node("Output", "ShaderNodeOutputMaterial", json!({}), json!({"Volume": link("Sum", "Shader")})),
+            node("Attribute", "ShaderNodeAttribute", json!({"attribute_name": DENSITY}), json!({})),
+            scaled("All", strength),
+            scaled("First Share", strength * (1.0 - phase.second)),
+            scaled("Second Share", strength * phase.second),
+            lobe("First", "First Share", phase.anisotropy[0]),
+            lobe("Second", "Second Share", phase.anisotropy[1]),
+            sum("Lobes", "First", "Second"),
+            node("Absorption", "ShaderNodeVolumeAbsorption", json!({}), absorbed),
+            node("Sum", "ShaderNodeAddShader", json!({}), both),
+        ],
+    });
+    let graph: Graph = serde_json::from_value(graph).expect("a graph");
+    medium.graph = GraphSource::Inline(graph);
+    Ok(medium)
+}
+
+/// Writes `models.json`.
+pub fn write(comparison: &Comparison, folder: &Path) -> Result<()> {
+    let text = serde_json::to_string_pretty(comparison).expect("figures serialise") + "\n";
+    files::write_atomically(&folder.join("models.json"), text.as_bytes())
+}
+
+/// Makes what is looked at, which needs Python's packages: display pictures and the figure, named in `models.json` again.
+pub fn show(comparison: &mut Comparison, display: &Display, folder: &Path) -> Result<()> {
+    let settings = DisplaySettings::of(display, None);
+    let images: Vec<serde_json::Value> = comparison
+        .pictures
+        .iter()
+        .map(|picture| {
+            let mut image = serde_json::to_value(&settings).expect("settings serialise");
+            image["exr"] = json!(folder.join(&picture.exr));
+            image["png"] = json!(folder.join(png_of(picture)));
+            image
+        })
+        .collect();
+    bridge::run_script(pictures::SCRIPT, &json!({"op": "display", "images": images}), Kernel::Default, |_| ())?;
+    comparison.pictures.iter_mut().for_each(|picture| picture.png = Some(png_of(picture)));
+    write(comparison, folder)?;
+    let [svg, png] = [FIGURE, "models.png"].map(|name| folder.join(name));
+    let request = json!({"sides": comparison.sides, "svg": svg, "png": png});
+    bridge::run_script("model_comparison_plot.py", &request, Kernel::Default, |_| ()).map(|_| ())
+}
+
+fn png_of(picture: &Picture) -> String {
+    Path::new(&picture.exr).with_extension("png").display().to_string()
+}

@@ -1,0 +1,235 @@
+//! Speed of the field evaluators beside Cycles', on the same points in one run.
+//!
+//! A rate is a slope: the time for many points less the time for few, over the difference, so that
+//! start-up and compilation do not count. Cycles evaluates through a render of a mesh with one face
+//! per point; what that costs besides the shader is measured with a graph that only passes a
+//! coordinate on, and taken off. Ratios are only formed within one run.
+
+pub mod compile_times;
+pub mod leaving_out;
+pub mod perlin_fbm;
+
+use crate::base::error::{Error, Result};
+use crate::bridge;
+use crate::bridge::{Kernel, probe};
+use crate::gpu::Gpu;
+use crate::graph::evaluate::Points;
+use crate::graph::{Program, target};
+use crate::measure::fields::domain;
+use crate::scene::{Bounds, Input, Scene};
+use rand::{Rng as _, SeedableRng as _};
+use serde::{Deserialize, Serialize};
+use std::time::Instant;
+
+/// Rates in points per second; ratios are ours over Cycles'.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Rates {
+    /// The workload.
+    pub what: String,
+    /// Points evaluated.
+    #[serde(default)]
+    pub points: Option<u64>,
+    /// Cycles on the CPU.
+    #[serde(default)]
+    pub cycles_rate: Option<f64>,
+    /// Our CPU evaluator.
+    #[serde(default)]
+    pub cpu_rate: Option<f64>,
+    /// The generated WGSL.
+    #[serde(default)]
+    pub gpu_rate: Option<f64>,
+    /// `cpu_rate / cycles_rate`.
+    #[serde(default)]
+    pub cpu_ratio: Option<f64>,
+    /// `gpu_rate / cycles_rate`.
+    #[serde(default)]
+    pub gpu_ratio: Option<f64>,
+}
+
+/// What to measure.
+pub struct Settings {
+    /// Points of the larger sample.
+    pub points: usize,
+    /// Repetitions; the median counts.
+    pub repeats: usize,
+    /// Ask Cycles too.
+    pub with_cycles: bool,
+}
+
+/// Share of the larger sample that the smaller one has.
+const SMALLER: usize = 5;
+
+/// One set of points.
+struct Workload {
+    what: &'static str,
+    points: Vec<[f32; 3]>,
+}
+
+/// Measures every workload of a scene; `receive` hears which one is next.
+pub fn run(scene: &Scene, settings: &Settings, mut receive: impl FnMut(&str)) -> Result<Vec<Rates>> {
+    let program = Program::density(scene)?;
+    let workloads = workloads(scene, &program, settings.points)?;
+    let gpu = Gpu::open().ok();
+    let kernel = gpu.as_ref().map(|gpu| gpu.field(&program)).transpose()?;
+    let mut rows = Vec::new();
+    for workload in &workloads {
+        receive(workload.what);
+        let points = &workload.points;
+        let cpu_rate = slope(points.len(), settings.repeats, |count| {
+            program.evaluate_single(Points::new(&points[..count])).map(|_| ())
+        })?;
+        let gpu_rate = match &kernel {
+            Some(kernel) => Some(slope(points.len(), settings.repeats, |count| {
+                kernel.evaluate(Points::new(&points[..count])).map(|_| ())
+            })?),
+            None => None,
+        };
+        let cycles_rate = if settings.with_cycles { Some(cycles_rate(scene, points, settings.repeats)?) } else { None };
+        rows.push(Rates {
+            what: workload.what.to_owned(),
+            points: Some(points.len() as u64),
+            cycles_rate,
+            cpu_rate: Some(cpu_rate),
+            gpu_rate,
+            cpu_ratio: cycles_rate.map(|cycles| cpu_rate / cycles),
+            gpu_ratio: gpu_rate.zip(cycles_rate).map(|(gpu, cycles)| gpu / cycles),
+        });
+    }
+    Ok(rows)
+}
+
+/// Points of the layer where the field is not provably constant: in random order, as coherent 8x8
+/// tiles, and those alone where the density is not zero.
+fn workloads(scene: &Scene, program: &Program, count: usize) -> Result<Vec<Workload>> {
+    let Bounds { min: low, max: high } = domain::region(program, scene.volume.bounds)?;
+    let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(42);
+    let mut point =
+        || -> [f32; 3] {
+            std::array::from_fn(|axis| {
+                if low[axis] < high[axis] { random.random_range(low[axis]..high[axis]) } else { low[axis] }
+            })
+        };
+    let scattered: Vec<[f32; 3]> = (0..count).map(|_| point()).collect();
+    // A tile is what 8x8 neighbouring pixels of a picture 1024 pixels wide see at one depth.
+    let pitch = (high[0] - low[0]).max(high[1] - low[1]) / 1024.0;
+    let mut tiles = Vec::with_capacity(count);
+    while tiles.len() < count {
+        let corner = point();
+        for index in 0..64 {
+            let (column, row) = ((index % 8) as f32, (index / 8) as f32);
+            tiles.push([corner[0] + pitch * column, corner[1] + pitch * row, corner[2]]);
+        }
+    }
+    tiles.truncate(count);
+    let mut inside = Vec::with_capacity(count);
+    for _ in 0..1000 {
+        let candidates: Vec<[f32; 3]> = (0..count).map(|_| point()).collect();
+        let values = program.evaluate_single(Points::new(&candidates))?;
+        inside.extend(candidates.iter().zip(&values).filter(|(_, value)| **value != 0.0).map(|(point, _)| *point));
+        if inside.len() >= count {
+            break;
+        }
+    }
+    inside.truncate(count);
+    let mut all =
+        vec![Workload { what: "random order", points: scattered }, Workload { what: "8x8 tiles", points: tiles }];
+    if inside.len() == count {
+        all.push(Workload { what: "non-zero points alone", points: inside });
+    }
+    Ok(all)
+}
+
+/// Points per second by the slope between a fifth of the points and all of them; median of the
+/// repeats.
+fn slope(count: usize, repeats: usize, mut evaluate: impl FnMut(usize) -> Result<()>) -> Result<f64> {
+    let few = count / SMALLER;
+    evaluate(few)?;
+    let mut seconds = Vec::new();
+    for _ in 0..repeats {
+        let mut time = |count: usize| -> Result<f64> {
+            let start = Instant::now();
+            evaluate(count)?;
+            Ok(start.elapsed().as_secs_f64())
+        };
+        let (short, long) = (time(few)?, time(count)?);
+        seconds.push(long - short);
+    }
+    rate(count - few, seconds)
+}
+
+fn rate(points: usize, mut seconds: Vec<f64>) -> Result<f64> {
+    seconds.sort_by(f64::total_cmp);
+    let median = seconds[seconds.len() / 2];
+    if median <= 0.0 {
+        return Err(Error::new(
+            "benchmark",
+            format!("a time of {median} s for {points} points"),
+            "a time that grows with the points",
+            "Measure more points (--points), on a machine that does nothing else.",
+        ));
+    }
+    Ok(points as f64 / median)
+}
+
+/// Cycles' rate on these points with the kernel that it chooses by itself, without what its render
+/// costs for a graph that does nothing.
+fn cycles_rate(scene: &Scene, points: &[[f32; 3]], repeats: usize) -> Result<f64> {
+    let few = points.len() / SMALLER;
+    let idle = idle_scene(scene)?;
+    let repeats = repeats.min(3);
+    let whole = points.len();
+    let jobs = [
+        job(scene, &points[..few], repeats)?,
+        job(scene, &points[..whole], repeats)?,
+        job(&idle, &points[..few], repeats)?,
+        job(&idle, &points[..whole], repeats)?,
+    ];
+    let answers = probe::ask(&jobs, Kernel::Default, |_| ())?;
+    let seconds = |number: usize| answers.jobs[number].render_seconds.clone();
+    let (short, long, idle_short, idle_long) = (seconds(0), seconds(1), seconds(2), seconds(3));
+    let differences = (0..repeats.min(long.len()))
+        .map(|index| (long[index] - short[index]) - (idle_long[index] - idle_short[index]))
+        .collect();
+    rate(points.len() - few, differences)
+}
+
+fn job<'a>(scene: &'a Scene, positions: &'a [[f32; 3]], repeat: usize) -> Result<probe::Job<'a>> {
+    Ok(probe::Job { scene, positions, attributes: &[], targets: vec![target::density(scene)?], repeat, samples: 1 })
+}
+
+/// The scene with a density that is just the height: what a render costs without the shader.
+fn idle_scene(scene: &Scene) -> Result<Scene> {
+    let mut idle = scene.clone();
+    let closing = target::closing_node(scene)?.name.clone();
+    let graph = idle.graph_mut();
+    let coordinate = "cloudparity height";
+    let node = |name: &str, kind: &str, inputs: indexmap::IndexMap<String, Input>| crate::scene::Node {
+        name: name.to_owned(),
+        kind: kind.to_owned(),
+        label: None,
+        location: Some([0.0, 0.0]),
+        muted: false,
+        bypass: None,
+        group: None,
+        socket_type: None,
+        properties: serde_json::Map::new(),
+        outputs: indexmap::IndexMap::new(),
+        inputs,
+    };
+    let link = |node: &str, socket: &str| Input::Link { node: node.to_owned(), socket: socket.to_owned() };
+    let separate = format!("{coordinate} component");
+    graph.nodes.push(node(coordinate, "ShaderNodeTexCoord", indexmap::IndexMap::new()));
+    let inputs = [("Vector".to_owned(), link(coordinate, "Object"))].into_iter().collect();
+    graph.nodes.push(node(&separate, "ShaderNodeSeparateXYZ", inputs));
+    for node in &mut graph.nodes {
+        if node.name == closing {
+            node.inputs.insert("Density".to_owned(), link(&separate, "Z"));
+        }
+    }
+    Ok(idle)
+}
+
+/// Whether live Cycles can be measured here.
+pub fn can_ask_cycles() -> bool {
+    bridge::has_bpy()
+}

@@ -1,0 +1,359 @@
+//! Curves of unbiased renderers beside a study's runs: error against time by the number of samples, for path tracing and for Cycles.
+//!
+//! Path tracing renders each number of samples anew. Cycles pays its evaluation of the density on a grid for every render, minutes for a
+//! heavy graph, so it renders once, at [`CELLS`] times the resolution per axis: with the box filter, by which a sample counts for the
+//! part of the pixel in which it lies, a pixel's samples are those of its [`CELLS`]^2 parts. A picture of n samples draws n parts in
+//! each pixel, without putting back, seeded; so its samples lie anywhere in the pixel, as those of a render of n samples do. The parts
+//! give several such pictures, which share no sample: their mean error is given, with its spread over them in the standard error. Time is
+//! what the render took until its first sample per part was done, and the share n / [`CELLS`]^2 of what it took from there on; with one
+//! sample per part the two are not told apart.
+
+use crate::base::error::{Error, Result};
+use crate::base::files;
+use crate::base::progress::Progress;
+use crate::bridge::Message;
+use crate::bridge::reference::{ReferenceSettings, cache_folder, references};
+use crate::engines;
+use crate::integrators::path::PathSettings;
+use crate::measure::study::errors;
+use crate::measure::study::errors::{Errors, Uncertain};
+use crate::measure::study::truth::TruthRecord;
+use crate::measure::study::{Study, hash, read_record, to_json};
+use crate::measure::time_to_error::{cycles_seconds, timed_picture};
+use crate::scene::image::Image;
+use crate::scene::{PixelFilter, Scene, Shape};
+use rand::{SeedableRng as _, seq::SliceRandom as _};
+use serde::{Deserialize, Serialize};
+use serde_json::json;
+use std::path::{Path, PathBuf};
+
+/// Parts of a pixel per axis, of which each is a pixel of Cycles' render.
+pub const CELLS: u32 = 4;
+
+/// Parts of a pixel.
+pub const PARTS: u32 = CELLS * CELLS;
+
+/// Seed of path tracing: none that a truth has.
+const SEED: u32 = 6000;
+
+/// Seed of Cycles.
+const CYCLES_SEED: u32 = 6500;
+
+/// Seed by which parts are drawn.
+const DRAWING_SEED: u64 = 6600;
+
+/// A renderer whose pictures converge to the truth.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Renderer {
+    /// Our path tracing.
+    Path,
+    /// Cycles' null collision.
+    Cycles,
+}
+
+impl Renderer {
+    /// Name for readers.
+    pub fn label(self) -> &'static str {
+        match self {
+            Self::Path => "path tracing",
+            Self::Cycles => "Cycles",
+        }
+    }
+}
+
+/// A point of a curve.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct CurvePoint {
+    /// Hash of all that it depends on.
+    pub id: String,
+    /// Who renders.
+    pub renderer: Renderer,
+    /// Name of the scene.
+    pub scene: String,
+    /// Density model.
+    pub density: String,
+    /// Samples per pixel.
+    pub samples: u32,
+    /// Pictures that share no sample, over which the errors are means.
+    pub pictures: u32,
+    /// Errors against the truth.
+    pub errors: Errors,
+    /// HDR-FLIP of the picture against the mean of the truth, where it could be computed.
+    pub flip: Option<f64>,
+    /// Processor seconds of the samples; none where the render does not tell them from its preparation: Cycles with one sample per part.
+    pub seconds: Option<f64>,
+    /// Processor seconds before the first sample, which every render pays.
+    pub prepare_seconds: f64,
+    /// relMSE times all seconds.
+    pub cost: f64,
+    /// The picture (the first, where there are several), relative to the folder.
+    pub picture: String,
+    /// The truth, by its hash.
+    pub truth: String,
+}
+
+/// A curve that could not be made.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct MissingCurve {
+    /// Who would have rendered.
+    pub renderer: Renderer,
+    /// Name of the scene.
+    pub scene: String,
+    /// Density model.
+    pub density: String,
+    /// Why it is not there.
+    pub reason: String,
+}
+
+/// Where a curve belongs: a scene, a density and their truth.
+pub(super) struct Place<'a> {
+    pub scene: &'a Scene,
+    pub density: &'a str,
+    pub truth: &'a TruthRecord,
+}
+
+impl Study {
+    /// The points of path tracing at a place: those that are there, or measured.
+    pub(super) fn path_curve(
+        &self,
+        place: &Place<'_>,
+        folder: &Path,
+        truth: &mut dyn FnMut() -> Result<Vec<Image>>,
+    ) -> Result<Vec<CurvePoint>> {
+        let mut points = Vec::new();
+        for &samples in &self.file.curves.path {
+            let id = hash(&json!({"renderer": Renderer::Path, "samples": samples, "truth": place.truth.id}));
+            if let Some(found) = read_record::<CurvePoint>(&record_path(folder, &id))? {
+                points.push(found);
+                continue;
+            }
+            let medium = self.file.truth.medium(place.scene, place.density)?;
+            let settings = PathSettings { samples, seed: SEED, ..PathSettings::default() };
+            let (image, [prepare_seconds, seconds]) = timed_picture(&medium, &settings)?;
+            let made = Made {
+                samples,
+                seconds: Some(seconds),
+                prepare_seconds,
+                errors: errors::measure(&image, &truth()?)?,
+                pictures: 1,
+            };
+            points.push(keep(folder, id, Renderer::Path, place, &made, &image)?);
+        }
+        Ok(points)
+    }
+
+    /// The points of Cycles at a place: those that are there, or from its render, which the cache of references keeps.
+    pub(super) fn cycles_curve(
+        &self,
+        place: &Place<'_>,
+        folder: &Path,
+        truth: &mut dyn FnMut() -> Result<Vec<Image>>,
+        progress: Progress<'_>,
+    ) -> Result<Vec<CurvePoint>> {
+        let Some(&most) = self.file.curves.cycles.get(place.density) else { return Ok(Vec::new()) };
+        let levels: Vec<u32> = (0..=PARTS.ilog2()).map(|power| (most / PARTS) << power).collect();
+        let id_of = |samples: u32| {
+            hash(&json!({"renderer": Renderer::Cycles, "samples": samples, "of": most, "truth": place.truth.id}))
+        };
+        let known: Vec<CurvePoint> = levels
+            .iter()
+            .filter_map(|&samples| read_record::<CurvePoint>(&record_path(folder, &id_of(samples))).transpose())
+            .collect::<Result<_>>()?;
+        if known.len() == levels.len() {
+            return Ok(known);
+        }
+        let file = self.cycles_picture(place.scene, place.density, progress)?;
+        let large = Image::read_exr(&file)?;
+        let [prepare_seconds, sampling] = cycles_seconds(&large, &file)?;
+        // Cycles says when its first sample is done: with a single one nothing is left to be measured.
+        let sampling = (most > PARTS).then_some(sampling);
+        let replicas = truth()?;
+        let mut points = Vec::new();
+        for (level, &samples) in levels.iter().enumerate() {
+            let pictures = draw(&large, 1 << level);
+            let found: Vec<Errors> =
+                pictures.iter().map(|picture| errors::measure(picture, &replicas)).collect::<Result<_>>()?;
+            let made = Made {
+                samples,
+                seconds: sampling.map(|seconds| seconds * f64::from(samples) / f64::from(most)),
+                prepare_seconds,
+                errors: mean_of(&found),
+                pictures: pictures.len() as u32,
+            };
+            points.push(keep(folder, id_of(samples), Renderer::Cycles, place, &made, &pictures[0])?);
+        }
+        Ok(points)
+    }
+
+    /// Cycles' picture of a scene and density at [`CELLS`] times the resolution: from the cache, or rendered into it.
+    pub(super) fn cycles_picture(&self, scene: &Scene, density: &str, progress: Progress<'_>) -> Result<PathBuf> {
+        if scene.film.pixel_filter != PixelFilter::Box {
+            return Err(Error::new(
+                format!("$.film.pixel_filter of {}", scene.name),
+                format!("{:?}", scene.film.pixel_filter),
+                "Box, with which the parts of a pixel make up the pixel",
+                "Leave the curve of Cycles out, or give the scene the box filter.",
+            ));
+        }
+        let most = self.file.curves.cycles[density];
+        let cache = cache_folder()?;
+        let mut large = self.file.truth.medium(scene, density)?;
+        large.film.resolution = large.film.resolution.map(|side| side * CELLS);
+        if density != engines::graph::MODEL.id {
+            put_grid_into(&cache, &mut large)?;
+        }
+        let settings = ReferenceSettings { samples: most / PARTS, ..ReferenceSettings::default() };
+        let found = references(&large, &settings, &[CYCLES_SEED], &cache, |message| {
+            if let Message::Progress(done, _) = message {
+                progress(done, &format!("Cycles: {density} in {}", scene.name));
+            }
+        })?;
+        Ok(found[0].path.clone())
+    }
+}
+
+/// Gives the grid of a scene that was made in memory a file in the cache, by the hash of its values.
+fn put_grid_into(cache: &Path, scene: &mut Scene) -> Result<()> {
+    let Some(handle) = &scene.volume.grid else { return Ok(()) };
+    let Shape::Grid { file, sha256 } = &mut scene.volume.shape else { return Ok(()) };
+    let name = format!("{sha256}.vdb");
+    let path = cache.join(&name);
+    if !path.exists() {
+        std::fs::create_dir_all(cache).map_err(|cause| Error::io(cache, "a folder for references", &cause))?;
+        crate::bridge::volume_grid::write(handle.grid().grid(), &path, false)?;
+    }
+    let bytes = std::fs::read(&path).map_err(|cause| Error::io(&path, "an OpenVDB file", &cause))?;
+    *sha256 = files::sha256(&bytes);
+    *file = name;
+    scene.folder = cache.to_owned();
+    Ok(())
+}
+
+/// Pictures of `count` parts per pixel that share no part, from a picture at [`CELLS`] times the resolution.
+fn draw(large: &Image, count: usize) -> Vec<Image> {
+    let (cells, parts) = (CELLS as usize, PARTS as usize);
+    let (width, height) = (large.width / cells, large.height / cells);
+    let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(DRAWING_SEED);
+    let mut pictures = vec![Image::new(width, height); parts / count];
+    let mut order: Vec<usize> = (0..parts).collect();
+    for pixel in 0..width * height {
+        let (column, row) = (pixel % width, pixel / width);
+        order.shuffle(&mut random);
+        for (picture, drawn) in pictures.iter_mut().zip(order.chunks_exact(count)) {
+            let mut sum = [0.0_f64; 4];
+            for part in drawn {
+                let at = (row * cells + part / cells) * large.width + column * cells + part % cells;
+                (0..4).for_each(|channel| sum[channel] += f64::from(large.pixels[at][channel]));
+            }
+            picture.pixels[pixel] = sum.map(|value| (value / count as f64) as f32);
+        }
+    }
+    pictures
+}
+
+/// Mean figures of several pictures. The truth's noise is common to them; their own is not.
+fn mean_of(found: &[Errors]) -> Errors {
+    let count = found.len() as f64;
+    let mean = |figure: &dyn Fn(&Errors) -> Uncertain| {
+        let value = found.iter().map(|one| figure(one).value).sum::<f64>() / count;
+        let common = found.iter().map(|one| figure(one).standard_error).sum::<f64>() / count;
+        let spread: f64 = found.iter().map(|one| (figure(one).value - value).powi(2)).sum();
+        let own = if count > 1.0 { (spread / (count * (count - 1.0))).sqrt() } else { 0.0 };
+        Uncertain { value, standard_error: common.hypot(own) }
+    };
+    Errors { relmse: mean(&|one| one.relmse), rms: mean(&|one| one.rms), bias: mean(&|one| one.bias) }
+}
+
+/// What a point's picture came to.
+struct Made {
+    samples: u32,
+    seconds: Option<f64>,
+    prepare_seconds: f64,
+    errors: Errors,
+    pictures: u32,
+}
+
+/// Writes a point and its picture.
+fn keep(
+    folder: &Path,
+    id: String,
+    renderer: Renderer,
+    place: &Place<'_>,
+    made: &Made,
+    image: &Image,
+) -> Result<CurvePoint> {
+    let picture = format!("pictures/{id}.exr");
+    image.write_exr(&folder.join(&picture), false)?;
+    let point = CurvePoint {
+        renderer,
+        scene: place.scene.name.clone(),
+        density: place.density.to_owned(),
+        samples: made.samples,
+        pictures: made.pictures,
+        errors: made.errors,
+        flip: None,
+        seconds: made.seconds,
+        prepare_seconds: made.prepare_seconds,
+        cost: made.errors.relmse.value * (made.seconds.unwrap_or(0.0) + made.prepare_seconds),
+        picture,
+        truth: place.truth.id.clone(),
+        id,
+    };
+    point.write(folder)?;
+    Ok(point)
+}
+
+impl CurvePoint {
+    /// Renderer, samples, time and errors in a line.
+    pub fn describe(&self) -> String {
+        format!(
+            "{} in {}: {}, {} samples: {:.1} + {} s, relMSE {:.4} ({:.4}), bias {:+.2} %",
+            self.density,
+            self.scene,
+            self.renderer.label(),
+            self.samples,
+            self.prepare_seconds,
+            self.seconds.map_or("(no time of their own)".into(), |seconds| format!("{seconds:.2}")),
+            self.errors.relmse.value,
+            self.errors.relmse.standard_error,
+            100.0 * self.errors.bias.value,
+        )
+    }
+
+    pub(super) fn write(&self, folder: &Path) -> Result<()> {
+        files::write_atomically(&record_path(folder, &self.id), to_json(self).as_bytes())
+    }
+}
+
+fn record_path(folder: &Path, id: &str) -> PathBuf {
+    folder.join("curves").join(format!("{id}.json"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn drawn_pictures_share_no_part_and_make_up_the_pixel() {
+        let mut large = Image::new(8, 4);
+        for (index, pixel) in large.pixels.iter_mut().enumerate() {
+            *pixel = [index as f32, 0.0, 0.0, 1.0];
+        }
+        for count in [1, 2, 4, 8, 16] {
+            let pictures = draw(&large, count);
+            assert_eq!(pictures.len(), 16 / count);
+            for pixel in 0..2 {
+                // The parts of pixel 0 are in columns 0 to 3, those of pixel 1 in 4 to 7, rows 8 apart: means 13.5 and 17.5.
+                let mean: f32 =
+                    pictures.iter().map(|picture| picture.pixels[pixel][0]).sum::<f32>() / pictures.len() as f32;
+                assert_eq!(mean, 13.5 + 4.0 * pixel as f32, "{count}");
+            }
+        }
+        // With one part each, the pictures hold every part once.
+        let mut parts: Vec<f32> = draw(&large, 1).iter().map(|picture| picture.pixels[0][0]).collect();
+        parts.sort_by(f32::total_cmp);
+        let expected: Vec<f32> = (0..16).map(|part| (part / 4 * 8 + part % 4) as f32).collect();
+        assert_eq!(parts, expected);
+    }
+}

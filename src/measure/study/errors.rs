@@ -1,0 +1,188 @@
+//! The error of a picture against a truth that has noise, and how sure it is.
+//!
+//! With the mean m of K independent replicas of the truth, the variance v of that mean (from the replicas), a picture o, the mean M
+//! of m over pixels and channels, and epsilon = 0.01 M,
+//!
+//! ```text
+//! relMSE = mean ((o - m)^2 - v) / (m'^2 + epsilon'^2)      MSE = mean ((o - m)^2 - v)      bias = (mean o - M) / M
+//! ```
+//!
+//! Both means of squares are without the truth's noise: (o - m)^2 has the expectation (o - truth)^2 + v. In relMSE m, v are of one half
+//! of the replicas and m', epsilon' of the other, so that numerator and denominator are independent (with a common m dark pixels, whose
+//! noise is as large as they are, would add an error that is not there); the two ways round are averaged. Figures may fall below 0 where
+//! nothing but noise differs. Standard errors are by the jackknife over the replicas: what other replicas would have said.
+
+use crate::base::error::{Error, Result};
+use crate::scene::image::Image;
+use serde::{Deserialize, Serialize};
+
+/// Fewest replicas: leaving one out of either half has to leave a variance.
+pub const FEWEST_REPLICAS: usize = 6;
+
+/// Share of the mean that epsilon is.
+const EPSILON: f64 = 0.01;
+
+/// A figure and its standard error, from the noise of the truth alone.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Uncertain {
+    /// The figure.
+    pub value: f64,
+    /// Its standard error.
+    pub standard_error: f64,
+}
+
+/// Errors of a picture over all pixels and colour channels.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Errors {
+    /// Relative mean squared error without the truth's noise.
+    pub relmse: Uncertain,
+    /// Root of the mean squared error without the truth's noise; 0 where that is negative.
+    pub rms: Uncertain,
+    /// Relative difference of the image means.
+    pub bias: Uncertain,
+}
+
+/// Measures a picture against replicas of the truth.
+pub fn measure(picture: &Image, truth: &[Image]) -> Result<Errors> {
+    if truth.len() < FEWEST_REPLICAS {
+        return Err(Error::new(
+            "the truth",
+            format!("{} replicas", truth.len()),
+            format!("at least {FEWEST_REPLICAS}"),
+            "Give more.",
+        ));
+    }
+    if let Some(other) = truth.iter().find(|other| (other.width, other.height) != (picture.width, picture.height)) {
+        return Err(Error::new(
+            "the truth",
+            format!("{} x {} pixels", other.width, other.height),
+            format!("{} x {}", picture.width, picture.height),
+            "Render it again.",
+        ));
+    }
+    let all = figures(picture, &truth.iter().collect::<Vec<_>>());
+    let without: Vec<[f64; 3]> = (0..truth.len())
+        .map(|left| {
+            let rest: Vec<&Image> =
+                truth.iter().enumerate().filter(|(index, _)| *index != left).map(|(_, replica)| replica).collect();
+            figures(picture, &rest)
+        })
+        .collect();
+    let count = truth.len() as f64;
+    let [relmse, mean_square, bias] = std::array::from_fn(|figure| {
+        let mean = without.iter().map(|one| one[figure]).sum::<f64>() / count;
+        let spread: f64 = without.iter().map(|one| (one[figure] - mean).powi(2)).sum();
+        Uncertain { value: all[figure], standard_error: ((count - 1.0) / count * spread).sqrt() }
+    });
+    let root = mean_square.value.max(0.0).sqrt();
+    // d sqrt(x) = dx / (2 sqrt(x)); near 0 the root of the uncertainty itself.
+    let rms_error = (mean_square.standard_error / (2.0 * root)).min(mean_square.standard_error.sqrt());
+    Ok(Errors { relmse, rms: Uncertain { value: root, standard_error: rms_error }, bias })
+}
+
+/// Means over replicas and the variances of these, per pixel and colour channel.
+struct Moments {
+    means: Vec<f64>,
+    variances: Vec<f64>,
+    /// Mean over pixels and channels.
+    mean: f64,
+}
+
+impl Moments {
+    fn of<'a>(replicas: impl Iterator<Item = &'a Image> + Clone) -> Self {
+        let count = replicas.clone().count() as f64;
+        let numbers = replicas.clone().next().map_or(0, |image| 3 * image.pixels.len());
+        let (mut means, mut squares) = (vec![0.0; numbers], vec![0.0; numbers]);
+        for image in replicas.clone() {
+            (0..numbers).for_each(|index| means[index] += value(image, index) / count);
+        }
+        for image in replicas {
+            (0..numbers).for_each(|index| squares[index] += (value(image, index) - means[index]).powi(2));
+        }
+        let mean = means.iter().sum::<f64>() / numbers as f64;
+        Self { means, variances: squares.into_iter().map(|square| square / (count * (count - 1.0))).collect(), mean }
+    }
+
+    /// (o - m)^2 - v.
+    fn excess(&self, picture: &Image, index: usize) -> f64 {
+        (value(picture, index) - self.means[index]).powi(2) - self.variances[index]
+    }
+}
+
+fn value(image: &Image, index: usize) -> f64 {
+    f64::from(image.pixels[index / 3][index % 3])
+}
+
+/// relMSE, mean square and bias.
+fn figures(picture: &Image, truth: &[&Image]) -> [f64; 3] {
+    let all = Moments::of(truth.iter().copied());
+    let halves = [0, 1].map(|first| Moments::of(truth.iter().copied().skip(first).step_by(2)));
+    let numbers = all.means.len();
+    let (mut relative, mut square, mut sum) = (0.0, 0.0, 0.0);
+    for index in 0..numbers {
+        square += all.excess(picture, index);
+        sum += value(picture, index);
+        for (numerator, denominator) in [(&halves[0], &halves[1]), (&halves[1], &halves[0])] {
+            let scale = denominator.means[index].powi(2) + (EPSILON * denominator.mean).powi(2);
+            relative += numerator.excess(picture, index) / (2.0 * scale.max(f64::MIN_POSITIVE));
+        }
+    }
+    let numbers = numbers as f64;
+    let bias = if all.mean == 0.0 { 0.0 } else { sum / numbers / all.mean - 1.0 };
+    [relative / numbers, square / numbers, bias]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rand::{Rng as _, SeedableRng as _};
+
+    /// A truth from `dark` to 1 above it, and noisy replicas of it.
+    fn replicas(dark: f32, noise: f32, seed: u64) -> Vec<Image> {
+        let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(seed);
+        (0..8)
+            .map(|_| {
+                let mut image = Image::new(64, 32);
+                for (index, pixel) in image.pixels.iter_mut().enumerate() {
+                    let truth = dark + (index % 64) as f32 / 64.0;
+                    *pixel = std::array::from_fn(|_| truth + noise * random.random_range(-1.0..1.0_f32));
+                }
+                image
+            })
+            .collect()
+    }
+
+    #[test]
+    fn the_truths_noise_is_no_error_even_where_it_is_dark() {
+        // In the second picture noise is as large as the darkest pixels.
+        for dark in [0.5, 0.0] {
+            let exact = replicas(dark, 0.0, 1).remove(0);
+            let mut within = 0;
+            for seed in 0..40 {
+                let found = measure(&exact, &replicas(dark, 0.2, seed)).expect("errors");
+                within += usize::from(found.relmse.value.abs() <= 2.36 * found.relmse.standard_error);
+                // The plain mean square would be 0.2^2 / 3 / 8 = 0.0017.
+                assert!(found.rms.value.powi(2) < 2.5e-4, "{found:?}");
+            }
+            // 2.36 is the two-sided 95 % point of t with 7 degrees of freedom: 38 of 40 are expected, and fewer than 32 have a probability
+            // below 0.1 %.
+            assert!(within >= 32, "{within} of 40 at {dark}");
+        }
+    }
+
+    #[test]
+    fn an_offset_is_found() {
+        let mut offset = replicas(0.5, 0.0, 1).remove(0);
+        offset.pixels.iter_mut().for_each(|pixel| *pixel = pixel.map(|value| value + 0.1));
+        let found = measure(&offset, &replicas(0.5, 0.2, 7)).expect("errors");
+        assert!((found.rms.value - 0.1).abs() < 4.0 * found.rms.standard_error + 1e-4, "{found:?}");
+        assert!((found.bias.value - 0.1 / 0.9922).abs() < 4.0 * found.bias.standard_error + 1e-3, "{found:?}");
+    }
+
+    #[test]
+    fn what_does_not_fit_is_refused() {
+        let truth = replicas(0.5, 0.0, 1);
+        assert!(measure(&truth[0], &truth[..5]).is_err());
+        assert!(measure(&Image::new(2, 2), &truth).is_err());
+    }
+}

@@ -1,0 +1,120 @@
+//! Presets (`*.preset.json`): an engine's settings as a tuning found them, to be used in other scenes.
+
+use crate::base::error::{Error, Result};
+use crate::base::files;
+use crate::engines::Engine;
+use crate::engines::light::{LightModel, models};
+use crate::measure::study::file::Combination;
+use crate::measure::tuning::file::{Owner, TunedEngine, owner};
+use crate::measure::tuning::{Outcome, Scored};
+use crate::scene::Scene;
+use indexmap::IndexMap;
+use serde::{Deserialize, Serialize};
+use serde_json::json;
+use std::path::Path;
+
+/// The format that this version reads.
+pub const FORMAT: &str = "cloudparity-preset/1";
+
+/// An engine's settings.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Preset {
+    /// [`FORMAT`].
+    pub format: String,
+    /// What it is for.
+    pub title: String,
+    /// Density model, light model and quality.
+    pub engine: TunedEngine,
+    /// Parameters of the light model, of the density model (`density.NAME`) and of the scene (`scene.NAME`).
+    pub parameters: IndexMap<String, f64>,
+    /// Where it comes from: held-out errors, seed, evaluations.
+    #[serde(default)]
+    pub provenance: serde_json::Value,
+}
+
+impl Preset {
+    /// The preset of a tuning.
+    pub fn of(outcome: &Outcome) -> Self {
+        let best = &outcome.published[0];
+        Self {
+            format: FORMAT.into(),
+            title: outcome.file.title.clone(),
+            engine: outcome.file.engine.clone(),
+            parameters: outcome.parameters.clone(),
+            provenance: json!({
+                "cloudparity": outcome.version,
+                "optimiser": outcome.optimiser,
+                "seed": outcome.file.search.seed,
+                "evaluations": outcome.evaluations,
+                "held_out_flip": Scored::mean_flip(&outcome.tuned.held_out),
+                "best_published": best.name,
+                "best_published_held_out_flip": Scored::mean_flip(&best.held_out),
+            }),
+        }
+    }
+
+    /// Reads a preset.
+    pub fn load(path: &Path) -> Result<Self> {
+        let text = files::read_text(path, "a preset (*.preset.json)")?;
+        let place = path.display().to_string();
+        let mut deserializer = serde_json::Deserializer::from_str(&text);
+        let preset: Self = serde_path_to_error::deserialize(&mut deserializer).map_err(|cause| {
+            let at = format!("{place}, line {}, $.{}", cause.inner().line(), cause.path());
+            Error::new(at, cause.inner().to_string(), "a preset", "Correct it; docs/tuning.md describes the format.")
+        })?;
+        if preset.format == FORMAT {
+            return Ok(preset);
+        }
+        Err(Error::new(
+            format!("{place}, $.format"),
+            format!("\"{}\"", preset.format),
+            format!("\"{FORMAT}\""),
+            "Take a preset that this version wrote.",
+        ))
+    }
+
+    /// The scene with the preset's values, and its engine in it.
+    pub fn build(&self, scene: &Scene) -> Result<(Scene, Engine, Combination)> {
+        let combination = self.engine.combination(&scene.name);
+        let (scene, mut engine) = build(scene, &combination, &of_medium(&self.parameters))?;
+        engine.light = lit(&engine.light, &self.engine.light, &self.parameters)?;
+        Ok((scene, engine, combination))
+    }
+}
+
+/// Parameters of density models and scenes.
+pub(super) fn of_medium(values: &IndexMap<String, f64>) -> Vec<(Owner, &str, f64)> {
+    let all = values.iter().map(|(name, &value)| (owner(name), value));
+    all.filter(|((owner, _), _)| *owner != Owner::Light).map(|((owner, own), value)| (owner, own, value)).collect()
+}
+
+/// A light model under a name, with parameters.
+pub(super) fn lit(own: &LightModel, named: &str, values: &IndexMap<String, f64>) -> Result<LightModel> {
+    let mut light = own.clone();
+    models::find(named)?.apply(&mut light)?;
+    for (name, &value) in values {
+        if let (Owner::Light, own) = owner(name) {
+            models::set(&mut light, own, value, name)?;
+        }
+    }
+    Ok(light)
+}
+
+/// A scene and an engine in it, with parameters of both.
+pub(super) fn build(
+    scene: &Scene,
+    combination: &Combination,
+    changed: &[(Owner, &str, f64)],
+) -> Result<(Scene, Engine)> {
+    let mut scene = scene.clone();
+    let mut parameters = Vec::new();
+    for (owner, name, value) in changed {
+        match owner {
+            Owner::Scene => scene.set(&format!("{name}={value}"))?,
+            _ => parameters.push(format!("{name}={value}")),
+        }
+    }
+    let engine = combination.engine(&scene, &parameters)?;
+    Ok((scene, engine))
+}

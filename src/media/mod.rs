@@ -1,0 +1,11 @@
+//! What light meets: objects with their outlines, phase functions, the transfer of a step, majorants, cached and averaged densities.
+
+pub mod averages;
+pub mod density;
+pub mod density_cache;
+pub mod lattice;
+pub mod majorant;
+pub mod medium;
+pub mod objects;
+pub mod phase;
+pub mod transfer;

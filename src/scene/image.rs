@@ -1,0 +1,195 @@
+//! Scene-linear pictures and their files.
+//!
+//! An [`Image`] is RGBA in f32: linear Rec. 709, premultiplied, top row first. EXR files are ZIP
+//! compressed scan lines of float channels; provenance travels as text attributes whose names begin
+//! with [`ATTRIBUTE_PREFIX`].
+
+use crate::base::error::{Error, Result};
+use crate::base::files;
+use exr::prelude::{
+    AttributeValue, Compression, Encoding, Layer, LayerAttributes, LineOrder, ReadChannels, ReadLayers,
+    SpecificChannels, Text, Vec2, WritableImage,
+};
+use indexmap::IndexMap;
+use std::path::Path;
+
+/// Begins the names of the attributes that say how a picture was made.
+pub const ATTRIBUTE_PREFIX: &str = "cloudparity:";
+
+/// What files declare as their colour space, in the attribute colorInteropID: as Blender does.
+const COLOR_SPACE: &str = "lin_rec709_scene";
+
+/// A scene-linear RGBA picture.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Image {
+    /// Pixels per row.
+    pub width: usize,
+    /// Number of rows.
+    pub height: usize,
+    /// Row by row from the top: premultiplied red, green, blue, and alpha.
+    pub pixels: Vec<[f32; 4]>,
+    /// How it was made: names without prefix, values as text.
+    pub provenance: IndexMap<String, String>,
+}
+
+impl Image {
+    /// A picture of zeros.
+    pub fn new(width: usize, height: usize) -> Self {
+        Self { width, height, pixels: vec![[0.0; 4]; width * height], provenance: IndexMap::new() }
+    }
+
+    /// Mean of each channel over all pixels, summed in f64.
+    pub fn mean(&self) -> [f64; 4] {
+        let count = self.pixels.len().max(1) as f64;
+        std::array::from_fn(|channel| self.pixels.iter().map(|pixel| f64::from(pixel[channel])).sum::<f64>() / count)
+    }
+
+    /// Mean of pictures of one size, summed in f64. Its provenance is what theirs agree in, and that it is a mean.
+    pub fn mean_of(images: &[Self]) -> Result<Self> {
+        let Some(first) = images.first() else {
+            return Err(Error::new("mean of pictures", "no picture", "at least one", "Render one."));
+        };
+        if let Some(other) = images.iter().find(|image| (image.width, image.height) != (first.width, first.height)) {
+            return Err(Error::new(
+                "mean of pictures",
+                format!("{} x {} pixels", other.width, other.height),
+                format!("{} x {}, as the first", first.width, first.height),
+                "Average renders of one picture.",
+            ));
+        }
+        let mut mean = Self::new(first.width, first.height);
+        for (index, pixel) in mean.pixels.iter_mut().enumerate() {
+            *pixel = std::array::from_fn(|channel| {
+                let sum: f64 = images.iter().map(|image| f64::from(image.pixels[index][channel])).sum();
+                (sum / images.len() as f64) as f32
+            });
+        }
+        let shared = |(name, value): &(&String, &String)| images.iter().all(|i| i.provenance.get(*name) == Some(value));
+        mean.provenance = first.provenance.iter().filter(shared).map(|(n, v)| (n.clone(), v.clone())).collect();
+        mean.provenance.insert("content".to_owned(), format!("mean of {} replicas", images.len()));
+        Ok(mean)
+    }
+
+    /// An error that counts the pixels with NaN or infinity and places the first one.
+    pub fn check_finite(&self, place: &str) -> Result<()> {
+        let wrong = |pixel: &[f32; 4]| pixel.iter().any(|value| !value.is_finite());
+        let Some(first) = self.pixels.iter().position(wrong) else { return Ok(()) };
+        let count = self.pixels.iter().filter(|pixel| wrong(pixel)).count();
+        Err(Error::new(
+            place,
+            format!(
+                "{count} pixels with NaN or infinity, the first in column {}, row {} from the top: {:?}",
+                first % self.width,
+                first / self.width,
+                self.pixels[first]
+            ),
+            "finite pixels",
+            "Look at the density there (cloudparity eval), or give --allow-nonfinite to write the picture as it is.",
+        ))
+    }
+
+    /// Writes the picture; a picture with NaN or infinity only if `allow_nonfinite`.
+    pub fn write_exr(&self, path: &Path, allow_nonfinite: bool) -> Result<()> {
+        if !allow_nonfinite {
+            self.check_finite(&path.display().to_string())?;
+        }
+        let channels = SpecificChannels::rgba(|position: Vec2<usize>| {
+            let [red, green, blue, alpha] = self.pixels[position.y() * self.width + position.x()];
+            (red, green, blue, alpha)
+        });
+        let encoding = Encoding {
+            compression: Compression::ZIP16,
+            blocks: exr::image::Blocks::ScanLines,
+            line_order: LineOrder::Increasing,
+        };
+        let layer = Layer::new((self.width, self.height), LayerAttributes::default(), encoding, channels);
+        let mut image = exr::image::Image::from_layer(layer);
+        // Attribute text is bytes; UTF-8 is what OpenImageIO reads and writes there.
+        let text = |text: &str| Text::from_bytes_unchecked(text.bytes().collect());
+        image.layer_data.attributes.other.insert(text("colorInteropID"), AttributeValue::Text(text(COLOR_SPACE)));
+        for (name, value) in &self.provenance {
+            let name = text(&format!("{ATTRIBUTE_PREFIX}{name}"));
+            image.layer_data.attributes.other.insert(name, AttributeValue::Text(text(value)));
+        }
+        files::replace_atomically(path, |temporary| image.write().to_file(temporary).map_err(std::io::Error::other))
+    }
+
+    /// Reads the first layer of an EXR with channels R, G, B and, if there is one, A (else 1).
+    pub fn read_exr(path: &Path) -> Result<Self> {
+        let place = path.display().to_string();
+        let image = exr::prelude::read()
+            .no_deep_data()
+            .largest_resolution_level()
+            .rgba_channels(
+                |resolution, _| (resolution.width(), vec![[0.0f32; 4]; resolution.area()]),
+                |(width, pixels), position, (red, green, blue, alpha): (f32, f32, f32, f32)| {
+                    pixels[position.y() * *width + position.x()] = [red, green, blue, alpha];
+                },
+            )
+            .first_valid_layer()
+            .all_attributes()
+            .from_file(path)
+            .map_err(|cause| {
+                Error::new(place, cause.to_string(), "an EXR with channels R, G, B", "Render the picture again.")
+            })?;
+        let layer = image.layer_data;
+        let mut provenance = IndexMap::new();
+        for (name, value) in &layer.attributes.other {
+            let utf8 = |text: &Text| String::from_utf8_lossy(text.as_slice()).into_owned();
+            let name = utf8(name);
+            let Some(name) = name.strip_prefix(ATTRIBUTE_PREFIX).map(str::to_owned) else { continue };
+            let text = match value {
+                AttributeValue::Text(text) => utf8(text),
+                AttributeValue::F32(number) => number.to_string(),
+                AttributeValue::F64(number) => number.to_string(),
+                AttributeValue::I32(number) => number.to_string(),
+                _ => continue,
+            };
+            provenance.insert(name, text);
+        }
+        // The order of a hash map is not kept between runs.
+        provenance.sort_keys();
+        Ok(Self {
+            width: layer.size.width(),
+            height: layer.size.height(),
+            pixels: layer.channel_data.pixels.1,
+            provenance,
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn picture() -> Image {
+        let mut image = Image::new(3, 2);
+        for (index, pixel) in image.pixels.iter_mut().enumerate() {
+            *pixel = std::array::from_fn(|channel| (index * 4 + channel) as f32 / 7.0);
+        }
+        image.provenance.insert("scene".into(), "test".into());
+        image
+    }
+
+    #[test]
+    fn an_exr_keeps_every_bit_and_the_provenance() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("a.exr");
+        let image = picture();
+        image.write_exr(&path, false).expect("it is written");
+        assert_eq!(Image::read_exr(&path).expect("it is read"), image);
+    }
+
+    #[test]
+    fn a_picture_with_nan_is_refused_with_count_and_place() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("a.exr");
+        let mut image = picture();
+        image.pixels[4][1] = f32::NAN;
+        let error = image.write_exr(&path, false).expect_err("NaN is refused");
+        assert!(error.found.contains("1 pixels") && error.found.contains("column 1, row 1"), "{error}");
+        assert!(!path.exists());
+        image.write_exr(&path, true).expect("the flag allows it");
+        assert!(Image::read_exr(&path).expect("it is read").pixels[4][1].is_nan());
+    }
+}

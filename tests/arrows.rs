@@ -1,0 +1,259 @@
+//! The arrows between the folders of `src/`: which part of the program uses which, read from the sources.
+//!
+//! Every path that begins with `crate` or climbs with `super` is an arrow from the folder that it stands in to the folder that it names.
+//! An arrow that is not in the table of the design runs back, and fails. Comments and strings are no paths: the sources are read as tokens.
+
+use proc_macro2::{Delimiter, TokenStream, TokenTree};
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
+
+/// Each folder with those that it may use, in the order of the way of the data. `lib.rs` and `main.rs` may use everything.
+const ALLOWED: &[(&str, &[&str])] = &[
+    ("base", &[]),
+    ("scene", &["base"]),
+    ("nodes", &["base", "scene"]),
+    ("graph", &["base", "scene", "nodes"]),
+    ("gpu", &["base", "scene", "nodes", "graph"]),
+    ("media", &["base", "scene", "nodes", "graph", "gpu"]),
+    ("view", &["base", "scene", "gpu"]),
+    ("integrators", &["base", "scene", "nodes", "graph", "gpu", "media", "view"]),
+    ("engines", &["base", "scene", "nodes", "graph", "gpu", "media", "view"]),
+    ("bridge", &["base", "scene", "nodes", "graph", "media"]),
+    ("measure", &["base", "scene", "nodes", "graph", "gpu", "media", "view", "integrators", "engines", "bridge"]),
+    (
+        "report",
+        &["base", "scene", "nodes", "graph", "gpu", "media", "view", "integrators", "engines", "bridge", "measure"],
+    ),
+    (
+        "cli",
+        &[
+            "base",
+            "scene",
+            "nodes",
+            "graph",
+            "gpu",
+            "media",
+            "view",
+            "integrators",
+            "engines",
+            "bridge",
+            "measure",
+            "report",
+        ],
+    ),
+];
+
+/// An arrow: from a module path to a module path.
+type Arrow = (Vec<String>, Vec<String>);
+
+/// The arrows of a source text that stands at `module`.
+fn arrows(text: &str, module: &[String]) -> Vec<Arrow> {
+    let tokens: TokenStream = text.parse().expect("a source that compiles");
+    let mut found = Vec::new();
+    walk(tokens, &mut module.to_vec(), module, &mut found);
+    found
+}
+
+fn walk(tokens: TokenStream, place: &mut Vec<String>, file: &[String], found: &mut Vec<Arrow>) {
+    let tokens: Vec<TokenTree> = tokens.into_iter().collect();
+    let mut at = 0;
+    while at < tokens.len() {
+        let word = |index: usize| match tokens.get(index) {
+            Some(TokenTree::Ident(word)) => word.to_string(),
+            _ => String::new(),
+        };
+        // A path that another path leads to is no beginning: `self::crate` does not exist, `a::super` neither.
+        let begins = at == 0 || !matches!(&tokens[at - 1], TokenTree::Punct(mark) if mark.as_char() == ':');
+        match &tokens[at] {
+            TokenTree::Ident(name) if begins && (name == "crate" || name == "super") => {
+                let mut base =
+                    if name == "crate" { Vec::new() } else { place[..place.len().saturating_sub(1)].to_vec() };
+                at = follow(&tokens, at + 1, &mut base, file, found);
+                continue;
+            }
+            TokenTree::Group(group) => {
+                // The body of an inline module is one level deeper.
+                let is_module = group.delimiter() == Delimiter::Brace && at >= 2 && word(at - 2) == "mod";
+                if is_module {
+                    place.push(word(at - 1));
+                }
+                walk(group.stream(), place, file, found);
+                if is_module {
+                    place.pop();
+                }
+            }
+            _ => {}
+        }
+        at += 1;
+    }
+}
+
+/// Follows `:: a :: {b, c::d}` from the token behind `crate` or `super`; the first token behind it.
+fn follow(
+    tokens: &[TokenTree],
+    mut at: usize,
+    base: &mut Vec<String>,
+    file: &[String],
+    found: &mut Vec<Arrow>,
+) -> usize {
+    let is_colon = |index: usize| matches!(tokens.get(index), Some(TokenTree::Punct(mark)) if mark.as_char() == ':');
+    while is_colon(at) && is_colon(at + 1) {
+        match tokens.get(at + 2) {
+            Some(TokenTree::Ident(name)) if name == "super" => {
+                base.pop();
+            }
+            Some(TokenTree::Ident(name)) => base.push(name.to_string()),
+            Some(TokenTree::Group(group)) => {
+                let inner: Vec<TokenTree> = group.stream().into_iter().collect();
+                for part in inner.split(|token| matches!(token, TokenTree::Punct(mark) if mark.as_char() == ',')) {
+                    let Some(TokenTree::Ident(name)) = part.first() else { continue };
+                    let mut branch = base.clone();
+                    branch.push(name.to_string());
+                    follow(part, 1, &mut branch, file, found);
+                }
+                return at + 3;
+            }
+            _ => break,
+        }
+        at += 3;
+    }
+    if !base.is_empty() {
+        found.push((file.to_vec(), base.clone()));
+    }
+    at
+}
+
+/// What a folder may use, or none for a name that is no folder.
+fn allowed(folder: &str) -> Option<&'static [&'static str]> {
+    ALLOWED.iter().find(|(name, _)| *name == folder).map(|(_, uses)| *uses)
+}
+
+/// The arrows that run back, as text.
+fn backwards(arrows: &[Arrow]) -> BTreeSet<String> {
+    let mut wrong = BTreeSet::new();
+    for (from, to) in arrows {
+        let (Some(uses), [to_folder, ..]) = (allowed(&from[0]), to.as_slice()) else { continue };
+        // Names of the root that are no folder: the error type and its result.
+        if allowed(to_folder).is_some() && *to_folder != from[0] && !uses.contains(&to_folder.as_str()) {
+            wrong.insert(format!("{} -> {}", from.join("::"), to.join("::")));
+        }
+    }
+    wrong
+}
+
+/// Folders that lie on a circle of arrows.
+fn circles(arrows: &[Arrow]) -> BTreeSet<String> {
+    let mut uses: BTreeMap<&str, BTreeSet<&str>> = BTreeMap::new();
+    for (from, to) in arrows {
+        if allowed(&from[0]).is_some() && allowed(&to[0]).is_some() && from[0] != to[0] {
+            uses.entry(&from[0]).or_default().insert(&to[0]);
+        }
+    }
+    let reaches = |start: &str| {
+        let mut seen: BTreeSet<&str> = BTreeSet::new();
+        let mut open: Vec<&str> = uses.get(start).into_iter().flatten().copied().collect();
+        while let Some(next) = open.pop() {
+            if seen.insert(next) {
+                open.extend(uses.get(next).into_iter().flatten());
+            }
+        }
+        seen.contains(start)
+    };
+    uses.keys().filter(|folder| reaches(folder)).map(|folder| (*folder).to_owned()).collect()
+}
+
+fn sources(folder: &Path) -> Vec<PathBuf> {
+    let mut found = Vec::new();
+    for entry in std::fs::read_dir(folder).expect("a folder of sources") {
+        let path = entry.expect("an entry").path();
+        if path.is_dir() {
+            found.extend(sources(&path));
+        } else if path.extension().is_some_and(|kind| kind == "rs") {
+            found.push(path);
+        }
+    }
+    found.sort();
+    found
+}
+
+/// Module path of a source file below `src/`.
+fn module_of(path: &Path, root: &Path) -> Vec<String> {
+    let inside = path.strip_prefix(root).expect("a file below the root").with_extension("");
+    let mut parts: Vec<String> = inside.iter().map(|part| part.to_string_lossy().into_owned()).collect();
+    if parts.last().is_some_and(|last| last == "mod") {
+        parts.pop();
+    }
+    parts
+}
+
+fn all_arrows() -> Vec<Arrow> {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
+    let mut found = Vec::new();
+    for path in sources(&root) {
+        let module = module_of(&path, &root);
+        if allowed(&module[0]).is_none() {
+            assert!(matches!(module[0].as_str(), "lib" | "main"), "{} is in no folder of the table", path.display());
+            continue;
+        }
+        found.extend(arrows(&std::fs::read_to_string(&path).expect("a source"), &module));
+    }
+    found
+}
+
+#[test]
+fn no_arrow_runs_back_and_no_folder_is_in_a_circle() {
+    let arrows = all_arrows();
+    assert!(arrows.len() > 1000, "the sources were read: {} arrows", arrows.len());
+    let mut table: BTreeMap<(&str, &str), usize> = BTreeMap::new();
+    for (from, to) in arrows.iter().filter(|(from, to)| allowed(&to[0]).is_some() && from[0] != to[0]) {
+        *table.entry((&from[0], &to[0])).or_default() += 1;
+    }
+    for (folder, _) in ALLOWED {
+        let uses: Vec<String> = table
+            .iter()
+            .filter(|((from, _), _)| from == folder)
+            .map(|((_, to), count)| format!("{to} ({count})"))
+            .collect();
+        println!("{folder:12} uses {}", if uses.is_empty() { "nothing".into() } else { uses.join(", ") });
+    }
+    assert_eq!(backwards(&arrows), BTreeSet::new(), "arrows that run back");
+    assert_eq!(circles(&arrows), BTreeSet::new(), "folders in a circle");
+}
+
+#[test]
+fn the_table_itself_has_no_circle() {
+    for (number, (folder, uses)) in ALLOWED.iter().enumerate() {
+        let before: Vec<&str> = ALLOWED[..number].iter().map(|(name, _)| *name).collect();
+        assert!(uses.iter().all(|used| before.contains(used)), "{folder} uses what stands behind it");
+    }
+}
+
+#[test]
+fn a_planted_arrow_that_runs_back_is_found() {
+    let module: Vec<String> = ["nodes", "math"].map(str::to_owned).to_vec();
+    for (text, wanted) in [
+        ("use crate::graph::Program;", "nodes::math -> graph::Program"),
+        ("use crate::{base::error::Error, report::{numbers, tables}};", "nodes::math -> report::numbers"),
+        ("fn f() { let x = crate::gpu::Gpu::open(); }", "nodes::math -> gpu::Gpu::open"),
+        ("use super::super::cli;", "nodes::math -> cli"),
+        ("mod tests { use super::super::super::view::camera; }", "nodes::math -> view::camera"),
+        ("pub(crate) use crate::engines as parts;", "nodes::math -> engines"),
+    ] {
+        let wrong = backwards(&arrows(text, &module));
+        assert!(wrong.contains(wanted), "{text}: {wrong:?}");
+    }
+    for text in [
+        "use crate::scene::Scene; // crate::graph::Program",
+        "const TEXT: &str = \"crate::graph\";",
+        "use super::real::Real;",
+        "mod tests { use super::*; use super::super::real; }",
+        "use crate::Error;",
+    ] {
+        assert_eq!(backwards(&arrows(text, &module)), BTreeSet::new(), "{text}");
+    }
+    // A circle of two folders, each arrow for itself.
+    let text = |path: &str| arrows(&format!("use crate::{path};"), &[]);
+    let arrow = |from: &str, to: &str| -> Arrow { (vec![from.to_owned()], text(to)[0].1.clone()) };
+    assert_eq!(circles(&[arrow("media", "view::camera"), arrow("view", "media::phase")]).len(), 2);
+    assert!(circles(&[arrow("media", "view::camera"), arrow("integrators", "media::phase")]).is_empty());
+}
