@@ -243,7 +243,7 @@ fn with_unusual_inputs_shaders_find_what_voronoi_finds() {
                      "properties": {"feature": feature, "distance": "MINKOWSKI"}},
                 ]});
                 let trial = Trial {
-                    scene: suite::bare_scene("unusual inputs", graph).expect("a scene"),
+                    scene: cloudparity::scene::bare_scene("unusual inputs", graph).expect("a scene"),
                     targets: ["Distance", "Color", "Position"].map(|output| Target::output("Voronoi", output)).to_vec(),
                     positions: (0..64)
                         .map(|index| [0.125 * index as f32, 0.3 * (index % 3) as f32, -0.25 * index as f32])
@@ -306,7 +306,7 @@ fn constants_that_are_folded_are_nudged_too() {
         {"name": "Sine", "type": "ShaderNodeMath", "properties": {"operation": "SINE"},
          "inputs": {"Value": {"node": "Value", "socket": "Value"}}},
     ]});
-    let scene = suite::bare_scene("folded", graph).expect("a scene");
+    let scene = cloudparity::scene::bare_scene("folded", graph).expect("a scene");
     let constant = |nudge| {
         let program = Program::compile_nudged(&scene, &[Target::output("Sine", "Value")], nudge).expect("it compiles");
         assert!(program.instructions.is_empty());

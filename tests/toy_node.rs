@@ -182,7 +182,8 @@ fn scene(is_vector: bool, inverts: bool) -> Scene {
          "inputs": {"Vector": {"node": "Coordinate", "socket": "Object"}}},
         {"name": "Fold", "type": TOY.type_name, "properties": {"data_type": kind, "invert": inverts}, "inputs": inputs},
     ]);
-    suite::bare_scene("toy", json!({"material": "Material", "nodes": nodes, "groups": []})).expect("a scene")
+    cloudparity::scene::bare_scene("toy", json!({"material": "Material", "nodes": nodes, "groups": []}))
+        .expect("a scene")
 }
 
 fn program(is_vector: bool, inverts: bool, outputs: &[&str]) -> cloudparity::Result<Program> {

@@ -197,7 +197,7 @@ fn modes_part(modes: &[Mode]) -> Part {
             "{} of {judged} node modes are over their limit, the first {} ({}).",
             failed.len(),
             first.node,
-            super::numbers::plain(&first.mode)
+            crate::base::numbers::plain(&first.mode)
         ),
     };
     Part::new("Node modes", "modes", verdict, sentence)
