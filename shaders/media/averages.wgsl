@@ -1,5 +1,6 @@
 // Averages of a density over cells: twin of src/media/averages.rs. Two levels, x fastest, the finer one first.
 #define_import_path cloudparity::coarse
+#import cloudparity::coarse::constants
 
 @group(0) @binding(3) var<storage, read> levels: array<f32>;
 
@@ -22,7 +23,7 @@ fn level_at(first: u32, cells: u32, place: vec3f) -> f32 {
 }
 
 // As a march towards the sun reads it.
-fn along(place: vec3f) -> f32 { return level_at(0u, 32u, place); }
+fn along(place: vec3f) -> f32 { return level_at(0u, constants::CELLS, place); }
 
 // Wider.
-fn around(place: vec3f) -> f32 { return level_at(32768u, 16u, place); }
+fn around(place: vec3f) -> f32 { return level_at(constants::CELLS * constants::CELLS * constants::CELLS, constants::CELLS / 2u, place); }

@@ -1,8 +1,8 @@
 //! Evaluating a program at points on the adapter.
 
 use crate::base::error::{Error, Result};
-use crate::gpu::Gpu;
 use crate::gpu::ModelShader;
+use crate::gpu::{Bindings, ComputeKernel, Gpu};
 use crate::graph::Program;
 use crate::graph::evaluate::Points;
 use crate::graph::wgsl::Linker;
@@ -26,7 +26,7 @@ fn evaluate(position: vec3f) -> f32 {
 /// A program compiled for the adapter.
 pub struct FieldKernel<'a> {
     gpu: &'a Gpu,
-    pipeline: wgpu::ComputePipeline,
+    kernel: ComputeKernel,
     attributes: Vec<String>,
     components: usize,
     /// Buffers of group 1: a density model's.
@@ -40,7 +40,7 @@ impl Gpu {
         let module = Linker::new(program)?.link("generated/field.wgsl", &entry(program.attributes.len(), &widths))?;
         Ok(FieldKernel {
             gpu: self,
-            pipeline: self.pipeline("field", &module)?,
+            kernel: self.kernel("field", &module, &[])?,
             attributes: program.attributes.clone(),
             components: program.output_components(),
             model: Vec::new(),
@@ -55,7 +55,7 @@ impl Gpu {
         let module = linker.link("generated/field.wgsl", &entry(0, &[1]))?;
         Ok(FieldKernel {
             gpu: self,
-            pipeline: self.pipeline("density_field", &module)?,
+            kernel: self.kernel("density_field", &module, shader.layouts)?,
             attributes: Vec::new(),
             components: 1,
             model: shader.buffers(self),
@@ -136,36 +136,11 @@ impl FieldKernel<'_> {
         let unwritten = vec![f32::from_bits(0x7FA0_0BAD); count * self.components];
         let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC;
         let results = gpu.upload("results", bytemuck::cast_slice(&unwritten), usage);
-        let bindings = gpu.device().create_bind_group(&wgpu::BindGroupDescriptor {
-            label: Some("field"),
-            layout: &self.pipeline.get_bind_group_layout(0),
-            entries: &[
-                wgpu::BindGroupEntry { binding: 0, resource: bound(&points, data.len()) },
-                wgpu::BindGroupEntry { binding: 1, resource: bound(&results, unwritten.len()) },
-            ],
-        });
-        let model = (!self.model.is_empty()).then(|| {
-            let entries: Vec<wgpu::BindGroupEntry<'_>> = (0..)
-                .zip(&self.model)
-                .map(|(binding, buffer)| wgpu::BindGroupEntry { binding, resource: buffer.as_entire_binding() })
-                .collect();
-            gpu.device().create_bind_group(&wgpu::BindGroupDescriptor {
-                label: Some("model"),
-                layout: &self.pipeline.get_bind_group_layout(1),
-                entries: &entries,
-            })
-        });
-        let mut encoder = gpu.device().create_command_encoder(&Default::default());
-        {
-            let mut pass = encoder.begin_compute_pass(&Default::default());
-            pass.set_pipeline(&self.pipeline);
-            pass.set_bind_group(0, &bindings, &[]);
-            if let Some(model) = &model {
-                pass.set_bind_group(1, model, &[]);
-            }
-            pass.dispatch_workgroups((count as u32).div_ceil(WORKGROUP), 1, 1);
-        }
-        gpu.queue().submit([encoder.finish()]);
+        let bindings = Bindings::new()
+            .bind(0, 0, bound(&points, data.len()))
+            .bind(0, 1, bound(&results, unwritten.len()))
+            .group(1, &self.model);
+        gpu.dispatch(&self.kernel, &bindings, [count as u32, 1, 1])?;
         let bytes = gpu.read_back(&results, (unwritten.len() * 4) as u64)?;
         Ok(bytemuck::pod_collect_to_vec(&bytes))
     }

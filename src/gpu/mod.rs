@@ -1,16 +1,27 @@
 //! The adapter: opening a device, creating kernels, reading results back.
 //!
+//! Whatever waits for the device has an asynchronous form, as a browser asks for it; the forms that wait are for native callers.
+//!
 //! Any Vulkan, Metal or DirectX 12 adapter serves, Mesa's software Vulkan included. Kernels are
 //! native modules created without injected loop and bounds checks: every loop of `shaders/` has a
 //! bound and every index is checked by the shader itself. Work is dispatched in slices, so that no
 //! single submission holds an adapter for long.
 
+mod blocking;
 mod clock;
+pub mod dispatch;
 mod field;
+pub mod layout;
+mod slices;
 
+pub use clock::{KernelTime, KernelTimes};
+pub use dispatch::{Bindings, ComputeKernel};
 pub use field::FieldKernel;
+pub use layout::Layout;
+pub use slices::Slices;
 
 use crate::base::error::{Error, Result};
+use futures_channel::oneshot;
 use serde::{Deserialize, Serialize};
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -48,6 +59,8 @@ pub struct ModelShader {
     pub uniform: Vec<u8>,
     /// Contents of the bindings from 1 on, read-only storage buffers.
     pub storage: Vec<Vec<u8>>,
+    /// Layouts of its structs.
+    pub layouts: &'static [Layout],
 }
 
 impl ModelShader {
@@ -101,12 +114,8 @@ impl Adapter {
 }
 
 impl Gpu {
-    /// Opens the fastest adapter; `WGPU_ADAPTER_NAME` chooses another by a part of its name.
-    pub fn open() -> Result<Self> {
-        pollster::block_on(Self::open_async())
-    }
-
-    async fn open_async() -> Result<Self> {
+    /// Opens the fastest adapter; `WGPU_ADAPTER_NAME` chooses another by a part of its name. A browser has one to choose from.
+    pub async fn open_async() -> Result<Self> {
         let missing = |cause: String| {
             Error::new(
                 "graphics adapter",
@@ -130,7 +139,6 @@ impl Gpu {
             .filter(|adapter| adapter.get_info().name.to_lowercase().contains(&wanted))
             .min_by_key(rank)
             .ok_or_else(|| missing("no adapter".into()))?;
-        let info = adapter.get_info();
         let limits = adapter.limits();
         // Timestamps where there are any: without them times are taken on the processor.
         let descriptor = wgpu::DeviceDescriptor {
@@ -140,6 +148,12 @@ impl Gpu {
             ..Default::default()
         };
         let (device, queue) = adapter.request_device(&descriptor).await.map_err(|cause| missing(cause.to_string()))?;
+        Ok(Self::of_device(&adapter, device, queue))
+    }
+
+    /// A device that somebody else opened, such as a window. Its callbacks for errors and for its loss are replaced.
+    pub fn of_device(adapter: &wgpu::Adapter, device: wgpu::Device, queue: wgpu::Queue) -> Self {
+        let info = adapter.get_info();
         // Without these wgpu ends the program at an error that no call returns.
         let fault = Arc::new(Mutex::new(None));
         let note = |fault: &Mutex<Option<String>>, cause: String| {
@@ -150,7 +164,7 @@ impl Gpu {
         let noted = fault.clone();
         // A device is also "lost" when it is dropped at the end, which nobody asks about then.
         device.set_device_lost_callback(move |_, cause| note(&noted, format!("the device is lost: {cause}")));
-        Ok(Self {
+        Self {
             device,
             queue,
             fault,
@@ -161,7 +175,7 @@ impl Gpu {
                 kind: format!("{:?}", info.device_type),
             },
             clock: Mutex::new(None),
-        })
+        }
     }
 
     /// The adapter and its driver.
@@ -179,34 +193,6 @@ impl Gpu {
         &self.queue
     }
 
-    /// A compute pipeline from a linked module with the entry point `main`.
-    pub fn pipeline(&self, label: &str, module: &naga::Module) -> Result<wgpu::ComputePipeline> {
-        crate::graph::wgsl::validate(module)?;
-        let descriptor = wgpu::ShaderModuleDescriptor {
-            label: Some(label),
-            source: wgpu::ShaderSource::Naga(std::borrow::Cow::Owned(module.clone())),
-        };
-        let scope = self.device.push_error_scope(wgpu::ErrorFilter::Validation);
-        let shader = trusted_module(&self.device, descriptor);
-        let pipeline = self.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-            label: Some(label),
-            layout: None,
-            module: &shader,
-            entry_point: Some("main"),
-            compilation_options: Default::default(),
-            cache: None,
-        });
-        match pollster::block_on(scope.pop()) {
-            None => Ok(pipeline),
-            Some(cause) => Err(Error::new(
-                format!("shader {label}"),
-                cause.to_string(),
-                "a pipeline that the driver accepts",
-                "Report it with the adapter's name, or use the CPU evaluator.",
-            )),
-        }
-    }
-
     /// A buffer with these contents.
     pub fn upload(&self, label: &str, contents: &[u8], usage: wgpu::BufferUsages) -> wgpu::Buffer {
         let size = (contents.len() as u64).next_multiple_of(4).max(16);
@@ -220,40 +206,8 @@ impl Gpu {
         buffer
     }
 
-    /// Submits one run of a pipeline over buffers, each group's bound from 0 on.
-    pub fn dispatch(&self, pipeline: &wgpu::ComputePipeline, groups: &[Vec<&wgpu::Buffer>], workgroups: u32) {
-        let mut clock = self.clock();
-        let stamps = clock.as_mut().and_then(clock::Clock::next);
-        let mut encoder = self.device.create_command_encoder(&Default::default());
-        {
-            let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
-                label: None,
-                timestamp_writes: stamps.as_ref().map(clock::Stamps::writes),
-            });
-            pass.set_pipeline(pipeline);
-            for (number, buffers) in groups.iter().enumerate() {
-                let entries: Vec<wgpu::BindGroupEntry> = buffers
-                    .iter()
-                    .enumerate()
-                    .map(|(binding, buffer)| wgpu::BindGroupEntry {
-                        binding: binding as u32,
-                        resource: buffer.as_entire_binding(),
-                    })
-                    .collect();
-                let bindings = self.device.create_bind_group(&wgpu::BindGroupDescriptor {
-                    label: None,
-                    layout: &pipeline.get_bind_group_layout(number as u32),
-                    entries: &entries,
-                });
-                pass.set_bind_group(number as u32, &bindings, &[]);
-            }
-            pass.dispatch_workgroups(workgroups, 1, 1);
-        }
-        self.queue.submit([encoder.finish()]);
-    }
-
-    /// The first `size` bytes of a buffer with usage `COPY_SRC`, after all submitted work.
-    pub fn read_back(&self, buffer: &wgpu::Buffer, size: u64) -> Result<Vec<u8>> {
+    /// The first `size` bytes of a buffer with usage `COPY_SRC`, after all work that was submitted before this call.
+    pub fn read_back_async(&self, buffer: &wgpu::Buffer, size: u64) -> impl Future<Output = Result<Vec<u8>>> + use<'_> {
         let staging = self.device.create_buffer(&wgpu::BufferDescriptor {
             label: Some("read back"),
             size,
@@ -263,24 +217,31 @@ impl Gpu {
         let mut encoder = self.device.create_command_encoder(&Default::default());
         encoder.copy_buffer_to_buffer(buffer, 0, &staging, 0, size);
         self.queue.submit([encoder.finish()]);
-        self.check()?;
-        let lost = |cause: String| self.failed(cause);
-        let slice = staging.slice(..);
-        let (sender, receiver) = std::sync::mpsc::channel();
-        slice.map_async(wgpu::MapMode::Read, move |result| {
-            // The receiver only goes away together with the buffer.
+        let (sender, receiver) = oneshot::channel();
+        staging.map_async(wgpu::MapMode::Read, .., move |result| {
+            // Nobody listens where the caller has dropped the future.
             let _ = sender.send(result);
         });
-        self.device.poll(wgpu::PollType::wait_indefinitely()).map_err(|cause| lost(cause.to_string()))?;
-        receiver.recv().map_err(|cause| lost(cause.to_string()))?.map_err(|cause| lost(cause.to_string()))?;
-        let view = slice.get_mapped_range().map_err(|cause| lost(cause.to_string()))?;
-        Ok(view.to_vec())
+        async move {
+            self.check()?;
+            let lost = |cause: String| self.failed(cause);
+            receiver.await.map_err(|cause| lost(cause.to_string()))?.map_err(|cause| lost(cause.to_string()))?;
+            let view = staging.get_mapped_range(..).map_err(|cause| lost(cause.to_string()))?;
+            Ok(view.to_vec())
+        }
     }
 
-    /// Waits until all submitted work is done.
-    pub fn wait(&self) -> Result<()> {
-        self.device.poll(wgpu::PollType::wait_indefinitely()).map_err(|cause| self.failed(cause.to_string()))?;
-        self.check()
+    /// Completes when all work is done that was submitted before this call.
+    pub fn wait_async(&self) -> impl Future<Output = Result<()>> + use<'_> {
+        let (sender, receiver) = oneshot::channel();
+        self.queue.on_submitted_work_done(move || {
+            // Nobody listens where the caller has dropped the future.
+            let _ = sender.send(());
+        });
+        async move {
+            receiver.await.map_err(|cause| self.failed(cause.to_string()))?;
+            self.check()
+        }
     }
 
     /// An error if the device was lost or refused a call; everything it gives after that is worthless.

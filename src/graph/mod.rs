@@ -9,6 +9,7 @@
 pub mod bounds;
 pub mod bounds_check;
 pub mod closures;
+pub mod constants;
 pub mod evaluate;
 mod flatten;
 mod passes;

@@ -5,8 +5,10 @@
 //! shared. After linking, everything that no entry point reaches is removed, so the shader holds
 //! nothing of a node that the graph does not use.
 
-use crate::base::error::{Error, Result};
+use crate::graph::constants::SharedConstants;
 use crate::graph::{Operand, Program};
+
+use crate::base::error::{Error, Result};
 use crate::nodes::shader_name;
 use crate::scene::SocketType;
 use naga_oil::compose::preprocess::Preprocessor;
@@ -113,6 +115,11 @@ impl Linker {
     pub fn add(&mut self, path: &str, source: &str) -> Result<()> {
         let descriptor = ComposableModuleDescriptor { source, file_path: path, ..Default::default() };
         self.composer.add_composable_module(descriptor).map(|_| ()).map_err(|cause| self.failure(path, &cause))
+    }
+
+    /// Adds numbers that Rust hands to the kernel, before what imports them.
+    pub fn add_constants(&mut self, constants: &SharedConstants) -> Result<()> {
+        self.add(constants.path, &constants.text())
     }
 
     /// Links the entry text and removes what no entry point reaches.

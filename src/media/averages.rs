@@ -6,12 +6,19 @@
 //! stay, and outside of the box there is nothing.
 
 use crate::base::error::Result;
+use crate::graph::constants::{SharedConstants, SharedNumber};
 use crate::media::density::DensityModel;
 use glam::DVec3;
 use rayon::prelude::*;
 
 /// Cells per axis of the finer level.
 pub const CELLS: usize = 32;
+
+/// Numbers that the shader imports.
+pub const CONSTANTS: SharedConstants = SharedConstants {
+    path: "cloudparity::coarse::constants",
+    numbers: &[("CELLS", SharedNumber::Unsigned(CELLS as u32))],
+};
 
 /// Places per axis of a cell over which its density is averaged.
 const PLACES: usize = 3;

@@ -1,4 +1,4 @@
-//! The density sampled to a grid, as games keep it in a 3D texture: a quality setting of [`super::march`].
+//! The density sampled to a grid, as games keep it in a 3D texture: a quality setting of marches.
 //!
 //! Values lie at the vertices of a grid over the occupied part of the medium, faces included, so that
 //! trilinear filtering is exact for a linear density. They are evaluated on the CPU with Cycles' bits,
@@ -43,7 +43,7 @@ pub enum CacheFilter {
     Trilinear,
 }
 
-/// The density sampled to a grid; [`density_cache`] describes it.
+/// The density sampled to a grid; [the module](self) describes it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CacheSettings {

@@ -21,10 +21,10 @@ use crate::nodes::Interval;
 use glam::{DMat4, DVec3};
 
 /// Finest level: cells of 1/512 of the box's sides.
-const LEVELS: u32 = 9;
+pub(crate) const LEVELS: u32 = 9;
 
 /// Level of the dense table that leads into the tree.
-const TABLE_LEVEL: u32 = 4;
+pub(crate) const TABLE_LEVEL: u32 = 4;
 
 /// Expected null collisions that make dividing a node pay. Bounding a box of the cloud takes as long
 /// as evaluating 20 to 40 points, eight of them up to 320, and dividing saves a part of the null

@@ -1,6 +1,6 @@
 //! The medium as `march` and the adapter know it: one varying density, constant factors, one lobe, in one object.
 //!
-//! [`super::media`] knows media in full.
+//! [`super::objects`] knows media in full.
 
 use crate::base::error::{Error, Result};
 use crate::graph::closures::{Closure, ClosureSum, Value};

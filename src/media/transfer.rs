@@ -44,7 +44,7 @@ pub fn step_weight<T: Float>(integration: Integration, extinction: T, step: T) -
     }
 }
 
-/// How a step of a view ray adds what is scattered and emitted along it; [`march`] gives the formulas.
+/// How a step of a view ray adds what is scattered and emitted along it; [`crate::integrators::march`] gives the formulas.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
 #[serde(rename_all = "kebab-case")]
 pub enum Integration {

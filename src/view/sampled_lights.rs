@@ -9,7 +9,8 @@
 
 use crate::base::error::{Error, Result};
 use crate::scene::{self, Light, LightKind, Scene};
-use bytemuck::{Pod, Zeroable};
+use crate::shader_struct;
+use bytemuck::Zeroable;
 use glam::DVec3;
 use std::f64::consts::{PI, TAU};
 
@@ -25,19 +26,25 @@ pub struct SampledLight {
     strength: f64,
 }
 
-/// A light as `shaders/integrators/path/path.wgsl` reads it.
-#[repr(C)]
-#[derive(Debug, Clone, Copy, Pod, Zeroable)]
-pub(crate) struct AdapterLight {
-    pub(crate) place: [f32; 3],
-    pub(crate) kind: u32,
-    pub(crate) axis: [f32; 3],
-    pub(crate) edge: f32,
-    pub(crate) power: [f32; 3],
-    pub(crate) blend: f32,
-    pub(crate) opening: f32,
-    pub(crate) strength: f32,
-    pub(crate) padding: [f32; 2],
+/// Kinds of lights in the shader: a sun without extent and with, a point, a spot.
+pub(crate) const SUN: u32 = 0;
+pub(crate) const SUN_DISC: u32 = 1;
+pub(crate) const POINT: u32 = 2;
+pub(crate) const SPOT: u32 = 3;
+
+shader_struct! {
+    /// A light as `shaders/integrators/path/path.wgsl` reads it.
+    pub(crate) struct AdapterLight = "Light" {
+        pub(crate) place: [f32; 3],
+        pub(crate) kind: u32,
+        pub(crate) axis: [f32; 3],
+        pub(crate) edge: f32,
+        pub(crate) power: [f32; 3],
+        pub(crate) blend: f32,
+        pub(crate) opening: f32,
+        pub(crate) strength: f32,
+        pub(crate) padding: [f32; 2],
+    }
 }
 
 #[derive(Debug, Clone, PartialEq)]
@@ -179,14 +186,14 @@ impl SampledLight {
             ..AdapterLight::zeroed()
         };
         match (&self.shape, &self.spot) {
-            (Shape::Direction(towards), _) => Ok(AdapterLight { place: vector(*towards), ..light }),
+            (Shape::Direction(towards), _) => Ok(AdapterLight { place: vector(*towards), kind: SUN, ..light }),
             (Shape::Cone(towards, opening), _) => {
-                Ok(AdapterLight { place: vector(*towards), kind: 1, opening: *opening as f32, ..light })
+                Ok(AdapterLight { place: vector(*towards), kind: SUN_DISC, opening: *opening as f32, ..light })
             }
-            (Shape::Point(place), None) => Ok(AdapterLight { place: vector(*place - origin), kind: 2, ..light }),
+            (Shape::Point(place), None) => Ok(AdapterLight { place: vector(*place - origin), kind: POINT, ..light }),
             (Shape::Point(place), Some(spot)) => Ok(AdapterLight {
                 place: vector(*place - origin),
-                kind: 3,
+                kind: SPOT,
                 axis: vector(spot.axis),
                 edge: spot.edge as f32,
                 blend: spot.blend as f32,

@@ -4,6 +4,7 @@
 // before `end_step`. Definitions leave out what the scene does not need; without any the kernel is generic.
 
 #import cloudparity::graph
+#import cloudparity::march::constants
 #import cloudparity::phase
 #import cloudparity::transfer
 
@@ -47,7 +48,7 @@ struct Ray {
 struct Light {
     // Unit vector towards a sun, or the place of a point.
     place: vec3f,
-    // 0 sun, 1 point, 2 spot.
+    // A sun is 0; then POINT and SPOT.
     kind: u32,
     axis: vec3f,
     edge: f32,
@@ -110,12 +111,12 @@ fn incident(local: vec3f, position: vec3f, direction: vec3f, ray: u32) -> vec3f 
         let source = lights[number];
         var towards = source.place;
         var power = source.power;
-        if source.kind > 0u {
+        if source.kind >= constants::POINT {
             let way = source.place - position;
             towards = normalize(way);
             power /= dot(way, way);
         }
-        if source.kind == 2u {
+        if source.kind == constants::SPOT {
             let part = saturate((-dot(towards, source.axis) - source.edge) / ((1.0 - source.edge) * source.blend));
             power *= part * part * (3.0 - 2.0 * part);
         }

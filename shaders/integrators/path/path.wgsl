@@ -7,6 +7,7 @@
 
 #import cloudparity::graph
 #import cloudparity::numeric
+#import cloudparity::path::constants
 #import cloudparity::phase
 #import cloudparity::transfer
 
@@ -14,15 +15,9 @@ const CAMERA: u32 = 0u;
 const SHADOW: u32 = 1u;
 const BOUNCE: u32 = 2u;
 const LAST: u32 = 3u;
-const FINISHED: u32 = 4u;
 
-const LEVELS: u32 = 9u;
-const TABLE_LEVEL: u32 = 4u;
-const FINEST: i32 = 512;
-
-// Below this transmittance a ray goes on with half the chance and twice the weight.
-const FAINT: f32 = 0.1;
-const EVENTS_BEFORE_ROULETTE: u32 = 4u;
+// Cells of the finest level along a side.
+const FINEST: i32 = i32(1u << constants::LEVELS);
 
 // Stands for infinity, which WGSL does not promise.
 const FAR: f32 = 3e38;
@@ -63,7 +58,7 @@ struct Ray {
 struct Light {
     // Unit vector towards a sun, or the place of a point.
     place: vec3f,
-    // 0 sun without extent, 1 sun with extent, 2 point, 3 spot.
+    // A sun without extent is 0, one with extent SUN_DISC; then POINT and SPOT.
     kind: u32,
     axis: vec3f,
     edge: f32,
@@ -207,18 +202,18 @@ fn enter(origin: vec3f, direction: vec3f, limit: f32) {
 }
 
 fn crossing() -> Crossing {
-    let coarse = vec3u(path.cell >> vec3u(LEVELS - TABLE_LEVEL));
-    var node = tree[((coarse.z << TABLE_LEVEL) | coarse.y) << TABLE_LEVEL | coarse.x];
+    let coarse = vec3u(path.cell >> vec3u(constants::LEVELS - constants::TABLE_LEVEL));
+    var node = tree[((coarse.z << constants::TABLE_LEVEL) | coarse.y) << constants::TABLE_LEVEL | coarse.x];
     var entry = tree[stage.table + node];
     while (entry & 0x0fffffffu) != 0u {
-        let bit = vec3u(LEVELS - (entry >> 28u) - 1u);
+        let bit = vec3u(constants::LEVELS - (entry >> 28u) - 1u);
         let upper = vec3u(path.cell >> bit) & vec3u(1u);
         node = (entry & 0x0fffffffu) + (upper.x | (upper.y << 1u) | (upper.z << 2u));
         entry = tree[stage.table + node];
     }
     var found: Crossing;
     found.rates = rates[node];
-    found.span = i32(1u << (LEVELS - (entry >> 28u)));
+    found.span = i32(1u << (constants::LEVELS - (entry >> 28u)));
     found.base = path.cell & vec3i(~(found.span - 1));
     found.exit = path.end;
     found.axis = 3u;
@@ -337,7 +332,7 @@ fn collide(density: f32) {
     path.analog *= 1.0 - extinction / path.rate;
     var most = largest(path.weight);
     if path.stage == CAMERA { most = max(most, largest(path.analog)); }
-    if most < FAINT {
+    if most < constants::FAINT {
         let factor = select(0.0, 2.0, numbers.z < 0.5);
         path.weight *= factor;
         path.analog *= factor;
@@ -390,7 +385,7 @@ fn end_ray() -> bool {
 
 // Roulette by what is left of the throughput: unbiased, since survivors carry more.
 fn survives() -> bool {
-    if path.scatterings < EVENTS_BEFORE_ROULETTE { return true; }
+    if path.scatterings < constants::EVENTS_BEFORE_ROULETTE { return true; }
     let chance = largest(path.throughput) / path.reference;
     if chance >= 1.0 { return true; }
     if next4().x >= chance { return false; }
@@ -420,7 +415,7 @@ fn sample_phase(before: vec3f, first: f32, second: f32) -> vec3f {
 }
 
 fn importance(light: Light, place: vec3f) -> f32 {
-    if light.kind < 2u { return light.strength; }
+    if light.kind < constants::POINT { return light.strength; }
     let way = light.place - place;
     return light.strength / (dot(way, way) + 1e-12);
 }
@@ -455,7 +450,7 @@ fn scatter() -> bool {
     var reach = FAR;
     var arriving = light.power;
     var share = 1.0;
-    if light.kind == 1u {
+    if light.kind == constants::SUN_DISC {
         let density = 1.0 / (2.0 * PI * light.opening);
         let offset = path.next - light.place;
         if dot(offset, offset) * 0.5 <= light.opening {
@@ -467,12 +462,12 @@ fn scatter() -> bool {
         towards = around(light.place, 1.0 - lack, sqrt(lack * (2.0 - lack)), directions.w);
         arriving /= density;
         share = density / (density + phase_value(before, towards));
-    } else if light.kind >= 2u {
+    } else if light.kind >= constants::POINT {
         let way = light.place - path.vertex;
         reach = length(way);
         towards = way / reach;
         arriving /= reach * reach;
-        if light.kind == 3u {
+        if light.kind == constants::SPOT {
             let inside = -dot(towards, light.axis) - light.edge;
             let part = saturate(inside / ((1.0 - light.edge) * light.blend));
             arriving *= part * part * (3.0 - 2.0 * part);
@@ -527,7 +522,7 @@ fn finish() {
     if path.sample + 1u < stage.samples {
         begin(path.sample + 1u);
     } else {
-        path.stage = FINISHED;
+        path.stage = constants::FINISHED;
         outcome.finished = 1u;
     }
 }
@@ -541,14 +536,14 @@ fn main(@builtin(global_invocation_id) invocation: vec3u) {
     pixel = stage.first_pixel + slot;
     path = paths[slot];
     // A new pixel arrives in this stage.
-    if path.stage == FINISHED { begin(0u); }
+    if path.stage == constants::FINISHED { begin(0u); }
     for (var collision = 0u; collision < stage.budget; collision++) {
         // To the next tentative collision, through the ends of rays and paths.
         while !travel() {
             if !end_ray() { finish(); }
-            if path.stage == FINISHED { break; }
+            if path.stage == constants::FINISHED { break; }
         }
-        if path.stage == FINISHED { break; }
+        if path.stage == constants::FINISHED { break; }
         let place = position();
         let value = graph::evaluate(place);
         // Negative density acts as 0; NaN is not below 0 and stays to be seen.

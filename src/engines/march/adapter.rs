@@ -3,77 +3,75 @@
 use crate::base::error::Result;
 use crate::engines::light::{LightModel, ShadowExtinction, ShadowLength, SourceFactor};
 use crate::engines::march::{RealTimePixel, RealTimeRay, RealTimeSettings, averages};
-use crate::gpu::{Gpu, SOFTWARE_LOOPS};
+use crate::gpu::{Bindings, ComputeKernel, Gpu, Layout, SOFTWARE_LOOPS};
 use crate::graph::wgsl::Linker;
+use crate::media::averages as coarse;
 use crate::media::density::DensityModel;
 use crate::media::transfer::Integration;
-use bytemuck::{Pod, Zeroable};
-
-/// Invocations per workgroup.
-const WORKGROUP: usize = 64;
+use crate::shader_struct;
 
 /// Densities per submission, at most: some 50 ms on a software adapter.
 const DENSITIES: usize = 1 << 18;
 
-/// Uniforms of the kernel.
-#[repr(C)]
-#[derive(Clone, Copy, Pod, Zeroable)]
-struct MarchUniform {
-    extinction: [f32; 3],
-    steps: u32,
-    sun: [f32; 3],
-    shadow_steps: u32,
-    ambient: [f32; 3],
-    shadow_length: f32,
-    to_sun: [f32; 3],
-    depth_compression: f32,
-    anisotropy: [f32; 2],
-    second: f32,
-    least_density: f32,
-    least_transmittance: f32,
-    count: u32,
-    first_step: u32,
-    end_step: u32,
-    octaves: u32,
-    contribution: f32,
-    attenuation: f32,
-    eccentricity: f32,
-    powder_strength: f32,
-    powder_length: f32,
-    silver_strength: f32,
-    silver_exponent: f32,
-    ambient_bottom: f32,
-    ambient_top: f32,
-    body_strength: f32,
-    body_length: f32,
-    albedo: [f32; 3],
-    powder_ambient: f32,
+shader_struct! {
+    /// Uniforms of the kernel.
+    struct MarchUniform = "March" {
+        extinction: [f32; 3],
+        steps: u32,
+        sun: [f32; 3],
+        shadow_steps: u32,
+        ambient: [f32; 3],
+        shadow_length: f32,
+        to_sun: [f32; 3],
+        depth_compression: f32,
+        anisotropy: [f32; 2],
+        second: f32,
+        least_density: f32,
+        least_transmittance: f32,
+        count: u32,
+        first_step: u32,
+        end_step: u32,
+        octaves: u32,
+        contribution: f32,
+        attenuation: f32,
+        eccentricity: f32,
+        powder_strength: f32,
+        powder_length: f32,
+        silver_strength: f32,
+        silver_exponent: f32,
+        ambient_bottom: f32,
+        ambient_top: f32,
+        body_strength: f32,
+        body_length: f32,
+        albedo: [f32; 3],
+        powder_ambient: f32,
+    }
 }
 
-#[repr(C)]
-#[derive(Clone, Copy, Pod, Zeroable)]
-struct Ray {
-    origin: [f32; 3],
-    length: f32,
-    direction: [f32; 3],
-    jitter: f32,
-    farthest: f32,
-    padding: [f32; 7],
+shader_struct! {
+    struct Ray = "Ray" {
+        origin: [f32; 3],
+        length: f32,
+        direction: [f32; 3],
+        jitter: f32,
+        farthest: f32,
+        padding: [f32; 7],
+    }
 }
 
-#[repr(C)]
-#[derive(Clone, Copy, Pod, Zeroable)]
-struct Pixel {
-    radiance: [f32; 3],
-    samples: u32,
-    transmittance: [f32; 3],
-    dense: u32,
+shader_struct! {
+    struct Pixel = "Pixel" {
+        radiance: [f32; 3],
+        samples: u32,
+        transmittance: [f32; 3],
+        dense: u32,
+    }
 }
 
 /// A march compiled for a density model, a light model and settings.
 pub struct RealTimeKernel<'a> {
     gpu: &'a Gpu,
-    pipeline: wgpu::ComputePipeline,
+    kernel: ComputeKernel,
     uniform: MarchUniform,
     model: Vec<wgpu::Buffer>,
     /// Averages of the density.
@@ -112,11 +110,13 @@ impl<'a> RealTimeKernel<'a> {
         define(terms.powder.strength > 0.0, "POWDER");
         define(terms.silver.strength > 0.0, "SILVER");
         define(terms.ambient != [1.0; 2], "AMBIENT_GRADIENT");
-        let coarse = averages(density, light)?;
-        define(coarse.is_some() && terms.body.strength > 0.0, "BODY");
-        define(coarse.is_some() && terms.body.shadow, "COARSE_SHADOW");
+        let averages = averages(density, light)?;
+        define(averages.is_some() && terms.body.strength > 0.0, "BODY");
+        define(averages.is_some() && terms.body.shadow, "COARSE_SHADOW");
+        linker.add_constants(&coarse::CONSTANTS)?;
         linker.add("media/averages.wgsl", include_str!("../../../shaders/media/averages.wgsl"))?;
-        let levels = coarse.map(|coarse| gpu.upload("coarse density", &coarse.bytes(), wgpu::BufferUsages::STORAGE));
+        let levels =
+            averages.map(|averages| gpu.upload("coarse density", &averages.bytes(), wgpu::BufferUsages::STORAGE));
         let source = include_str!("../../../shaders/engines/march.wgsl");
         let module = linker.link_with("engines/march.wgsl", source, &definitions)?;
         let single = |values: [f64; 3]| values.map(|value| value as f32);
@@ -161,9 +161,11 @@ impl<'a> RealTimeKernel<'a> {
             true => steps_together(uniform.shadow_steps, uniform.octaves),
             false => settings.steps.max(1),
         };
+        let mut layouts = vec![Layout::of::<MarchUniform>(), Layout::of::<Ray>(), Layout::of::<Pixel>()];
+        layouts.extend(shader.layouts);
         Ok(Self {
             gpu,
-            pipeline: gpu.pipeline("real_time", &module)?,
+            kernel: gpu.kernel("real_time", &module, &layouts)?,
             uniform,
             model: shader.buffers(gpu),
             levels,
@@ -188,7 +190,7 @@ impl<'a> RealTimeKernel<'a> {
             })
             .collect();
         let per_ray = self.uniform.steps as usize * (1 + self.uniform.shadow_steps as usize);
-        let most = (DENSITIES / per_ray).max(1).next_multiple_of(WORKGROUP);
+        let most = (DENSITIES / per_ray).max(1).next_multiple_of(self.kernel.workgroup()[0] as usize);
         let mut pixels = Vec::with_capacity(rays.len());
         for part in data.chunks(most) {
             let rays = self.gpu.upload("rays", bytemuck::cast_slice(part), wgpu::BufferUsages::STORAGE);
@@ -203,9 +205,9 @@ impl<'a> RealTimeKernel<'a> {
                 let end_step = first_step.saturating_add(self.together);
                 let uniform = MarchUniform { count: part.len() as u32, first_step, end_step, ..self.uniform };
                 let uniform = self.gpu.upload("march", bytemuck::bytes_of(&uniform), wgpu::BufferUsages::UNIFORM);
-                let own = [&uniform, &rays, &output].into_iter().chain(&self.levels).collect();
-                let groups = [own, self.model.iter().collect()];
-                self.gpu.dispatch(&self.pipeline, &groups, part.len().div_ceil(WORKGROUP) as u32);
+                let own = [&uniform, &rays, &output].into_iter().chain(&self.levels);
+                let bindings = Bindings::new().group(0, own).group(1, &self.model);
+                self.gpu.dispatch(&self.kernel, &bindings, [part.len() as u32, 1, 1])?;
             }
             let found: Vec<Pixel> = bytemuck::pod_collect_to_vec(&self.gpu.read_back(&output, size)?);
             pixels.extend(found.into_iter().map(|pixel| RealTimePixel {

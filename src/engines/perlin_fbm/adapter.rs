@@ -6,13 +6,10 @@ use crate::engines::perlin_fbm::mask::SIDE;
 use crate::engines::perlin_fbm::random::permutation;
 use crate::engines::perlin_fbm::rows::Tables;
 use crate::engines::perlin_fbm::{Cloud, Volume};
-use crate::gpu::Gpu;
 use crate::gpu::ModelShader;
+use crate::gpu::{Bindings, ComputeKernel, Gpu, Layout};
 use crate::graph::wgsl::Linker;
-use bytemuck::{Pod, Zeroable};
-
-/// Invocations per workgroup.
-const WORKGROUP: usize = 64;
+use crate::shader_struct;
 
 /// Texels of an invocation, one behind the other.
 const DEPTH: usize = 4;
@@ -23,55 +20,55 @@ const NOISES: usize = 1 << 21;
 /// Bytes of a uniform buffer that every adapter allows.
 const UNIFORM_BYTES: usize = 1 << 16;
 
-/// Uniforms of `shaders/engines/perlin_fbm/bake.wgsl`.
-#[repr(C)]
-#[derive(Clone, Copy, Pod, Zeroable)]
-struct BakeUniform {
-    side: u32,
-    octaves: u32,
-    first: u32,
-    count: u32,
-    coverage: f32,
-    softness: f32,
-    intensity: f32,
-    padding: u32,
+shader_struct! {
+    /// Uniforms of `shaders/engines/perlin_fbm/bake.wgsl`.
+    struct BakeUniform = "Bake" {
+        side: u32,
+        octaves: u32,
+        first: u32,
+        count: u32,
+        coverage: f32,
+        softness: f32,
+        intensity: f32,
+        padding: u32,
+    }
 }
 
-/// Uniforms of `shaders/engines/perlin_fbm/density.wgsl`.
-#[repr(C)]
-#[derive(Clone, Copy, Pod, Zeroable)]
-struct ModelUniform {
-    flattening_low: [f32; 3],
-    mask_radius: f32,
-    flattening_high: [f32; 3],
-    mask_softness: f32,
-    offset: [f32; 3],
-    tiling: f32,
-    strengths: [f32; 2],
-    threshold: f32,
-    multiplier: f32,
-    side: u32,
-    mask_side: u32,
-    reads_textures: u32,
-    shows_mask: u32,
+shader_struct! {
+    /// Uniforms of `shaders/engines/perlin_fbm/density.wgsl`.
+    struct ModelUniform = "density_model_Model" {
+        flattening_low: [f32; 3],
+        mask_radius: f32,
+        flattening_high: [f32; 3],
+        mask_softness: f32,
+        offset: [f32; 3],
+        tiling: f32,
+        strengths: [f32; 2],
+        threshold: f32,
+        multiplier: f32,
+        side: u32,
+        mask_side: u32,
+        reads_textures: u32,
+        shows_mask: u32,
+    }
 }
 
 /// The kernel of the bake.
 pub struct BakeKernel<'a> {
     gpu: &'a Gpu,
     /// With the tables of the axes in a uniform buffer, and in storage, for those that do not fit.
-    pipelines: [wgpu::ComputePipeline; 2],
+    kernels: [ComputeKernel; 2],
 }
 
 impl<'a> BakeKernel<'a> {
     /// Compiles it.
     pub fn new(gpu: &'a Gpu) -> Result<Self> {
         let source = include_str!("../../../shaders/engines/perlin_fbm/bake.wgsl");
-        let pipeline = |definitions: &[&str]| {
+        let kernel = |definitions: &[&str]| {
             let module = Linker::bare()?.link_with("engines/perlin_fbm/bake.wgsl", source, definitions)?;
-            gpu.pipeline("perlin_fbm_bake", &module)
+            gpu.kernel("perlin_fbm_bake", &module, &[Layout::of::<BakeUniform>()])
         };
-        Ok(Self { gpu, pipelines: [pipeline(&[])?, pipeline(&["LARGE_AXES"])?] })
+        Ok(Self { gpu, kernels: [kernel(&[])?, kernel(&["LARGE_AXES"])?] })
     }
 
     /// The texture of `side` texels per axis, in single precision over tables of double: a few texels of a hundred differ by 1
@@ -133,7 +130,8 @@ impl<'a> BakeKernel<'a> {
         ];
         let octaves = bake.octaves.count;
         let invocations = side * side * side.div_ceil(DEPTH);
-        let most = (NOISES / (8 * DEPTH * octaves as usize)).next_multiple_of(WORKGROUP);
+        let kernel = &self.kernels[usize::from(are_large)];
+        let most = (NOISES / (8 * DEPTH * octaves as usize)).next_multiple_of(kernel.workgroup()[0] as usize);
         for first in (0..invocations).step_by(most) {
             let count = most.min(invocations - first);
             let uniform = BakeUniform {
@@ -147,8 +145,8 @@ impl<'a> BakeKernel<'a> {
                 padding: 0,
             };
             let uniform = self.gpu.upload("bake", bytemuck::bytes_of(&uniform), wgpu::BufferUsages::UNIFORM);
-            let buffers = std::iter::once(&uniform).chain(&data).collect();
-            self.gpu.dispatch(&self.pipelines[usize::from(are_large)], &[buffers], count.div_ceil(WORKGROUP) as u32);
+            let bindings = Bindings::new().group(0, std::iter::once(&uniform).chain(&data));
+            self.gpu.dispatch(kernel, &bindings, [count as u32, 1, 1])?;
         }
         let [.., output] = &data;
         let words: Vec<u32> = bytemuck::pod_collect_to_vec(&self.gpu.read_back(output, 4 * all as u64)?);
@@ -185,5 +183,6 @@ pub(crate) fn density(cloud: &Cloud) -> ModelShader {
             cloud.volume.texels.clone(),
             main.texels.iter().zip(&fine.texels).flat_map(|(&main, &fine)| [main, fine]).collect(),
         ],
+        layouts: const { &[Layout::of::<ModelUniform>()] },
     }
 }

@@ -5,7 +5,8 @@
 //! they stay below [`SLICE_SECONDS`].
 
 use crate::base::error::{Error, Result};
-use crate::gpu::Gpu;
+use crate::gpu::{Bindings, ComputeKernel, Gpu, Layout, Slices};
+use crate::graph::constants::{SharedConstants, SharedNumber};
 use crate::graph::wgsl::Linker;
 use crate::integrators::LightMode;
 use crate::integrators::march::light_grid::{LightGrid, Sweep, sweep_axes};
@@ -13,10 +14,10 @@ use crate::integrators::march::{Omission, Stage, ViewRay};
 use crate::media::density_cache::DensityCache;
 use crate::media::medium::{CELLS, Medium};
 use crate::media::transfer::Integration;
+use crate::shader_struct;
 use crate::view::lights::{Source, harmonics};
-use bytemuck::{Pod, Zeroable};
+use bytemuck::Zeroable;
 use glam::DVec3;
-use std::collections::BTreeSet;
 use std::time::Instant;
 
 const BAKE: &str = include_str!("../../../shaders/integrators/march/light_grid_bake.wgsl");
@@ -24,133 +25,154 @@ const TRACE: &str = include_str!("../../../shaders/integrators/march/light_grid_
 const GATHER: &str = include_str!("../../../shaders/integrators/march/light_grid_gather.wgsl");
 const MARCH: &str = include_str!("../../../shaders/integrators/march/march.wgsl");
 
-/// Invocations per workgroup of every kernel.
-const WORKGROUP: u32 = 64;
-
 /// Steps of a ray in one dispatch of a software adapter, whose loops end early otherwise
 /// ([`crate::gpu::SOFTWARE_LOOPS`]): a step of the cloud with light from the world goes through about 1,000 iterations.
 const SOFTWARE_STEPS: usize = 16;
 
-/// A slice that takes longer makes the next one smaller.
-const SLICE_SECONDS: f64 = 0.1;
-
-/// Smallest and largest number of invocations of a slice.
+/// Smallest and largest number of invocations of a slice, and that of the first.
 const SLICES: std::ops::RangeInclusive<usize> = 256..=1 << 20;
+const FIRST_SLICE: usize = 1024;
 
-#[repr(C)]
-#[derive(Clone, Copy, Pod, Zeroable)]
-struct BakeUniform {
-    low: [f32; 3],
-    first: u32,
-    step: [f32; 3],
-    count: u32,
-    size: [u32; 3],
-    padding: u32,
+shader_struct! {
+    struct BakeUniform = "Bake" {
+        low: [f32; 3],
+        first: u32,
+        step: [f32; 3],
+        count: u32,
+        size: [u32; 3],
+        padding: u32,
+    }
 }
 
-#[repr(C)]
-#[derive(Clone, Copy, Pod, Zeroable)]
-struct SweepUniform {
-    size: [u32; 3],
-    rising: u32,
-    strides: [u32; 3],
-    rows: u32,
-    slope: [f32; 2],
-    distance: f32,
-    columns: u32,
-    first_row: i32,
-    first_column: i32,
-    channel: u32,
-    padding: u32,
+shader_struct! {
+    struct SweepUniform = "Sweep" {
+        size: [u32; 3],
+        rising: u32,
+        strides: [u32; 3],
+        rows: u32,
+        slope: [f32; 2],
+        distance: f32,
+        columns: u32,
+        first_row: i32,
+        first_column: i32,
+        channel: u32,
+        padding: u32,
+    }
 }
 
-#[repr(C)]
-#[derive(Clone, Copy, Pod, Zeroable)]
-struct Offset {
-    whole: [i32; 2],
-    fraction: [f32; 2],
+shader_struct! {
+    struct Offset = "Offset" {
+        whole: [i32; 2],
+        fraction: [f32; 2],
+    }
 }
 
-#[repr(C)]
-#[derive(Clone, Copy, Pod, Zeroable)]
-struct WorldUniform {
-    extinction: [f32; 3],
-    extinctions: u32,
-    weights: [f32; 16],
-    harmonics: u32,
-    padding: [u32; 7],
+shader_struct! {
+    struct WorldUniform = "World" {
+        extinction: [f32; 3],
+        extinctions: u32,
+        weights: [f32; 16],
+        harmonics: u32,
+        padding: [u32; 7],
+    }
 }
 
-#[repr(C)]
-#[derive(Clone, Copy, Pod, Zeroable)]
-struct StageUniform {
-    extinction: [f32; 3],
-    anisotropy: f32,
-    scattering: [f32; 3],
-    exit_transmittance: f32,
-    emission: [f32; 3],
-    cells: u32,
-    world: [f32; 3],
-    lights: u32,
-    bounds_low: [f32; 3],
-    harmonics: u32,
-    bounds_high: [f32; 3],
-    vertices: u32,
-    grid_low: [f32; 3],
-    rays: u32,
-    grid_scale: [f32; 3],
-    lit_by_world: u32,
-    grid_size: [u32; 3],
-    first_step: u32,
-    extinction_of_channel: [u32; 3],
-    end_step: u32,
-    emission_of_density: [f32; 3],
-    padding: u32,
+shader_struct! {
+    struct StageUniform = "Stage" {
+        extinction: [f32; 3],
+        anisotropy: f32,
+        scattering: [f32; 3],
+        exit_transmittance: f32,
+        emission: [f32; 3],
+        cells: u32,
+        world: [f32; 3],
+        lights: u32,
+        bounds_low: [f32; 3],
+        harmonics: u32,
+        bounds_high: [f32; 3],
+        vertices: u32,
+        grid_low: [f32; 3],
+        rays: u32,
+        grid_scale: [f32; 3],
+        lit_by_world: u32,
+        grid_size: [u32; 3],
+        first_step: u32,
+        extinction_of_channel: [u32; 3],
+        end_step: u32,
+        emission_of_density: [f32; 3],
+        padding: u32,
+    }
 }
 
-#[repr(C)]
-#[derive(Clone, Copy, Pod, Zeroable)]
-struct CacheUniform {
-    low: [f32; 3],
-    smallest: f32,
-    scale: [f32; 3],
-    largest: f32,
-    size: [u32; 3],
-    padding: u32,
+shader_struct! {
+    struct CacheUniform = "density_cache_Cache" {
+        low: [f32; 3],
+        smallest: f32,
+        scale: [f32; 3],
+        largest: f32,
+        size: [u32; 3],
+        padding: u32,
+    }
 }
 
-#[repr(C)]
-#[derive(Clone, Copy, Pod, Zeroable)]
-struct Ray {
-    local: [f32; 3],
-    step: f32,
-    local_step: [f32; 3],
-    steps: u32,
-    position: [f32; 3],
-    padding: f32,
-    direction: [f32; 3],
-    more_padding: f32,
+shader_struct! {
+    struct Ray = "Ray" {
+        local: [f32; 3],
+        step: f32,
+        local_step: [f32; 3],
+        steps: u32,
+        position: [f32; 3],
+        padding: f32,
+        direction: [f32; 3],
+        more_padding: f32,
+    }
 }
 
-#[repr(C)]
-#[derive(Clone, Copy, Pod, Zeroable)]
-struct Light {
-    place: [f32; 3],
-    kind: u32,
-    axis: [f32; 3],
-    edge: f32,
-    power: [f32; 3],
-    blend: f32,
+shader_struct! {
+    struct Light = "Light" {
+        place: [f32; 3],
+        kind: u32,
+        axis: [f32; 3],
+        edge: f32,
+        power: [f32; 3],
+        blend: f32,
+    }
 }
 
-#[repr(C)]
-#[derive(Clone, Copy, Pod, Zeroable)]
-struct Outcome {
-    radiance: [f32; 3],
-    padding: f32,
-    transmittance: [f32; 3],
-    more_padding: f32,
+shader_struct! {
+    struct Outcome = "Outcome" {
+        radiance: [f32; 3],
+        padding: f32,
+        transmittance: [f32; 3],
+        more_padding: f32,
+    }
 }
+
+/// Kinds of lights in the march: a sun, a point, a spot.
+const SUN: u32 = 0;
+const POINT: u32 = 1;
+const SPOT: u32 = 2;
+
+/// Numbers that the march imports.
+pub const CONSTANTS: SharedConstants = SharedConstants {
+    path: "cloudparity::march::constants",
+    numbers: &[
+        ("CELLS", SharedNumber::Unsigned(CELLS as u32)),
+        ("POINT", SharedNumber::Unsigned(POINT)),
+        ("SPOT", SharedNumber::Unsigned(SPOT)),
+    ],
+};
+
+/// Layouts of the structs of the march, of the bake, of the sweeps.
+pub(crate) const LAYOUTS: &[Layout] = &[
+    Layout::of::<StageUniform>(),
+    Layout::of::<Ray>(),
+    Layout::of::<Light>(),
+    Layout::of::<Outcome>(),
+    Layout::of::<CacheUniform>(),
+];
+const BAKE_LAYOUTS: &[Layout] = &[Layout::of::<BakeUniform>(), Layout::of::<CacheUniform>()];
+const SWEEP_LAYOUTS: &[Layout] = &[Layout::of::<SweepUniform>(), Layout::of::<Offset>(), Layout::of::<WorldUniform>()];
 
 /// The density as kernels read it: the graph, or a grid in group 1.
 struct Density<'a> {
@@ -176,17 +198,21 @@ impl<'a> Density<'a> {
     }
 
     /// The buffers of group 1.
-    fn group(&self) -> Vec<(u32, &wgpu::Buffer)> {
-        (0..).zip(self.cache.iter().flatten()).collect()
+    fn group(&self) -> impl Iterator<Item = &wgpu::Buffer> {
+        self.cache.iter().flatten()
     }
 }
 
 /// Links an entry text with the density of a medium: its graph, or its cache.
 fn link(medium: &Medium, path: &str, source: &str, definitions: &[&str]) -> Result<naga::Module> {
-    match &medium.cache {
-        None => Linker::new(&medium.density)?.link_with(path, source, definitions),
-        Some(cache) => Linker::cached()?.link_with(path, source, &[definitions, &cache.definitions()].concat()),
-    }
+    let (mut linker, mut definitions) = (linker(medium)?, definitions.to_vec());
+    definitions.extend(medium.cache.iter().flat_map(|cache| cache.definitions()));
+    linker.add_constants(&CONSTANTS)?;
+    linker.link_with(path, source, &definitions)
+}
+
+fn linker(medium: &Medium) -> Result<Linker> {
+    if medium.cache.is_some() { Linker::cached() } else { Linker::new(&medium.density) }
 }
 
 /// The kernel that marches rays, with what the stage leaves out left out.
@@ -202,9 +228,7 @@ fn cache_uniform(cache: &DensityCache) -> CacheUniform {
 /// Everything on the adapter that marching a ray needs.
 pub(crate) struct Kernels<'a> {
     gpu: &'a Gpu,
-    march: wgpu::ComputePipeline,
-    /// Bindings of group 0 that are left in the specialised kernel.
-    bindings: BTreeSet<u32>,
+    march: ComputeKernel,
     cache: Option<[wgpu::Buffer; 2]>,
     uniform: StageUniform,
     lights: wgpu::Buffer,
@@ -269,13 +293,15 @@ impl<'a> Kernels<'a> {
             .map(|light| {
                 let power = single(light.power);
                 match &light.source {
-                    Source::Direction(towards) => Light { place: vector(*towards), power, ..Light::zeroed() },
+                    Source::Direction(towards) => {
+                        Light { place: vector(*towards), kind: SUN, power, ..Light::zeroed() }
+                    }
                     Source::Position(place, None) => {
-                        Light { place: vector(*place - middle), kind: 1, power, ..Light::zeroed() }
+                        Light { place: vector(*place - middle), kind: POINT, power, ..Light::zeroed() }
                     }
                     Source::Position(place, Some((axis, edge, blend))) => Light {
                         place: vector(*place - middle),
-                        kind: 2,
+                        kind: SPOT,
                         axis: vector(*axis),
                         edge: *edge as f32,
                         power,
@@ -288,11 +314,9 @@ impl<'a> Kernels<'a> {
         let cells: Vec<u32> = medium.cells.iter().map(|&cell| cell.into()).collect();
         let storage = wgpu::BufferUsages::STORAGE;
         let module = march_module(stage)?;
-        let bound = module.global_variables.iter().filter_map(|(_, variable)| variable.binding);
         Ok(Self {
             gpu,
-            march: gpu.pipeline("march", &module)?,
-            bindings: bound.filter(|place| place.group == 0).map(|place| place.binding).collect(),
+            march: gpu.kernel("march", &module, LAYOUTS)?,
             cache: density.cache,
             uniform,
             lights: gpu.upload("lights", bytemuck::cast_slice(&lights), storage),
@@ -307,13 +331,13 @@ impl<'a> Kernels<'a> {
     /// Takes rays to their ends.
     pub(crate) fn march(&self, rays: &mut [Option<ViewRay>]) -> Result<()> {
         let mut waiting: Vec<&mut ViewRay> = rays.iter_mut().flatten().collect();
-        let mut slices = Slices::new();
+        let mut slices = Slices::within(FIRST_SLICE, SLICES);
         let mut first = 0;
         while first < waiting.len() {
             let begin = Instant::now();
-            let last = waiting.len().min(first + slices.size);
+            let last = waiting.len().min(first + slices.size());
             self.march_slice(&mut waiting[first..last])?;
-            slices.adapt(begin);
+            slices.adapt(begin.elapsed());
             first = last;
         }
         Ok(())
@@ -366,9 +390,8 @@ impl<'a> Kernels<'a> {
             };
             let stage = gpu.upload("stage", bytemuck::bytes_of(&uniform), wgpu::BufferUsages::UNIFORM);
             let buffers = [&stage, &data, &self.lights, &bases, &self.cells, &self.grid, &outcomes];
-            let used: Vec<_> = (0..).zip(buffers).filter(|(binding, _)| self.bindings.contains(binding)).collect();
-            let cache: Vec<_> = (0..).zip(self.cache.iter().flatten()).collect();
-            dispatch_bound(gpu, &self.march, &[used, cache], [(rays.len() as u32).div_ceil(WORKGROUP), 1, 1]);
+            let bindings = Bindings::new().group(0, buffers).group(1, self.cache.iter().flatten());
+            gpu.dispatch(&self.march, &bindings, [rays.len() as u32, 1, 1])?;
         }
         let bytes = gpu.read_back(&outcomes, unwritten.len() as u64)?;
         let found: Vec<Outcome> = bytemuck::pod_collect_to_vec(&bytes);
@@ -377,33 +400,6 @@ impl<'a> Kernels<'a> {
             ray.transmittance = outcome.transmittance.map(f64::from);
         }
         Ok(())
-    }
-}
-
-/// A slice size that follows the adapter's speed.
-pub(crate) struct Slices {
-    pub(crate) size: usize,
-    range: std::ops::RangeInclusive<usize>,
-}
-
-impl Slices {
-    fn new() -> Self {
-        Self::within(1024, SLICES)
-    }
-
-    /// Slices that begin with a size and stay in a range.
-    pub(crate) fn within(size: usize, range: std::ops::RangeInclusive<usize>) -> Self {
-        Self { size, range }
-    }
-
-    pub(crate) fn adapt(&mut self, begin: Instant) {
-        let seconds = begin.elapsed().as_secs_f64();
-        if seconds > SLICE_SECONDS {
-            self.size /= 2;
-        } else if seconds < SLICE_SECONDS / 3.0 {
-            self.size *= 2;
-        }
-        self.size = self.size.clamp(*self.range.start(), *self.range.end());
     }
 }
 
@@ -469,13 +465,13 @@ fn bake_light(
 /// Density at the vertices, on the adapter.
 fn bake_density(gpu: &Gpu, source: &Density<'_>, layout: &LightGrid, progress: &dyn Fn(f64)) -> Result<wgpu::Buffer> {
     let module = source.link("integrators/march/light_grid_bake.wgsl", BAKE, &[])?;
-    let pipeline = gpu.pipeline("light_grid_bake", &module)?;
+    let kernel = gpu.kernel("light_grid_bake", &module, BAKE_LAYOUTS)?;
     let density = zeros(gpu, "density", layout.vertices())?;
-    let mut slices = Slices::new();
+    let mut slices = Slices::within(FIRST_SLICE, SLICES);
     let mut first = 0;
     while first < layout.vertices() {
         let begin = Instant::now();
-        let count = slices.size.min(layout.vertices() - first);
+        let count = slices.size().min(layout.vertices() - first);
         let uniform = BakeUniform {
             low: layout.low.as_vec3().to_array(),
             first: first as u32,
@@ -485,10 +481,10 @@ fn bake_density(gpu: &Gpu, source: &Density<'_>, layout: &LightGrid, progress: &
             padding: 0,
         };
         let bake = gpu.upload("bake", bytemuck::bytes_of(&uniform), wgpu::BufferUsages::UNIFORM);
-        let groups = [vec![(0, &bake), (1, &density)], source.group()];
-        dispatch_bound(gpu, &pipeline, &groups, [(count as u32).div_ceil(WORKGROUP), 1, 1]);
+        let bindings = Bindings::new().group(0, [&bake, &density]).group(1, source.group());
+        gpu.dispatch(&kernel, &bindings, [count as u32, 1, 1])?;
         gpu.wait()?;
-        slices.adapt(begin);
+        slices.adapt(begin.elapsed());
         first += count;
         progress(first as f64 / layout.vertices() as f64);
     }
@@ -499,8 +495,8 @@ fn bake_density(gpu: &Gpu, source: &Density<'_>, layout: &LightGrid, progress: &
 struct Sweeps<'a> {
     gpu: &'a Gpu,
     layout: &'a LightGrid,
-    trace: wgpu::ComputePipeline,
-    gather: wgpu::ComputePipeline,
+    trace: ComputeKernel,
+    gather: ComputeKernel,
     density: &'a wgpu::Buffer,
     light: &'a wgpu::Buffer,
     table: wgpu::Buffer,
@@ -518,8 +514,8 @@ impl<'a> Sweeps<'a> {
         Ok(Self {
             gpu,
             layout,
-            trace: gpu.pipeline("light_grid_trace", &plain_module("light_grid_trace.wgsl", TRACE)?)?,
-            gather: gpu.pipeline("light_grid_gather", &plain_module("light_grid_gather.wgsl", GATHER)?)?,
+            trace: gpu.kernel("light_grid_trace", &plain_module("light_grid_trace.wgsl", TRACE)?, SWEEP_LAYOUTS)?,
+            gather: gpu.kernel("light_grid_gather", &plain_module("light_grid_gather.wgsl", GATHER)?, SWEEP_LAYOUTS)?,
             density,
             light,
             table: zeros(gpu, "depths along rays", largest)?,
@@ -568,19 +564,11 @@ impl<'a> Sweeps<'a> {
         let sweep_buffer = gpu.upload("sweep", bytemuck::bytes_of(&uniform), wgpu::BufferUsages::UNIFORM);
         let offsets = gpu.upload("offsets", bytemuck::cast_slice(&offsets), wgpu::BufferUsages::STORAGE);
         let world = gpu.upload("world", bytemuck::bytes_of(&world), wgpu::BufferUsages::UNIFORM);
-        dispatch(
-            gpu,
-            &self.trace,
-            &[&sweep_buffer, &offsets, self.density, &self.table],
-            [uniform.columns.div_ceil(WORKGROUP), uniform.rows, 1],
-        );
+        let bindings = Bindings::new().group(0, [&sweep_buffer, &offsets, self.density, &self.table]);
+        gpu.dispatch(&self.trace, &bindings, [uniform.columns, uniform.rows, 1])?;
         gpu.wait()?;
-        dispatch(
-            gpu,
-            &self.gather,
-            &[&sweep_buffer, &offsets, &self.table, self.light, &world],
-            [(along_rows as u32).div_ceil(WORKGROUP), across as u32, slices as u32],
-        );
+        let bindings = Bindings::new().group(0, [&sweep_buffer, &offsets, &self.table, self.light, &world]);
+        gpu.dispatch(&self.gather, &bindings, [along_rows as u32, across as u32, slices as u32])?;
         gpu.wait()
     }
 }
@@ -611,43 +599,6 @@ fn check_size(gpu: &Gpu, label: &str, size: u64, option: &str) -> Result<()> {
     ))
 }
 
-/// Submits one kernel with its buffers in the order of their bindings.
-pub(crate) fn dispatch(gpu: &Gpu, pipeline: &wgpu::ComputePipeline, buffers: &[&wgpu::Buffer], groups: [u32; 3]) {
-    dispatch_bound(gpu, pipeline, &[(0..).zip(buffers.iter().copied()).collect()], groups);
-}
-
-/// Submits one kernel; `bound` are the bindings of each group, all that the kernel has and no other.
-fn dispatch_bound(gpu: &Gpu, pipeline: &wgpu::ComputePipeline, bound: &[Vec<(u32, &wgpu::Buffer)>], groups: [u32; 3]) {
-    let bindings: Vec<wgpu::BindGroup> = (0..)
-        .zip(bound)
-        .take_while(|(_, buffers)| !buffers.is_empty())
-        .map(|(group, buffers)| {
-            let entries: Vec<wgpu::BindGroupEntry<'_>> = buffers
-                .iter()
-                .map(|(binding, buffer)| wgpu::BindGroupEntry {
-                    binding: *binding,
-                    resource: buffer.as_entire_binding(),
-                })
-                .collect();
-            gpu.device().create_bind_group(&wgpu::BindGroupDescriptor {
-                label: None,
-                layout: &pipeline.get_bind_group_layout(group),
-                entries: &entries,
-            })
-        })
-        .collect();
-    let mut encoder = gpu.device().create_command_encoder(&Default::default());
-    {
-        let mut pass = encoder.begin_compute_pass(&Default::default());
-        pass.set_pipeline(pipeline);
-        for (group, bindings) in (0..).zip(&bindings) {
-            pass.set_bind_group(group, bindings, &[]);
-        }
-        pass.dispatch_workgroups(groups[0], groups[1], groups[2]);
-    }
-    gpu.queue().submit([encoder.finish()]);
-}
-
 /// A module without imports.
 fn plain_module(name: &str, source: &str) -> Result<naga::Module> {
     naga::front::wgsl::parse_str(source).map_err(|cause| {
@@ -663,25 +614,7 @@ fn plain_module(name: &str, source: &str) -> Result<naga::Module> {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    /// Size and offsets of a struct in WGSL, against the Rust type's.
-    fn check(module: &naga::Module, name: &str, size: usize, offsets: &[(&str, usize)]) {
-        let found = module.types.iter().find(|(_, kind)| kind.name.as_deref() == Some(name));
-        let naga::TypeInner::Struct { members, span } = &found.expect("the struct exists").1.inner else {
-            panic!("{name} is no struct");
-        };
-        assert_eq!(*span as usize, size, "size of {name}");
-        for (member, offset) in offsets {
-            let found = members.iter().find(|found| found.name.as_deref() == Some(member));
-            assert_eq!(found.expect("the member exists").offset as usize, *offset, "{name}.{member}");
-        }
-    }
-
-    macro_rules! layout {
-        ($kind:ty: $($member:ident),*) => {
-            [$((stringify!($member), std::mem::offset_of!($kind, $member))),*]
-        };
-    }
+    use crate::gpu::layout::{check, check_all};
 
     #[test]
     fn buffers_lie_in_memory_as_the_kernels_read_them() {
@@ -691,29 +624,18 @@ mod tests {
             let program = crate::graph::Program::density(&scene).expect("the density compiles");
             Linker::new(&program).and_then(|linker| linker.link("test", source)).expect("the kernel links")
         };
-        let size = std::mem::size_of::<BakeUniform>();
-        check(&link(BAKE), "Bake", size, &layout!(BakeUniform: low, first, step, count, size));
-        for module in [plain_module("trace", TRACE), plain_module("gather", GATHER)].map(|m| m.expect("it parses")) {
-            let offsets = layout!(SweepUniform: size, rising, strides, rows, slope, distance, columns, first_row,
-                first_column, channel);
-            check(&module, "Sweep", std::mem::size_of::<SweepUniform>(), &offsets);
-            check(&module, "Offset", std::mem::size_of::<Offset>(), &layout!(Offset: whole, fraction));
+        check_all(&link(BAKE), BAKE_LAYOUTS).expect("the bake");
+        check::<BakeUniform>(&link(BAKE)).expect("Bake is in it");
+        for (name, source) in [("trace", TRACE), ("gather", GATHER)] {
+            check_all(&plain_module(name, source).expect("it parses"), SWEEP_LAYOUTS).expect(name);
         }
+        // A struct that a kernel has lost is passed over: each is looked for by name, too.
         let gather = plain_module("gather", GATHER).expect("it parses");
-        let offsets = layout!(WorldUniform: extinction, extinctions, weights, harmonics);
-        check(&gather, "World", std::mem::size_of::<WorldUniform>(), &offsets);
-        let march = link(MARCH);
-        let offsets = layout!(StageUniform: extinction, anisotropy, scattering, exit_transmittance, emission, cells,
-            world, lights, bounds_low, harmonics, bounds_high, vertices, grid_low, rays, grid_scale, lit_by_world,
-            grid_size, extinction_of_channel, emission_of_density);
-        check(&march, "Stage", std::mem::size_of::<StageUniform>(), &offsets);
-        let offsets = layout!(Ray: local, step, local_step, steps, position, direction);
-        check(&march, "Ray", std::mem::size_of::<Ray>(), &offsets);
-        check(&march, "Light", std::mem::size_of::<Light>(), &layout!(Light: place, kind, axis, edge, power, blend));
+        check::<WorldUniform>(&gather).expect("World is in it");
+        check_all(&link(MARCH), LAYOUTS).expect("the march");
+        check::<Light>(&link(MARCH)).expect("Light is in it");
         let cached = Linker::cached().and_then(|linker| linker.link("test", MARCH)).expect("the kernel links");
-        let offsets = layout!(CacheUniform: low, smallest, scale, largest, size);
-        check(&cached, "density_cache_Cache", std::mem::size_of::<CacheUniform>(), &offsets);
-        let offsets = layout!(Outcome: radiance, transmittance);
-        check(&march, "Outcome", std::mem::size_of::<Outcome>(), &offsets);
+        check_all(&cached, LAYOUTS).expect("the march through a cache");
+        check::<CacheUniform>(&cached).expect("Cache is in it");
     }
 }

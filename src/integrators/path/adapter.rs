@@ -10,22 +10,20 @@
 //! are neither equal nor independent. Compare them with different seeds.
 
 use crate::base::error::{Error, Result};
-use crate::gpu::Gpu;
+use crate::gpu::{Bindings, ComputeKernel, Gpu, Layout, Slices, layout};
+use crate::graph::constants::{SharedConstants, SharedNumber};
 use crate::graph::wgsl::Linker;
-use crate::integrators::march::adapter::{Slices, dispatch};
-use crate::integrators::path::tracer::{Counters, Tracer, World, violation};
-use crate::media::majorant::FINEST;
+use crate::integrators::path::tracer::{Counters, EVENTS_BEFORE_ROULETTE, FAINT, Tracer, World, violation};
+use crate::media::majorant::{FINEST, LEVELS, TABLE_LEVEL};
 use crate::media::medium::Medium;
 use crate::scene::Scene;
-use crate::view::sampled_lights::AdapterLight;
-use bytemuck::{Pod, Zeroable};
+use crate::shader_struct;
+use crate::view::sampled_lights::{AdapterLight, POINT, SPOT, SUN_DISC};
+use bytemuck::Zeroable;
 use glam::{DMat4, DVec3};
 use std::time::Instant;
 
 const PATH: &str = include_str!("../../../shaders/integrators/path/path.wgsl");
-
-/// Invocations per workgroup, as in the shader.
-const WORKGROUP: u32 = 64;
 
 /// The shader's stage of a pixel without a path.
 const FINISHED: u32 = 4;
@@ -52,66 +50,92 @@ const BUDGETS: std::ops::RangeInclusive<usize> = 1..=1 << 16;
 /// texture of 16 octaves of 625 cells goes through 10,000 iterations, the way to a collision through some thousand.
 const SOFTWARE_BUDGETS: std::ops::RangeInclusive<usize> = 1..=4;
 
-#[repr(C)]
-#[derive(Clone, Copy, Pod, Zeroable)]
-struct Stage {
-    scattering: [f32; 3],
-    anisotropy: f32,
-    extinction: [f32; 3],
-    events: u32,
-    share: [f32; 3],
-    lights: u32,
-    emission: [f32; 3],
-    scatters: u32,
-    world: [f32; 3],
-    transparent: u32,
-    low: [f32; 3],
-    pixels: u32,
-    cells_per_metre: [f32; 3],
-    samples: u32,
-    cell: [f32; 3],
-    budget: u32,
-    to_object: [[f32; 4]; 3],
-    first_pixel: u32,
-    first_sample: u32,
-    seed: u32,
-    table: u32,
+shader_struct! {
+    struct Stage = "Stage" {
+        scattering: [f32; 3],
+        anisotropy: f32,
+        extinction: [f32; 3],
+        events: u32,
+        share: [f32; 3],
+        lights: u32,
+        emission: [f32; 3],
+        scatters: u32,
+        world: [f32; 3],
+        transparent: u32,
+        low: [f32; 3],
+        pixels: u32,
+        cells_per_metre: [f32; 3],
+        samples: u32,
+        cell: [f32; 3],
+        budget: u32,
+        to_object: [[f32; 4]; 3],
+        first_pixel: u32,
+        first_sample: u32,
+        seed: u32,
+        table: u32,
+    }
 }
 
-#[repr(C)]
-#[derive(Clone, Copy, Pod, Zeroable)]
-struct Ray {
-    origin: [f32; 3],
-    length: f32,
-    direction: [f32; 3],
-    padding: f32,
+shader_struct! {
+    struct Ray = "Ray" {
+        origin: [f32; 3],
+        length: f32,
+        direction: [f32; 3],
+        padding: f32,
+    }
 }
 
-/// Words of a path's state in the shader, and which of them is its stage.
-const STATE_WORDS: usize = 60;
-const STATE_STAGE: usize = 3;
+/// Numbers that the kernel imports.
+pub const CONSTANTS: SharedConstants = SharedConstants {
+    path: "cloudparity::path::constants",
+    numbers: &[
+        ("FINISHED", SharedNumber::Unsigned(FINISHED)),
+        ("LEVELS", SharedNumber::Unsigned(LEVELS)),
+        ("TABLE_LEVEL", SharedNumber::Unsigned(TABLE_LEVEL)),
+        ("FAINT", SharedNumber::Float(FAINT as f32)),
+        ("EVENTS_BEFORE_ROULETTE", SharedNumber::Unsigned(EVENTS_BEFORE_ROULETTE)),
+        ("SUN_DISC", SharedNumber::Unsigned(SUN_DISC)),
+        ("POINT", SharedNumber::Unsigned(POINT)),
+        ("SPOT", SharedNumber::Unsigned(SPOT)),
+    ],
+};
 
-#[repr(C)]
-#[derive(Clone, Copy, Pod, Zeroable)]
-struct Outcome {
-    radiance: [f32; 3],
-    opacity: f32,
-    collisions: u32,
-    scatterings: u32,
-    null_collisions: f32,
-    finished: u32,
-    place: [f32; 3],
-    extinction: f32,
-    majorant: f32,
-    padding: [u32; 7],
+/// A path's state, which only the shader knows.
+const STATE: &str = "Path";
+
+/// Layouts of the kernel's structs.
+pub(crate) const LAYOUTS: &[Layout] = &[
+    Layout::of::<Stage>(),
+    Layout::of::<Ray>(),
+    Layout::of::<AdapterLight>(),
+    Layout::of::<Outcome>(),
+    Layout::unread(STATE),
+];
+
+shader_struct! {
+    struct Outcome = "Outcome" {
+        radiance: [f32; 3],
+        opacity: f32,
+        collisions: u32,
+        scatterings: u32,
+        null_collisions: f32,
+        finished: u32,
+        place: [f32; 3],
+        extinction: f32,
+        majorant: f32,
+        padding: [u32; 7],
+    }
 }
 
 /// The kernel with what all its dispatches read.
-pub(crate) struct Kernel<'a> {
+pub(super) struct PathKernel<'a> {
     tracer: &'a Tracer,
     gpu: &'a Gpu,
-    pipeline: wgpu::ComputePipeline,
+    kernel: ComputeKernel,
     stage: Stage,
+    /// Words of a path's state, and which of them is its stage.
+    state_words: usize,
+    state_stage: usize,
     tree: wgpu::Buffer,
     rates: wgpu::Buffer,
     lights: wgpu::Buffer,
@@ -120,7 +144,7 @@ pub(crate) struct Kernel<'a> {
     middle: DVec3,
 }
 
-impl<'a> Kernel<'a> {
+impl<'a> PathKernel<'a> {
     /// Compiles the kernel; None where no ray can meet the medium. It knows one object whose coefficients are one
     /// density times constants, one Henyey-Greenstein lobe and a constant world, and refuses the rest.
     pub(crate) fn new(tracer: &'a Tracer, scene: &Scene, gpu: &'a Gpu) -> Result<Option<Self>> {
@@ -177,13 +201,18 @@ impl<'a> Kernel<'a> {
         // A buffer cannot be empty: a scene without lights has one that is never read.
         lights.resize(lights.len().max(1), AdapterLight::zeroed());
         let storage = wgpu::BufferUsages::STORAGE;
-        let module = Linker::new(&medium.density)?.link("integrators/path/path.wgsl", PATH)?;
+        let mut linker = Linker::new(&medium.density)?;
+        linker.add_constants(&CONSTANTS)?;
+        let module = linker.link("integrators/path/path.wgsl", PATH)?;
+        let (state_bytes, stage_byte) = layout::place(&module, STATE, "stage")?;
         let software = gpu.adapter().is_software();
         Ok(Some(Self {
             tracer,
             gpu,
-            pipeline: gpu.pipeline("path", &module)?,
+            kernel: gpu.kernel("path", &module, LAYOUTS)?,
             stage,
+            state_words: state_bytes / size_of::<u32>(),
+            state_stage: stage_byte / size_of::<u32>(),
             tree: gpu.upload("majorant tree", bytemuck::cast_slice(&flat.tree), storage),
             rates: gpu.upload("rates and majorants", bytemuck::cast_slice(&flat.rates), storage),
             lights: gpu.upload("lights", bytemuck::cast_slice(&lights), storage),
@@ -240,20 +269,21 @@ impl<'a> Kernel<'a> {
             .map(|(slot, sample)| self.camera_ray(stage.first_pixel + slot, stage.first_sample + sample, stage.seed))
             .collect();
         let rays = gpu.upload("rays", bytemuck::cast_slice(&rays), storage);
-        let mut states = vec![0_u32; pixels * STATE_WORDS];
-        states.iter_mut().skip(STATE_STAGE).step_by(STATE_WORDS).for_each(|word| *word = FINISHED);
+        let mut states = vec![0_u32; pixels * self.state_words];
+        let stages = states.iter_mut().skip(self.state_stage).step_by(self.state_words);
+        stages.for_each(|word| *word = FINISHED);
         let states = gpu.upload("paths", bytemuck::cast_slice(&states), storage);
         let outcomes = vec![Outcome::zeroed(); pixels];
         let bytes = size_of_val(outcomes.as_slice()) as u64;
         let outcomes = gpu.upload("outcomes", bytemuck::cast_slice(&outcomes), storage | wgpu::BufferUsages::COPY_SRC);
         loop {
             let begin = Instant::now();
-            let stage = Stage { budget: budget.size as u32, ..stage };
+            let stage = Stage { budget: budget.size() as u32, ..stage };
             let stage = gpu.upload("stage", bytemuck::bytes_of(&stage), wgpu::BufferUsages::UNIFORM);
             let buffers = [&stage, &rays, &self.tree, &self.rates, &self.lights, &states, &outcomes];
-            dispatch(gpu, &self.pipeline, &buffers, [(pixels as u32).div_ceil(WORKGROUP), 1, 1]);
+            gpu.dispatch(&self.kernel, &Bindings::new().group(0, buffers), [pixels as u32, 1, 1])?;
             let found: Vec<Outcome> = bytemuck::pod_collect_to_vec(&gpu.read_back(&outcomes, bytes)?);
-            budget.adapt(begin);
+            budget.adapt(begin.elapsed());
             if let Some(wrong) = found.iter().find(|outcome| outcome.majorant != 0.0) {
                 return Err(violation(wrong.place, f64::from(wrong.extinction), f64::from(wrong.majorant)));
             }

@@ -14,6 +14,8 @@ mod tracer;
 mod volume;
 
 pub use crate::media::majorant::Tracking;
+pub use adapter::CONSTANTS;
+pub(crate) use adapter::LAYOUTS;
 pub use tracer::Counters;
 
 use crate::base::error::{Error, Result};
@@ -121,14 +123,14 @@ impl PathSettings {
 /// What traces paths.
 enum Engine<'a> {
     Cpu(&'a Tracer),
-    Adapter(Box<adapter::Kernel<'a>>),
+    Adapter(Box<adapter::PathKernel<'a>>),
 }
 
 impl<'a> Engine<'a> {
     fn new(tracer: &'a Tracer, scene: &Scene, gpu: Option<&'a Gpu>) -> Result<Self> {
         let kernel = match gpu {
             // Where no ray can meet the medium there is nothing to do on an adapter.
-            Some(gpu) => adapter::Kernel::new(tracer, scene, gpu)?,
+            Some(gpu) => adapter::PathKernel::new(tracer, scene, gpu)?,
             None => None,
         };
         Ok(kernel.map_or(Self::Cpu(tracer), |kernel| Self::Adapter(Box::new(kernel))))

@@ -51,10 +51,10 @@ use glam::{DVec2, DVec3};
 const PATHS: usize = 1024;
 
 /// Below this transmittance a ray goes on with half the chance and twice the weight.
-const FAINT: f64 = 0.1;
+pub(super) const FAINT: f64 = 0.1;
 
 /// Scattering events before roulette may end a path.
-const EVENTS_BEFORE_ROULETTE: u32 = 4;
+pub(super) const EVENTS_BEFORE_ROULETTE: u32 = 4;
 
 /// What all paths share.
 pub(crate) struct Tracer {

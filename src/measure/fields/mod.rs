@@ -1,9 +1,8 @@
 //! Comparing our evaluators with live Cycles, point by point.
 //!
 //! `probe` evaluates the same f32 points in Cycles and here and reduces the differences to
-//! [`Figures`]; [`domain`] chooses the points, [`settings`] draws random values for a material's
-//! inputs, [`slices`] samples planes for pictures, [`suite`] does the same for every mode of every node,
-//! [`random_graphs`] for graphs of many nodes.
+//! [`Figures`]; [`domain`] chooses the points, [`slices`] samples planes for pictures. [`super::nodes`] does the same for every
+//! mode of every node, for random inputs of a material and for graphs of many nodes.
 
 pub mod domain;
 pub mod slices;

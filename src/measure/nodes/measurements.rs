@@ -1,7 +1,7 @@
 //! What was measured of every node in every mode, as committed: how far it is from Cycles, and what a point costs.
 //!
 //! `cloudparity modes --summary` writes the errors, `cloudparity bench-nodes` the costs ([`super::costs`]). Both are compiled in, for
-//! the table of nodes ([`super::node_table`]). A mode is named as [`super::suite::Case`] names it.
+//! the table of nodes ([`super::table`]). A mode is named as [`super::suite::Case`] names it.
 
 use crate::base::error::{Error, Result};
 use crate::base::files;

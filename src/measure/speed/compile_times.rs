@@ -5,19 +5,47 @@
 //! another number, which no invocation meets.
 
 use crate::base::error::Result;
-use crate::gpu::Gpu;
+use crate::gpu::{Gpu, Layout};
 use crate::graph::Program;
+use crate::graph::constants::SharedConstants;
 use crate::graph::wgsl::{self, Linker};
+use crate::integrators::{march, path};
 use crate::media::medium::Medium;
 use crate::scene::Scene;
 use serde::Serialize;
 use std::time::Instant;
 
-/// Entry texts, by name.
-const KERNELS: [(&str, &str, &str); 3] = [
-    ("points", "graph/density_at_points.wgsl", include_str!("../../../shaders/graph/density_at_points.wgsl")),
-    ("march", "integrators/march/march.wgsl", include_str!("../../../shaders/integrators/march/march.wgsl")),
-    ("path", "integrators/path/path.wgsl", include_str!("../../../shaders/integrators/path/path.wgsl")),
+/// A kernel that is compiled.
+struct Compiled {
+    name: &'static str,
+    path: &'static str,
+    source: &'static str,
+    layouts: &'static [Layout],
+    constants: Option<&'static SharedConstants>,
+}
+
+const KERNELS: [Compiled; 3] = [
+    Compiled {
+        name: "points",
+        path: "graph/density_at_points.wgsl",
+        source: include_str!("../../../shaders/graph/density_at_points.wgsl"),
+        layouts: &[],
+        constants: None,
+    },
+    Compiled {
+        name: "march",
+        path: "integrators/march/march.wgsl",
+        source: include_str!("../../../shaders/integrators/march/march.wgsl"),
+        layouts: march::adapter::LAYOUTS,
+        constants: Some(&march::adapter::CONSTANTS),
+    },
+    Compiled {
+        name: "path",
+        path: "integrators/path/path.wgsl",
+        source: include_str!("../../../shaders/integrators/path/path.wgsl"),
+        layouts: path::LAYOUTS,
+        constants: Some(&path::CONSTANTS),
+    },
 ];
 
 /// Milliseconds of compiling one kernel of one scene: medians.
@@ -72,20 +100,20 @@ pub fn run(scenes: &[Scene], repeats: usize, gpu: Option<&Gpu>, mut receive: imp
     for _ in 0..repeats {
         for (scene, times) in scenes.iter().zip(times.chunks_mut(KERNELS.len())) {
             receive(&scene.name);
-            for ((_, path, source), times) in KERNELS.into_iter().zip(times) {
+            for (kernel, times) in KERNELS.iter().zip(times) {
                 number = number.wrapping_add(1);
-                times.compile(scene, path, &with_number(source, number), gpu)?;
+                times.compile(scene, kernel, &with_number(kernel.source, number), gpu)?;
             }
         }
     }
     let mut rows: Vec<Row> = Vec::new();
     for (scene, times) in scenes.iter().zip(times.chunks(KERNELS.len())) {
-        for ((kernel, ..), times) in KERNELS.into_iter().zip(times) {
+        for (Compiled { name: kernel, .. }, times) in KERNELS.iter().zip(times) {
             let pipeline_ms = gpu.map(|_| median(&times.pipeline));
             let [graph_ms, link_ms, validate_ms] =
                 [&times.graph, &times.link, &times.validate].map(|times| median(times));
             let total_ms = graph_ms + link_ms + validate_ms + pipeline_ms.unwrap_or(0.0);
-            let first = rows.iter().find(|row| row.kernel == kernel).map_or(total_ms, |row| row.total_ms);
+            let first = rows.iter().find(|row| row.kernel == *kernel).map_or(total_ms, |row| row.total_ms);
             rows.push(Row {
                 scene: scene.name.clone(),
                 kernel,
@@ -104,19 +132,21 @@ pub fn run(scenes: &[Scene], repeats: usize, gpu: Option<&Gpu>, mut receive: imp
 }
 
 impl Times {
-    fn compile(&mut self, scene: &Scene, path: &str, source: &str, gpu: Option<&Gpu>) -> Result<()> {
+    fn compile(&mut self, scene: &Scene, kernel: &Compiled, source: &str, gpu: Option<&Gpu>) -> Result<()> {
         let begin = Instant::now();
         let program = density(scene)?;
         self.graph.push(milliseconds(begin));
         let begin = Instant::now();
-        let module = Linker::new(&program)?.link(path, source)?;
+        let mut linker = Linker::new(&program)?;
+        kernel.constants.map(|constants| linker.add_constants(constants)).transpose()?;
+        let module = linker.link(kernel.path, source)?;
         self.link.push(milliseconds(begin));
         let begin = Instant::now();
         wgsl::validate(&module)?;
         self.validate.push(milliseconds(begin));
         if let Some(gpu) = gpu {
             let begin = Instant::now();
-            gpu.pipeline(path, &module)?;
+            gpu.kernel(kernel.path, &module, kernel.layouts)?;
             gpu.wait()?;
             self.pipeline.push(milliseconds(begin));
         }

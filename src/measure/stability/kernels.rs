@@ -7,12 +7,13 @@
 
 use crate::base::error::Result;
 use crate::engines::light::terms::{MOST_OCTAVES, compressed, octaves, powder, silver};
-use crate::gpu::Gpu;
+use crate::gpu::{Bindings, ComputeKernel, Gpu, Layout};
 use crate::graph::wgsl::Linker;
 use crate::measure::stability::{Bound, Head, Row, Subject};
 use crate::media::phase::{henyey_greenstein_by_lack, sample_henyey_greenstein};
 use crate::media::transfer::Integration;
 use crate::media::transfer::{absorbed, mean_transmittance, step_weight, transmittance};
+use crate::shader_struct;
 use num_traits::Float;
 use std::ops::RangeInclusive;
 
@@ -36,9 +37,6 @@ const FLUSHED: f64 = f32::MIN_POSITIVE as f64;
 
 /// Largest error of a pass: ten roundings.
 const LIMIT: f64 = 10.0 * ULP;
-
-/// Invocations per workgroup, as in the shader.
-const WORKGROUP: usize = 64;
 
 /// Arguments of a kernel; those that it does not have are 0.
 pub type Arguments<T> = [T; 4];
@@ -343,32 +341,41 @@ pub fn rows(gpu: Option<&Gpu>) -> Result<Vec<Row>> {
     Ok(rows)
 }
 
+shader_struct! {
+    /// Which kernel is asked, and how often.
+    struct Request = "Request" {
+        kernel: u32,
+        count: u32,
+        padding: [u32; 2],
+    }
+}
+
 /// The kernels on the adapter.
 pub struct Pipeline<'a> {
     gpu: &'a Gpu,
-    pipeline: wgpu::ComputePipeline,
+    kernel: ComputeKernel,
 }
 
 impl<'a> Pipeline<'a> {
     /// Compiles an entry text, [`SHADER`] or a change of it.
     pub fn new(gpu: &'a Gpu, source: &str) -> Result<Self> {
         let module = Linker::bare()?.link("measure/stability/kernels.wgsl", source)?;
-        Ok(Self { gpu, pipeline: gpu.pipeline("kernels", &module)? })
+        Ok(Self { gpu, kernel: gpu.kernel("kernels", &module, &[Layout::of::<Request>()])? })
     }
 
     /// Values of a kernel.
     pub fn values(&self, kernel: Kernel, arguments: &[Arguments<f32>]) -> Result<Vec<f32>> {
         let number = Kernel::ALL.iter().position(|&known| known == kernel).expect("all kernels are listed");
-        let request = [number as u32, arguments.len() as u32, 0, 0];
+        let request = Request { kernel: number as u32, count: arguments.len() as u32, padding: [0; 2] };
         let storage = wgpu::BufferUsages::STORAGE;
-        let request = self.gpu.upload("request", bytemuck::cast_slice(&request), wgpu::BufferUsages::UNIFORM);
+        let request = self.gpu.upload("request", bytemuck::bytes_of(&request), wgpu::BufferUsages::UNIFORM);
         let inputs = self.gpu.upload("inputs", bytemuck::cast_slice(arguments), storage);
         // NaN in what no invocation wrote is counted.
         let unwritten = vec![f32::NAN; arguments.len()];
         let usage = storage | wgpu::BufferUsages::COPY_SRC;
         let results = self.gpu.upload("results", bytemuck::cast_slice(&unwritten), usage);
-        let groups = [vec![&request, &inputs, &results]];
-        self.gpu.dispatch(&self.pipeline, &groups, arguments.len().div_ceil(WORKGROUP) as u32);
+        let bindings = Bindings::new().group(0, [&request, &inputs, &results]);
+        self.gpu.dispatch(&self.kernel, &bindings, [arguments.len() as u32, 1, 1])?;
         Ok(bytemuck::pod_collect_to_vec(&self.gpu.read_back(&results, 4 * arguments.len() as u64)?))
     }
 }

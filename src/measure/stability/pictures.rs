@@ -392,6 +392,7 @@ impl DensityModel for Uniform {
             source: UNIFORM,
             uniform: bytemuck::cast_slice(&[self.density as f32, 0.0, 0.0, 0.0]).to_vec(),
             storage: Vec::new(),
+            layouts: &[],
         })
     }
 }

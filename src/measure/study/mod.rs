@@ -87,7 +87,7 @@ impl Clock {
     fn time(self, gpu: Option<&Gpu>, work: impl FnOnce() -> Result<()>) -> Result<f64> {
         let begin = ProcessTime::now();
         let stamped = match gpu.filter(|_| self == Self::Timestamps) {
-            Some(gpu) => gpu.timed(work)?.1,
+            Some(gpu) => gpu.timed(work)?.1.map(|times| times.seconds()),
             None => work().map(|()| None)?,
         };
         Ok(stamped.unwrap_or_else(|| begin.elapsed().as_secs_f64()))
