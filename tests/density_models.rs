@@ -2,7 +2,7 @@
 
 mod support;
 
-use cloudparity::engines::light::Variant;
+use cloudparity::engines::defects::Defects;
 use cloudparity::engines::march::adapter::RealTimeKernel;
 use cloudparity::engines::march::{RealTimePixel, RealTimeRay, march};
 use cloudparity::engines::parameters::{Range, Values};
@@ -15,7 +15,7 @@ use rand_chacha::ChaCha8Rng;
 /// Sets of parameters on the CPU, in which one wrong value would be found.
 const SETS: usize = 10_000;
 
-/// One in so many is also marched on the adapter, where each costs the compilation of a kernel; odd, for both variants.
+/// One in so many is also marched on the adapter, where each costs the compilation of a kernel; odd, for both.
 const ADAPTER_EVERY: usize = 101;
 
 /// Rays of a picture.
@@ -81,7 +81,7 @@ fn check(pixels: &[RealTimePixel], what: &dyn Fn() -> String) -> f64 {
 fn no_parameters_make_a_value_that_is_no_number() {
     let gpu = support::require("vulkan").then(|| Gpu::open().expect("the adapter that was just there"));
     let mut random = ChaCha8Rng::seed_from_u64(4);
-    // Of each variant, for the mask's textures.
+    // With all defects and with none, for the mask's textures.
     let mut last: [Option<Cloud>; 2] = [None, None];
     let mut opacity = 0.0;
     let mut warned = 0;
@@ -100,13 +100,13 @@ fn no_parameters_make_a_value_that_is_no_number() {
                 values.set(settings::PARAMETERS, name, from.get(name), "a random trial").expect("allowed before");
             }
         }
-        let variant = if set % 2 == 0 { Variant::Fixed } else { Variant::AsPublished };
-        let (parameters, warnings) = settings::parameters(&values, variant, f64::from(set as u32)).expect("in range");
+        let defects = if set % 2 == 0 { Defects::NONE } else { Defects::ALL };
+        let (parameters, warnings) = settings::parameters(&values, &defects, f64::from(set as u32)).expect("in range");
         warned += usize::from(!warnings.is_empty());
         let cloud = Cloud::new_after(parameters, last[set % 2].as_ref()).expect("in range");
         let rays = random_rays(&mut random);
-        let (light, rule) = (settings::light(&values, variant), settings::march(&values, variant));
-        let what = || format!("set {set}, {variant:?}: {values:?}");
+        let (light, rule) = (settings::light(&values, &defects), settings::march(&values, &defects));
+        let what = || format!("set {set}, {defects}: {values:?}");
         opacity += check(&march(&cloud, &light, &rule, &rays).expect("marched"), &what);
         if let Some(gpu) = gpu.as_ref().filter(|_| set % ADAPTER_EVERY == 0) {
             let kernel = RealTimeKernel::new(gpu, &cloud, &light, &rule).expect("a kernel");
@@ -126,17 +126,17 @@ fn a_flattening_of_zero_is_defined_and_named() {
         values.set(settings::PARAMETERS, name, value, "documented").expect("documented values are allowed");
     }
     let rays = random_rays(&mut ChaCha8Rng::seed_from_u64(1));
-    for (variant, is_empty) in [(Variant::AsPublished, true), (Variant::Fixed, false)] {
-        let (parameters, warnings) = settings::parameters(&values, variant, 0.0).expect("in range");
+    for (defects, is_empty) in [(Defects::ALL, true), (Defects::NONE, false)] {
+        let (parameters, warnings) = settings::parameters(&values, &defects, 0.0).expect("in range");
         for side in ["top", "bottom", "x_positive", "x_negative", "z_positive", "z_negative"] {
             let name = format!("flatten_{side} is 0");
             assert!(warnings.iter().any(|warning| warning.contains(&name)), "{name} is not in {warnings:?}");
         }
         let cloud = Cloud::new(parameters).expect("in range");
-        let (light, rule) = (settings::light(&values, variant), settings::march(&values, variant));
+        let (light, rule) = (settings::light(&values, &defects), settings::march(&values, &defects));
         let pixels = march(&cloud, &light, &rule, &rays).expect("marched");
-        let opacity = check(&pixels, &|| format!("{variant:?}"));
-        assert_eq!(opacity == 0.0, is_empty, "{variant:?}: {opacity}");
+        let opacity = check(&pixels, &|| format!("{defects}"));
+        assert_eq!(opacity == 0.0, is_empty, "{defects}: {opacity}");
     }
 }
 
@@ -151,7 +151,7 @@ fn baking_error(texture_size: f64) -> [f64; 2] {
         for (name, value) in changes.into_iter().chain([("exact", exact)]) {
             values.set(settings::PARAMETERS, name, value, "a test").expect("in range");
         }
-        let (parameters, _) = settings::parameters(&values, Variant::Fixed, 0.0).expect("in range");
+        let (parameters, _) = settings::parameters(&values, &Defects::NONE, 0.0).expect("in range");
         Cloud::new(parameters).expect("in range")
     };
     let (baked, exact) = (cloud(0.0), cloud(1.0));

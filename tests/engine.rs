@@ -5,7 +5,7 @@ mod support;
 use assert_cmd::cargo::cargo_bin_cmd;
 use cloudparity::engines;
 use cloudparity::engines::Engine;
-use cloudparity::engines::light::Variant;
+use cloudparity::engines::defects::Defects;
 use cloudparity::engines::light::models;
 use cloudparity::engines::light::models::LIGHTS;
 use cloudparity::engines::render::{EngineJitter, EngineSettings, render};
@@ -18,12 +18,12 @@ use glam::DVec3;
 const SETTINGS: EngineSettings =
     EngineSettings { jitter: EngineJitter::BlueNoise, frame: 3, sub_pixels: 1, god_rays: false };
 
-fn engine(variant: Variant, changes: &[&str]) -> Engine {
+fn engine(defects: &Defects, changes: &[&str]) -> Engine {
     let model = engines::find("perlin-fbm").expect("it is there");
     let changes: Vec<String> =
         ["texture_size=32", "octaves=3"].iter().chain(changes).map(|&text| text.into()).collect();
     let values = model.values(Some("low"), &changes).expect("in range");
-    model.engine(&support::scene("linear-ramp"), &values, variant, 2.0).expect("in range")
+    model.engine(&support::scene("linear-ramp"), &values, defects, 2.0).expect("in range")
 }
 
 fn scene() -> Scene {
@@ -53,20 +53,20 @@ fn both_backends_show_one_picture() {
     if !support::require("vulkan") {
         return;
     }
-    for variant in [Variant::Fixed, Variant::AsPublished] {
-        let engine = engine(variant, &["light_steps=3"]);
+    for defects in [Defects::NONE, Defects::ALL] {
+        let engine = engine(&defects, &["light_steps=3"]);
         let [cpu, gpu] = [Backend::Cpu, Backend::Gpu].map(|backend| picture(&scene(), &engine, &SETTINGS, backend));
         let largest = cpu.pixels.as_flattened().iter().zip(gpu.pixels.as_flattened()).map(|(a, b)| (a - b).abs());
         let largest = largest.fold(0.0, f32::max);
         // The tolerance of the reference data for software filtering, times the sun's strength of 6 in this scene.
-        assert!(largest < 6e-4, "{variant:?}: {largest}");
-        assert!(cpu.pixels.iter().any(|pixel| pixel[0] > 0.1), "{variant:?}: a cloud is seen");
+        assert!(largest < 6e-4, "{defects}: {largest}");
+        assert!(cpu.pixels.iter().any(|pixel| pixel[0] > 0.1), "{defects}: a cloud is seen");
     }
 }
 
 #[test]
 fn jitter_moves_with_the_frame() {
-    let engine = engine(Variant::Fixed, &[]);
+    let engine = engine(&Defects::NONE, &[]);
     let one = picture(&scene(), &engine, &SETTINGS, Backend::Cpu);
     let other = picture(&scene(), &engine, &EngineSettings { frame: 4, ..SETTINGS }, Backend::Cpu);
     assert_ne!(one.pixels, other.pixels);
@@ -77,9 +77,9 @@ fn jitter_moves_with_the_frame() {
 fn god_rays_shine_from_a_sun_that_is_seen() {
     let before = with_sun_from(scene(), -camera_place(&scene()));
     let behind = with_sun_from(scene(), camera_place(&scene()));
-    let added = |scene: &Scene, variant: Variant| {
+    let added = |scene: &Scene, defects: &Defects| {
         // Thin enough that the sun is not hidden.
-        let engine = engine(variant, &["opacity=0.2"]);
+        let engine = engine(defects, &["opacity=0.2"]);
         let without = picture(scene, &engine, &SETTINGS, Backend::Cpu);
         let with = picture(scene, &engine, &EngineSettings { god_rays: true, ..SETTINGS }, Backend::Cpu);
         let difference = |column: usize, row: usize| {
@@ -88,16 +88,16 @@ fn god_rays_shine_from_a_sun_that_is_seen() {
         };
         [difference(16, 9), difference(1, 1)]
     };
-    let [centre, corner] = added(&before, Variant::Fixed);
+    let [centre, corner] = added(&before, &Defects::NONE);
     assert!(centre > 0.1 && corner < 0.5 * centre, "{centre} {corner}");
-    assert_eq!(added(&behind, Variant::Fixed), [0.0; 2]);
+    assert_eq!(added(&behind, &Defects::NONE), [0.0; 2]);
     // The glow itself is where the sun is, which the camera does not see, so there is nothing to blur.
-    assert_eq!(added(&behind, Variant::AsPublished), [0.0; 2]);
+    assert_eq!(added(&behind, &Defects::ALL), [0.0; 2]);
 }
 
 #[test]
 fn what_an_engine_does_not_know_is_refused() {
-    let fixed = engine(Variant::Fixed, &[]);
+    let fixed = engine(&Defects::NONE, &[]);
     let refusal = |scene: &Scene| {
         render(scene, &fixed, &SETTINGS, Backend::Cpu, &|_, _| ()).expect_err("it is refused").to_string()
     };
@@ -107,7 +107,7 @@ fn what_an_engine_does_not_know_is_refused() {
     let mut two = scene();
     two.lights.push(two.lights[0].clone());
     assert!(refusal(&two).contains("second sun"), "{}", refusal(&two));
-    let exact = engine(Variant::Fixed, &["exact=1"]);
+    let exact = engine(&Defects::NONE, &["exact=1"]);
     if support::require("vulkan") {
         let error = render(&scene(), &exact, &SETTINGS, Backend::Gpu, &|_, _| ()).expect_err("on the CPU only");
         assert!(error.to_string().contains("exact"), "{error}");
@@ -158,7 +158,7 @@ fn light_models_are_the_same_on_both_backends() {
     scene.world.color = [0.2, 0.3, 0.5];
     let mut pictures: Vec<Image> = Vec::new();
     for named in LIGHTS {
-        let mut engine = engine(Variant::Fixed, &["light_steps=3"]);
+        let mut engine = engine(&Defects::NONE, &["light_steps=3"]);
         named.apply(&mut engine.light).expect("in range");
         let [cpu, gpu] = [Backend::Cpu, Backend::Gpu].map(|backend| picture(&scene, &engine, &SETTINGS, backend));
         let largest = cpu.pixels.as_flattened().iter().zip(gpu.pixels.as_flattened()).map(|(a, b)| (a - b).abs());
@@ -174,7 +174,7 @@ fn light_models_are_the_same_on_both_backends() {
 fn surroundings_and_compressed_depths_are_the_same_on_both_backends() {
     let mut scene = with_sun_from(scene(), DVec3::new(0.3, -0.5, 0.8));
     scene.world.color = [0.2, 0.3, 0.5];
-    let plain = picture(&scene, &engine(Variant::Fixed, &["light_steps=3"]), &SETTINGS, Backend::Cpu);
+    let plain = picture(&scene, &engine(&Defects::NONE, &["light_steps=3"]), &SETTINGS, Backend::Cpu);
     let has_adapter = support::require("vulkan");
     for settings in [
         &[("body_strength", 0.8), ("body_length", 0.02)][..],
@@ -188,7 +188,7 @@ fn surroundings_and_compressed_depths_are_the_same_on_both_backends() {
             ("powder_ambient", 0.0),
         ],
     ] {
-        let mut engine = engine(Variant::Fixed, &["light_steps=3"]);
+        let mut engine = engine(&Defects::NONE, &["light_steps=3"]);
         for &(name, value) in settings {
             models::set(&mut engine.light, name, value, "test").expect("in range");
         }
@@ -237,7 +237,7 @@ fn the_graphs_own_engine_shows_single_scattering_of_its_material() {
     let shown = |changes: &[&str]| {
         let changes: Vec<String> = changes.iter().map(|&text| text.into()).collect();
         let values = model.values(None, &changes).expect("in range");
-        let engine = model.engine(&scene, &values, Variant::Fixed, 0.0).expect("an engine");
+        let engine = model.engine(&scene, &values, &Defects::NONE, 0.0).expect("an engine");
         picture(&scene, &engine, &EngineSettings { sub_pixels: 4, ..SETTINGS }, Backend::Cpu)
     };
     let mean = |image: &Image| {
@@ -262,6 +262,6 @@ fn a_material_that_emits_has_no_engine() {
     let scene = support::scene("noise-coloured");
     let model = engines::find("graph").expect("it is there");
     let values = model.values(None, &[]).expect("in range");
-    let error = model.engine(&scene, &values, Variant::Fixed, 0.0).err().expect("refused").to_string();
+    let error = model.engine(&scene, &values, &Defects::NONE, 0.0).err().expect("refused").to_string();
     assert!(error.contains("emi"), "{error}");
 }

@@ -5,7 +5,8 @@
 
 mod support;
 
-use cloudparity::engines::light::{LightModel, Variant};
+use cloudparity::engines::defects::Defects;
+use cloudparity::engines::light::LightModel;
 use cloudparity::engines::march::adapter::RealTimeKernel;
 use cloudparity::engines::march::{RealTimeRay, RealTimeSettings, march};
 use cloudparity::engines::parameters::Values;
@@ -410,9 +411,9 @@ impl Picture {
             sun_direction: triple(&config["lightDir"]),
             sun: scaled("sunColor", "sunIntensity"),
             ambient: scaled("ambColor", "ambIntensity"),
-            ..settings::light(&values, Variant::AsPublished)
+            ..settings::light(&values, &Defects::ALL)
         };
-        let settings = settings::march(&values, Variant::AsPublished);
+        let settings = settings::march(&values, &Defects::ALL);
         Self { light, settings, rays, width }
     }
 }
@@ -489,6 +490,7 @@ fn god_rays_are_the_engines() {
             weight: number(entry, "weight"),
             exposure: number(entry, "exposure"),
             samples: number(entry, "samples") as u32,
+            ..GodRays::default()
         };
         let output = rays.render(&Layer { width, height, pixels }, sun, triple(&entry["sun_colour"]));
         for (found, expected) in output.pixels.as_flattened().iter().zip(golden.doubles(name)) {

@@ -2,8 +2,9 @@
 
 mod support;
 
+use cloudparity::engines::defects::Defects;
 use cloudparity::engines::light::terms::{Octaves, Powder, SilverLining, Terms};
-use cloudparity::engines::light::{LightModel, TwoLobes, Variant};
+use cloudparity::engines::light::{LightModel, TwoLobes};
 use cloudparity::engines::parameters::Values;
 use cloudparity::engines::perlin_fbm::settings;
 use cloudparity::media::transfer::Integration;
@@ -28,7 +29,7 @@ fn numbers(value: &Value) -> Vec<f64> {
 }
 
 fn light(octaves: Octaves, phase: TwoLobes) -> LightModel {
-    let mut light = settings::light(&Values::defaults(settings::PARAMETERS), Variant::Fixed);
+    let mut light = settings::light(&Values::defaults(settings::PARAMETERS), &Defects::NONE);
     light.terms.octaves = octaves;
     light.phase = phase;
     light

@@ -5,7 +5,7 @@ mod support;
 use assert_cmd::cargo::cargo_bin_cmd;
 use cloudparity::base::error::Result;
 use cloudparity::engines;
-use cloudparity::engines::light::Variant;
+use cloudparity::engines::defects::Defects;
 use cloudparity::gpu::Gpu;
 use cloudparity::graph::evaluate::Points;
 use cloudparity::measure::densities::comparison::{Comparison, Settings, run};
@@ -94,9 +94,9 @@ fn the_density_alone_is_the_same_on_the_adapter() {
     }
     let gpu = Gpu::open().expect("an adapter");
     let model = engines::find("perlin-fbm").expect("it is there");
-    for variant in [Variant::Fixed, Variant::AsPublished] {
+    for defects in [Defects::NONE, Defects::ALL] {
         let values = model.values(None, &["texture_size=32".into()]).expect("in range");
-        let engine = model.engine(&support::scene("linear-ramp"), &values, variant, 1.0).expect("in range");
+        let engine = model.engine(&support::scene("linear-ramp"), &values, &defects, 1.0).expect("in range");
         let kernel = gpu.density_field(&engine.density.shader().expect("a shader")).expect("a kernel");
         let mut random = ChaCha8Rng::seed_from_u64(3);
         let positions: Vec<[f32; 3]> =
@@ -108,7 +108,7 @@ fn the_density_alone_is_the_same_on_the_adapter() {
         let error = found.iter().zip(&expected).map(|(&a, &b)| (f64::from(a) - b).abs()).fold(0.0, f64::max);
         // A place in f32 is 2^-24 off; a texel of 1/64 of the box, times the largest slope of 1 per texel, 64 times that; the mask's
         // texels of 1/128 less. 1e-4 leaves an order of magnitude.
-        assert!(largest > 10.0 && error < 1e-4 * largest, "{variant:?}: {error} of {largest}");
+        assert!(largest > 10.0 && error < 1e-4 * largest, "{defects}: {error} of {largest}");
     }
 }
 

@@ -3,7 +3,7 @@
 mod support;
 
 use assert_cmd::cargo::cargo_bin_cmd;
-use cloudparity::engines::light::Variant;
+use cloudparity::engines::defects::Defects;
 use cloudparity::engines::render::{EngineJitter, EngineRenderer, EngineSettings};
 use cloudparity::gpu::Gpu;
 use cloudparity::measure::study::file::StudyFile;
@@ -223,7 +223,7 @@ fn timestamps_count_the_work_of_the_adapter() {
     let scene = support::scene("linear-ramp");
     let model = cloudparity::engines::find("perlin-fbm").expect("a model");
     let values = model.values(None, &[]).expect("values");
-    let engine = model.engine(&scene, &values, Variant::Fixed, 0.0).expect("an engine");
+    let engine = model.engine(&scene, &values, &Defects::NONE, 0.0).expect("an engine");
     let renderer = EngineRenderer::new(&scene, &engine, Some(&gpu)).expect("a kernel");
     let settings = EngineSettings { jitter: EngineJitter::None, frame: 0, sub_pixels: 1, god_rays: false };
     let begin = Instant::now();

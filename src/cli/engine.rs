@@ -1,9 +1,10 @@
 //! `cloudparity engine`: a picture as a published cloud engine makes it.
 
-use crate::base::error::Result;
+use crate::base::error::{Error, Result};
 use crate::cli::picture::PictureArguments;
 use crate::engines;
-use crate::engines::light::{Variant, models};
+use crate::engines::defects::Defects;
+use crate::engines::light::models;
 use crate::engines::render;
 use crate::engines::render::{EngineJitter, EngineSettings};
 use crate::engines::{Engine, parameters};
@@ -21,9 +22,8 @@ pub(super) struct Arguments {
     /// The density model; `cloudparity models` lists them.
     #[arg(long, default_value = "perlin-fbm")]
     model: String,
-    /// As published, with the original's defects, or mended.
-    #[arg(long, value_enum, default_value_t = Variant::Fixed)]
-    variant: Variant,
+    #[command(flatten)]
+    defects: DefectsArgument,
     /// A level of quality of the engine.
     #[arg(long)]
     quality: Option<String>,
@@ -40,7 +40,7 @@ pub(super) struct Arguments {
     #[arg(
         long,
         value_name = "FILE",
-        conflicts_with_all = ["model", "variant", "quality", "parameters", "light", "light_parameters", "seconds", "sub_pixels"]
+        conflicts_with_all = ["model", "defects", "quality", "parameters", "light", "light_parameters", "seconds", "sub_pixels"]
     )]
     preset: Option<PathBuf>,
     /// Seconds of animation.
@@ -66,6 +66,33 @@ pub(super) struct Arguments {
     allow_nonfinite: bool,
 }
 
+/// Which defects an engine keeps.
+#[derive(clap::Args)]
+pub(super) struct DefectsArgument {
+    /// Defects of the original that are kept: all (as published), none (mended), or some, such as PF-4,PF-6; `cloudparity models` says
+    /// what each is.
+    #[arg(long, default_value = "none")]
+    defects: String,
+    /// The option that `--defects` took the place of.
+    #[arg(long, hide = true)]
+    variant: Option<String>,
+}
+
+impl DefectsArgument {
+    /// The set, or an error with what is known.
+    pub fn read(&self) -> Result<Defects> {
+        if let Some(variant) = &self.variant {
+            return Err(Error::new(
+                "--variant",
+                format!("\"{variant}\""),
+                "--defects, which has taken its place",
+                "Give --defects all for as-published, --defects none for fixed.",
+            ));
+        }
+        self.defects.parse().map_err(|error| Error { place: "--defects".into(), ..error })
+    }
+}
+
 pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
     let scene = arguments.picture.load()?;
     if let Some(path) = &arguments.preset {
@@ -80,7 +107,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
         return write(&scene, &engine, &settings, arguments.gpu, &arguments.picture.output, arguments.allow_nonfinite);
     }
     let values = (arguments.quality.as_deref(), arguments.parameters.as_slice());
-    let mut engine = build(&scene, &arguments.model, arguments.variant, values, arguments.seconds)?;
+    let mut engine = build(&scene, &arguments.model, &arguments.defects.read()?, values, arguments.seconds)?;
     if let Some(light) = &arguments.light {
         models::find(light)?.apply(&mut engine.light)?;
     }
@@ -122,12 +149,12 @@ pub(super) fn write(
 pub(super) fn build(
     scene: &Scene,
     model: &str,
-    variant: Variant,
+    defects: &Defects,
     (quality, parameters): (Option<&str>, &[String]),
     seconds: f64,
 ) -> Result<Engine> {
     let model = engines::find(model)?;
-    let engine = model.engine(scene, &model.values(quality, parameters)?, variant, seconds)?;
+    let engine = model.engine(scene, &model.values(quality, parameters)?, defects, seconds)?;
     for warning in &engine.warnings {
         eprintln!("warning: {warning}");
     }

@@ -3,7 +3,7 @@
 use crate::base::error::{Error, Result};
 use crate::base::files;
 use crate::bridge;
-use crate::engines::light::Variant;
+use crate::cli::engine::DefectsArgument;
 use crate::engines::render::box_of;
 use crate::graph::Program;
 use crate::graph::evaluate::Points;
@@ -33,9 +33,8 @@ pub(super) struct Arguments {
     /// A density model instead of the scene's graph.
     #[arg(long)]
     model: Option<String>,
-    /// Form of the model.
-    #[arg(long, value_enum, default_value_t = Variant::Fixed)]
-    variant: Variant,
+    #[command(flatten)]
+    defects: DefectsArgument,
     /// A parameter of the model. May be given several times.
     #[arg(short, long = "parameter", value_name = "NAME=VALUE")]
     parameters: Vec<String>,
@@ -63,7 +62,8 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
     let [low, high] = [scene.volume.bounds.min, scene.volume.bounds.max].map(|end| DVec3::from(end.map(f64::from)));
     let grid = match &arguments.model {
         Some(id) => {
-            let engine = super::engine::build(&scene, id, arguments.variant, (None, &arguments.parameters), 0.0)?;
+            let engine =
+                super::engine::build(&scene, id, &arguments.defects.read()?, (None, &arguments.parameters), 0.0)?;
             let to_box = box_of(&scene.volume.bounds);
             VolumeGrid::sample(low, high, arguments.voxels, |places| {
                 let places: Vec<DVec3> = places.iter().map(|&place| to_box.transform_point3(place)).collect();

@@ -84,6 +84,7 @@ fn document(model: &Model) -> serde_json::Value {
         "about": model.about,
         "parameters": parameter_documents(model.parameters),
         "qualities": qualities,
+        "defects": model.defects,
     })
 }
 
@@ -92,6 +93,9 @@ fn describe(model: &Model) -> String {
     text += &parameter_lines(model.parameters);
     for (name, settings) in model.qualities {
         text += &format!("quality {name}: {}\n", assignments(settings));
+    }
+    for defect in model.defects {
+        text += &format!("defect {}: {}; mended: {}\n", defect.id, defect.about, defect.mended);
     }
     text
 }

@@ -4,10 +4,12 @@
 //! So a Blender material is seen as an engine would show it, beside what path tracing of the same material shows.
 
 use crate::base::error::{Error, Result};
+use crate::engines::defects::Defects;
 use crate::engines::light::terms::Terms;
-use crate::engines::light::{LightModel, ShadowExtinction, ShadowLength, ShadowMarch, SourceFactor, TwoLobes, Variant};
+use crate::engines::light::{LightModel, ShadowExtinction, ShadowLength, ShadowMarch, SourceFactor, TwoLobes};
 use crate::engines::march::RealTimeSettings;
 use crate::engines::parameters::{Parameter, Range, Values};
+use crate::engines::passes::compositing::Compositing;
 use crate::engines::passes::god_rays::GodRays;
 use crate::engines::render::{box_of, container_side};
 use crate::engines::{Build, Engine, Model};
@@ -138,11 +140,12 @@ pub static MODEL: Model = Model {
         ("medium", &[("march_steps", 48.0), ("light_steps", 4.0), ("cache_cells", 96.0), ("cache_format", 2.0)]),
         ("high", &[("march_steps", 96.0), ("light_steps", 8.0), ("cache_cells", 0.0)]),
     ],
+    defects: &[],
     build: Build::OfScene(engine),
 };
 
-/// The engine of a scene's own material. It has one form: there is nothing published whose defects could be kept.
-fn engine(scene: &Scene, values: &Values, _variant: Variant) -> Result<Engine> {
+/// The engine of a scene's own material.
+fn engine(scene: &Scene, values: &Values) -> Result<Engine> {
     let mut medium = Medium::new(scene)?;
     let side = container_side(scene)?;
     if medium.emission != [0.0; 3] || medium.emission_of_density != [0.0; 3] {
@@ -179,7 +182,7 @@ fn engine(scene: &Scene, values: &Values, _variant: Variant) -> Result<Engine> {
     };
     Ok(Engine {
         model: MODEL.id,
-        variant: Variant::Fixed,
+        defects: Defects::NONE,
         values: values.clone(),
         density: Box::new(GraphDensity::of_medium(medium, scene, extinction)?),
         light,
@@ -190,7 +193,8 @@ fn engine(scene: &Scene, values: &Values, _variant: Variant) -> Result<Engine> {
             least_density: 0.0,
             least_transmittance: 0.01,
         },
-        god_rays: GodRays { density: 0.96, decay: 0.95, weight: 0.5, exposure: 0.6, samples: 100 },
+        compositing: Compositing::default(),
+        god_rays: GodRays::default(),
         warnings: Vec::new(),
         averages: std::sync::OnceLock::new(),
     })

@@ -2,6 +2,7 @@
 //!
 //! All of them answer through [`DensityModel`], in a *local box* from -0.5 to 0.5 on every axis whose side is one unit of length.
 
+pub mod defects;
 pub mod graph;
 pub mod light;
 pub mod march;
@@ -11,8 +12,10 @@ pub mod perlin_fbm;
 pub mod render;
 
 use crate::base::error::{Error, Result};
-use crate::engines::light::{LightModel, Variant};
+use crate::engines::defects::{Defect, Defects};
+use crate::engines::light::LightModel;
 use crate::engines::march::RealTimeSettings;
+use crate::engines::passes::compositing::Compositing;
 use crate::engines::passes::god_rays::GodRays;
 use crate::media::averages::CoarseDensity;
 use crate::media::density::DensityModel;
@@ -31,24 +34,26 @@ pub struct Model {
     pub parameters: &'static [parameters::Parameter],
     /// Levels of quality: a name, and the parameters that it sets.
     pub qualities: &'static [(&'static str, &'static [(&'static str, f64)])],
+    /// What the original does wrong and can be kept, in the order of their numbers.
+    pub defects: &'static [Defect],
     /// How it is built.
     pub build: Build,
 }
 
 /// How an engine is built.
 pub enum Build {
-    /// From its parameters, after seconds of animation.
-    Alone(fn(&parameters::Values, Variant, f64) -> Result<Engine>),
-    /// From a scene's material and parameters.
-    OfScene(fn(&Scene, &parameters::Values, Variant) -> Result<Engine>),
+    /// From its parameters with the defects that are kept, after seconds of animation.
+    Alone(fn(&parameters::Values, &Defects, f64) -> Result<Engine>),
+    /// From a scene's material and parameters: nothing is published, so there is no defect to keep.
+    OfScene(fn(&Scene, &parameters::Values) -> Result<Engine>),
 }
 
 /// A model with all that its engine brings along.
 pub struct Engine {
     /// Name of the model.
     pub model: &'static str,
-    /// Which form.
-    pub variant: Variant,
+    /// The defects that it keeps, as a list.
+    pub defects: Defects,
     /// The parameters that it was built from.
     pub values: parameters::Values,
     /// The density.
@@ -57,6 +62,8 @@ pub struct Engine {
     pub light: LightModel,
     /// How the engine marches.
     pub march: RealTimeSettings,
+    /// How its pixels are put over a background.
+    pub compositing: Compositing,
     /// The engine's god rays.
     pub god_rays: GodRays,
     /// What is to be said about the parameters.
@@ -75,6 +82,7 @@ impl Engine {
     pub fn with_density(&self, density: Box<dyn DensityModel>) -> Self {
         Self {
             density,
+            defects: self.defects.clone(),
             values: self.values.clone(),
             light: self.light.clone(),
             march: self.march.clone(),
@@ -101,11 +109,18 @@ pub fn find(id: &str) -> Result<&'static Model> {
 }
 
 impl Model {
-    /// Its engine for a scene, after `seconds` of animation.
-    pub fn engine(&self, scene: &Scene, values: &parameters::Values, variant: Variant, seconds: f64) -> Result<Engine> {
+    /// Its engine for a scene, after `seconds` of animation. An error where a defect to be kept is not the model's.
+    pub fn engine(
+        &self,
+        scene: &Scene,
+        values: &parameters::Values,
+        defects: &Defects,
+        seconds: f64,
+    ) -> Result<Engine> {
+        let defects = defects.of_model(self)?;
         match self.build {
-            Build::Alone(build) => build(values, variant, seconds),
-            Build::OfScene(build) => build(scene, values, variant),
+            Build::Alone(build) => build(values, &defects, seconds),
+            Build::OfScene(build) => build(scene, values),
         }
     }
 

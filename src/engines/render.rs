@@ -8,10 +8,10 @@ use crate::base::error::{Error, Result};
 use crate::base::files::json;
 use crate::base::progress::Progress;
 use crate::engines::Engine;
-use crate::engines::light::{LightModel, Variant};
+use crate::engines::light::LightModel;
 use crate::engines::march;
+use crate::engines::march::RealTimeRay;
 use crate::engines::march::adapter::RealTimeKernel;
-use crate::engines::march::{RealTimePixel, RealTimeRay};
 use crate::engines::passes::god_rays::Layer;
 use crate::gpu::Gpu;
 use crate::gpu::{Backend, worker};
@@ -164,7 +164,7 @@ impl<'a> EngineRenderer<'a> {
             for (pixel, parts) in pixels.zip(found.chunks_exact(strata * strata)) {
                 let mut mean = [0.0; 4];
                 for part in parts {
-                    let shown = composite(part, engine.variant, (!scene.film.transparent).then_some(background));
+                    let shown = engine.compositing.composite(part, (!scene.film.transparent).then_some(background));
                     for channel in 0..4 {
                         mean[channel] += shown[channel] / parts.len() as f64;
                     }
@@ -173,7 +173,7 @@ impl<'a> EngineRenderer<'a> {
                 image.pixels[pixel] =
                     [mean[0] * exposure, mean[1] * exposure, mean[2] * exposure, mean[3]].map(|value| value as f32);
                 if settings.god_rays {
-                    let alpha: f64 = parts.iter().map(|part| alpha(part, engine.variant)).sum();
+                    let alpha: f64 = parts.iter().map(|part| engine.compositing.alpha(part)).sum();
                     through.push((1.0 - alpha / parts.len() as f64) as f32);
                 }
             }
@@ -184,7 +184,7 @@ impl<'a> EngineRenderer<'a> {
         }
         for (name, value) in [
             ("renderer", format!("cloudparity {} engine {}", env!("CARGO_PKG_VERSION"), engine.model)),
-            ("variant", json(&engine.variant)),
+            ("defects", engine.defects.to_string()),
             ("parameters", json(&engine.values)),
             ("light", json(light)),
             ("march", json(&engine.march)),
@@ -287,31 +287,8 @@ impl Frame {
     }
 }
 
-/// A pixel over the background, or with its alpha where there is none.
-///
-/// As published alpha is what red loses (defect PF-7), and colour, which carries its weight already, is multiplied with it again
-/// where a background is there (defect PF-8).
-fn composite(pixel: &RealTimePixel, variant: Variant, background: Option<[f64; 3]>) -> [f64; 4] {
-    let [red, green, blue] = pixel.radiance;
-    let alpha = alpha(pixel, variant);
-    let Some(background) = background else { return [red, green, blue, alpha] };
-    let mixed: [f64; 3] = std::array::from_fn(|channel| match variant {
-        Variant::AsPublished => pixel.radiance[channel] * alpha + (1.0 - alpha) * background[channel],
-        Variant::Fixed => pixel.radiance[channel] + pixel.transmittance[channel] * background[channel],
-    });
-    [mixed[0], mixed[1], mixed[2], 1.0]
-}
-
-fn alpha(pixel: &RealTimePixel, variant: Variant) -> f64 {
-    match variant {
-        Variant::AsPublished => 1.0 - pixel.transmittance[0],
-        Variant::Fixed => 1.0 - pixel.transmittance.iter().sum::<f64>() / 3.0,
-    }
-}
-
 /// Adds the engine's god rays: the sun's glow times what the cloud lets through, at half the resolution, blurred towards the sun.
-/// The original never renders that picture (defect PF-11). As published a sun behind the camera shines from the mirrored point; mended the
-/// rays fade out before (defect PF-13).
+/// The original never renders that picture (defect PF-11).
 fn add_god_rays(
     image: &mut Image,
     scene: &Scene,
@@ -336,10 +313,7 @@ fn add_god_rays(
             "Leave --god-rays out, or take another camera.",
         ));
     };
-    let fade = match engine.variant {
-        Variant::AsPublished => 1.0,
-        Variant::Fixed => smooth(0.0, FADE, cosine),
-    };
+    let fade = if engine.god_rays.from_behind { 1.0 } else { smooth(0.0, FADE, cosine) };
     let [width, height] = [image.width.div_ceil(2), image.height.div_ceil(2)];
     let mut occlusion = Layer { width, height, pixels: vec![[0.0; 3]; width * height] };
     for (index, pixel) in occlusion.pixels.iter_mut().enumerate() {

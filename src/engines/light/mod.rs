@@ -13,16 +13,6 @@ use glam::DVec3;
 use serde::{Deserialize, Serialize};
 use terms::Terms;
 
-/// Which form of a published system is meant.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
-#[serde(rename_all = "kebab-case")]
-pub enum Variant {
-    /// With the defects that the original has.
-    AsPublished,
-    /// The same model with its defects mended.
-    Fixed,
-}
-
 /// A sum of two Henyey-Greenstein phase functions, normalised to 1 over the sphere.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct TwoLobes {

@@ -276,12 +276,12 @@ pub fn set(light: &mut LightModel, name: &str, value: f64, place: &str) -> Resul
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::engines::light::Variant;
+    use crate::engines::defects::Defects;
     use crate::engines::parameters::Values;
     use crate::engines::perlin_fbm::settings;
 
     fn light() -> LightModel {
-        settings::light(&Values::defaults(settings::PARAMETERS), Variant::Fixed)
+        settings::light(&Values::defaults(settings::PARAMETERS), &Defects::NONE)
     }
 
     #[test]

@@ -19,12 +19,15 @@ pub struct GodRays {
     pub exposure: f64,
     /// Reads per pixel.
     pub samples: u32,
+    /// Whether they stay as they are when the sun stands beside or behind the camera, where its point on the screen is a mirrored one;
+    /// else they fade out before.
+    pub from_behind: bool,
 }
 
 impl Default for GodRays {
     /// The published engine's.
     fn default() -> Self {
-        Self { density: 0.96, decay: 0.95, weight: 0.5, exposure: 0.6, samples: 100 }
+        Self { density: 0.96, decay: 0.95, weight: 0.5, exposure: 0.6, samples: 100, from_behind: false }
     }
 }
 

@@ -1,3 +1,4 @@
 //! Passes over a finished picture.
 
+pub mod compositing;
 pub mod god_rays;

@@ -9,6 +9,7 @@
 
 pub mod adapter;
 pub mod bake;
+pub mod defects;
 pub mod mask;
 pub mod noise;
 pub mod random;
@@ -91,16 +92,18 @@ pub static MODEL: Model = Model {
             byte texture, tiled across a box, and masked by a flattened sphere that two more textures deform.",
     parameters: settings::PARAMETERS,
     qualities: settings::QUALITIES,
-    build: Build::Alone(|values, variant, seconds| {
-        let (parameters, warnings) = settings::parameters(values, variant, seconds)?;
+    defects: defects::DEFECTS,
+    build: Build::Alone(|values, defects, seconds| {
+        let (parameters, warnings) = settings::parameters(values, defects, seconds)?;
         Ok(Engine {
             model: MODEL.id,
-            variant,
+            defects: defects.clone(),
             values: values.clone(),
             density: Box::new(Cloud::new(parameters)?),
-            light: settings::light(values, variant),
-            march: settings::march(values, variant),
-            god_rays: settings::god_rays(values),
+            light: settings::light(values, defects),
+            march: settings::march(values, defects),
+            compositing: settings::compositing(defects),
+            god_rays: settings::god_rays(values, defects),
             warnings,
             averages: std::sync::OnceLock::new(),
         })

@@ -4,12 +4,15 @@
 //! the values that the mask itself begins with, the only ones with which it works as published.
 
 use crate::base::error::Result;
+use crate::engines::defects::Defects;
 use crate::engines::light::terms::Terms;
-use crate::engines::light::{LightModel, ShadowExtinction, ShadowLength, ShadowMarch, SourceFactor, TwoLobes, Variant};
+use crate::engines::light::{LightModel, ShadowExtinction, ShadowLength, ShadowMarch, SourceFactor, TwoLobes};
 use crate::engines::march::RealTimeSettings;
 use crate::engines::parameters::{Parameter, Range, Values};
+use crate::engines::passes::compositing::Compositing;
 use crate::engines::passes::god_rays::GodRays;
 use crate::engines::perlin_fbm::bake::{Bake, LARGEST, MOST_OCTAVES};
+use crate::engines::perlin_fbm::defects;
 use crate::engines::perlin_fbm::mask::{Deformation, Mask};
 use crate::engines::perlin_fbm::noise::Octaves;
 use crate::engines::perlin_fbm::{Evaluation, Parameters, TINT};
@@ -81,7 +84,7 @@ pub const PARAMETERS: &[Parameter] = &[
     parameter("god_ray_weight", 0.5, Range::NotNegative, [0.0, 1.0], "", "weight of the first read"),
     parameter("god_ray_exposure", 0.6, Range::NotNegative, [0.0, 1.0], "", "another factor on the god rays"),
     parameter("god_ray_samples", 100.0, Range::Whole(1, 10_000), [1.0, 128.0], "", "reads per pixel"),
-    parameter("albedo", 1.0, UNIT, [0.0, 1.0], "", "single-scattering albedo; fixed form only"),
+    parameter("albedo", 1.0, UNIT, [0.0, 1.0], "", "single-scattering albedo; without defect PF-5 only"),
 ];
 
 /// Levels of quality as the engine names them. The engine applies one always, so that its mandatory 44 steps and 1 become 30 and 2
@@ -113,9 +116,9 @@ fn default_of(name: &str) -> f64 {
     Values::defaults(PARAMETERS).get(name)
 }
 
-/// What makes the density, after `seconds` of animation, and what is to be said about it: each defect of the parameters by
-/// name.
-pub fn parameters(values: &Values, variant: Variant, seconds: f64) -> Result<(Parameters, Vec<String>)> {
+/// What makes the density with the defects that are `kept`, after `seconds` of animation, and what is to be said about it: each defect of
+/// the parameters by name.
+pub fn parameters(values: &Values, kept: &Defects, seconds: f64) -> Result<(Parameters, Vec<String>)> {
     let get = |name: &str| values.get(name);
     let mut warnings = Vec::new();
     let mut radius = get("mask_radius");
@@ -124,12 +127,11 @@ pub fn parameters(values: &Values, variant: Variant, seconds: f64) -> Result<(Pa
         if value > 0.0 {
             return value;
         }
-        let outcome = match variant {
-            Variant::Fixed => "it counts as 1, no flattening",
-            Variant::AsPublished => {
-                radius = 0.0;
-                "as published there is no cloud"
-            }
+        let outcome = if kept.has(&defects::FLATTENING_BY_ZERO) {
+            radius = 0.0;
+            "as published there is no cloud"
+        } else {
+            "it counts as 1, no flattening"
         };
         warnings.push(format!("parameter {name} is {value}, which divides by zero: {outcome} (defect PF-1)"));
         1.0
@@ -138,11 +140,8 @@ pub fn parameters(values: &Values, variant: Variant, seconds: f64) -> Result<(Pa
         ["flatten_x_negative", "flatten_bottom", "flatten_z_negative"].map(&mut flattening),
         ["flatten_x_positive", "flatten_top", "flatten_z_positive"].map(&mut flattening),
     ];
-    // The original makes the textures of the mask once, from what its mask begins with (defect PF-3).
-    let reaching = |name: &str| match variant {
-        Variant::AsPublished => default_of(name),
-        Variant::Fixed => get(name),
-    };
+    // The original makes the textures of the mask once, from what its mask begins with.
+    let reaching = |name: &str| if kept.has(&defects::MASK_NOISE_KEPT) { default_of(name) } else { get(name) };
     let deformation = |seed: &str, strength: &str, frequency: &str| Deformation {
         seed: reaching(seed),
         strength: get(strength),
@@ -171,8 +170,7 @@ pub fn parameters(values: &Values, variant: Variant, seconds: f64) -> Result<(Pa
                 deformation("mask_seed", "noise_strength", "noise_frequency"),
                 deformation("detail_seed", "detail_strength", "detail_frequency"),
             ],
-            // The original never uploads them (defect PF-2).
-            reads_textures: variant == Variant::Fixed,
+            reads_textures: !kept.has(&defects::MASK_NOT_UPLOADED),
         },
         tiling: get("tiling"),
         offset,
@@ -182,7 +180,7 @@ pub fn parameters(values: &Values, variant: Variant, seconds: f64) -> Result<(Pa
         shows_mask: get("show_mask") == 1.0,
         evaluation: if get("exact") == 1.0 { Evaluation::Exact } else { Evaluation::Baked },
     };
-    if variant == Variant::AsPublished && parameters.opacity * TINT[0] < 1.0 {
+    if kept.has(&defects::SOURCE_OF_DENSITY) && parameters.opacity * TINT[0] < 1.0 {
         warnings.push(format!(
             "parameter opacity is {}: as published the albedo is 1 / (opacity x {}), above 1 in red (defect PF-5)",
             parameters.opacity, TINT[0]
@@ -192,13 +190,16 @@ pub fn parameters(values: &Values, variant: Variant, seconds: f64) -> Result<(Pa
 }
 
 /// The engine's light: a white sun of intensity 1 from (1, 1, 1), an ambient radiance of 0.3, two lobes.
-pub fn light(values: &Values, variant: Variant) -> LightModel {
-    let (shadow_length, extinction, source) = match variant {
-        // Defects PF-4 and PF-5.
-        Variant::AsPublished => (ShadowLength::Fixed(1.0), ShadowExtinction::Density, SourceFactor::Density),
-        Variant::Fixed => {
-            (ShadowLength::ToExit, ShadowExtinction::View, SourceFactor::Albedo([values.get("albedo"); 3]))
-        }
+pub fn light(values: &Values, kept: &Defects) -> LightModel {
+    let (shadow_length, extinction) = if kept.has(&defects::SHORT_SHADOW) {
+        (ShadowLength::Fixed(1.0), ShadowExtinction::Density)
+    } else {
+        (ShadowLength::ToExit, ShadowExtinction::View)
+    };
+    let source = if kept.has(&defects::SOURCE_OF_DENSITY) {
+        SourceFactor::Density
+    } else {
+        SourceFactor::Albedo([values.get("albedo"); 3])
     };
     LightModel {
         sun_direction: [1.0; 3],
@@ -212,25 +213,30 @@ pub fn light(values: &Values, variant: Variant) -> LightModel {
 }
 
 /// How the engine marches.
-pub fn march(values: &Values, variant: Variant) -> RealTimeSettings {
-    let is_published = variant == Variant::AsPublished;
+pub fn march(values: &Values, kept: &Defects) -> RealTimeSettings {
+    let is_plain = kept.has(&defects::PLAIN_SUM);
     RealTimeSettings {
         steps: values.get("march_steps") as u32,
-        // Defects PF-6 and PF-9.
-        integration: if is_published { Integration::Plain } else { Integration::EnergyConserving },
-        exit_fade: is_published,
+        integration: if is_plain { Integration::Plain } else { Integration::EnergyConserving },
+        exit_fade: kept.has(&defects::EXIT_FADE),
         least_density: 0.01,
         least_transmittance: 0.01,
     }
 }
 
+/// How the engine's pixels are put over a background.
+pub fn compositing(kept: &Defects) -> Compositing {
+    Compositing { alpha_of_red: kept.has(&defects::ALPHA_OF_RED), alpha_twice: kept.has(&defects::ALPHA_TWICE) }
+}
+
 /// The engine's god rays.
-pub fn god_rays(values: &Values) -> GodRays {
+pub fn god_rays(values: &Values, kept: &Defects) -> GodRays {
     GodRays {
         density: values.get("god_ray_density"),
         decay: values.get("god_ray_decay"),
         weight: values.get("god_ray_weight"),
         exposure: values.get("god_ray_exposure"),
         samples: values.get("god_ray_samples") as u32,
+        from_behind: kept.has(&defects::GOD_RAYS_FROM_BEHIND),
     }
 }

@@ -11,9 +11,10 @@ use crate::base::files::sha256;
 use crate::base::progress::Progress;
 use crate::bridge;
 use crate::bridge::Kernel;
+use crate::engines::defects::Defects;
 use crate::engines::graph::GraphDensity;
 use crate::engines::light::models::LIGHTS;
-use crate::engines::light::{SourceFactor, TwoLobes, Variant};
+use crate::engines::light::{SourceFactor, TwoLobes};
 use crate::engines::parameters::Values;
 use crate::engines::render;
 use crate::engines::render::{EngineJitter, EngineSettings, box_of, container_side};
@@ -180,8 +181,8 @@ pub fn run(
         ));
     }
     std::fs::create_dir_all(folder).map_err(|cause| Error::io(folder, "a folder for the results", &cause))?;
-    let engine = |variant| model.engine(scene, values, variant, 0.0);
-    let mended = engine(Variant::Fixed)?;
+    let engine = |defects: &Defects| model.engine(scene, values, defects, 0.0);
+    let mended = engine(&Defects::NONE)?;
     let (extinction, light) = (mended.density.extinction(), mended.light.clone());
     let SourceFactor::Albedo([albedo, ..]) = light.source else {
         unreachable!("the mended form of an engine has an albedo");
@@ -244,9 +245,9 @@ pub fn run(
     };
     let engine_settings =
         EngineSettings { jitter: EngineJitter::None, frame: 0, sub_pixels: settings.sub_pixels, god_rays: false };
-    let mut lights = vec![(engine(Variant::AsPublished)?, "as-published", "Light as published".to_owned())];
+    let mut lights = vec![(engine(&Defects::ALL)?, "as-published", "Light as published".to_owned())];
     for named in LIGHTS {
-        let mut mended = engine(Variant::Fixed)?;
+        let mut mended = engine(&Defects::NONE)?;
         named.apply(&mut mended.light)?;
         lights.push((mended, named.id, format!("Light {}: {}", named.id, named.about)));
     }
@@ -383,8 +384,8 @@ pub fn path_scene(scene: &Scene, engine: &Engine, voxels: usize) -> Result<Scene
         return Err(Error::new(
             format!("density model {}", engine.model),
             "a source that is no albedo times extinction",
-            "the mended form",
-            "Give --variant fixed.",
+            "one that has an albedo",
+            "Leave out the defect that takes it away, or give --defects none.",
         ));
     };
     let densities = sample(scene, engine.density.as_ref(), voxels)?;

@@ -4,7 +4,8 @@ use crate::base::error::{Error, Result};
 use crate::base::files;
 use crate::engines;
 use crate::engines::Engine;
-use crate::engines::light::{Variant, models};
+use crate::engines::defects::Defects;
+use crate::engines::light::models;
 use crate::engines::render::{EngineJitter, EngineSettings};
 use crate::measure::study::curves::PARTS;
 use crate::measure::study::errors::FEWEST_REPLICAS;
@@ -150,6 +151,9 @@ pub struct Axes {
     /// Where in its steps a ray takes its samples.
     #[serde(default = "no_jitter")]
     pub jitter: Vec<EngineJitter>,
+    /// Defects of the published densities that their engines keep.
+    #[serde(default = "no_defects", skip_serializing_if = "are_mended")]
+    pub defects: Vec<Defects>,
 }
 
 pub(crate) fn no_cache() -> Vec<CacheAxis> {
@@ -158,6 +162,14 @@ pub(crate) fn no_cache() -> Vec<CacheAxis> {
 
 fn one_ray() -> Vec<u32> {
     vec![1]
+}
+
+fn no_defects() -> Vec<Defects> {
+    vec![Defects::NONE]
+}
+
+fn are_mended(defects: &[Defects]) -> bool {
+    defects == [Defects::NONE]
 }
 
 fn no_jitter() -> Vec<EngineJitter> {
@@ -222,6 +234,9 @@ pub struct Combination {
     pub sub_pixels: u32,
     /// Where in its steps a ray takes its samples.
     pub jitter: EngineJitter,
+    /// Defects that the engine keeps; left out where there are none, so that runs of studies without them keep their names.
+    #[serde(default, skip_serializing_if = "Defects::is_none")]
+    pub defects: Defects,
 }
 
 /// A combination that is left out.
@@ -285,6 +300,7 @@ impl StudyFile {
             ("caches", axes.caches.len()),
             ("sub_pixels", axes.sub_pixels.len()),
             ("jitter", axes.jitter.len()),
+            ("defects", axes.defects.len()),
         ];
         if let Some((name, _)) = lengths.iter().find(|(_, length)| *length == 0) {
             return wrong(&format!("axes.{name}"), "an empty list".into(), "at least one value".into());
@@ -326,8 +342,11 @@ impl StudyFile {
                 for (&light_steps, &cache) in
                     axes.light_steps.iter().flat_map(|steps| axes.caches.iter().map(move |cache| (steps, cache)))
                 {
-                    for (&sub_pixels, &jitter) in
-                        axes.sub_pixels.iter().flat_map(|rays| axes.jitter.iter().map(move |jitter| (rays, jitter)))
+                    for ((&sub_pixels, &jitter), defects) in axes
+                        .sub_pixels
+                        .iter()
+                        .flat_map(|rays| axes.jitter.iter().map(move |jitter| (rays, jitter)))
+                        .flat_map(|one| axes.defects.iter().map(move |defects| (one, defects)))
                     {
                         let combination = Combination {
                             scene: scene.name.clone(),
@@ -338,6 +357,7 @@ impl StudyFile {
                             cache,
                             sub_pixels,
                             jitter,
+                            defects: defects.clone(),
                         };
                         match self.meaningless(scene, &combination) {
                             Some(reason) => skipped.push(Skipped { combination, reason }),
@@ -357,6 +377,14 @@ impl StudyFile {
             return Some(
                 "the density is no graph: it has no density cache, and one of the caches stands for all".into(),
             );
+        }
+        let model = engines::find(&combination.density).expect("it was checked");
+        let Ok(kept) = combination.defects.of_model(model) else {
+            return Some(format!("density model {} has none of the defects {}", model.id, combination.defects));
+        };
+        let before = self.axes.defects.iter().take_while(|other| **other != combination.defects);
+        if before.filter_map(|other| other.of_model(model).ok()).any(|other| other == kept) {
+            return Some(format!("density model {} has these defects in an earlier value of the axis", model.id));
         }
         let is_dark = scene.lights.iter().all(|light| light.strength == 0.0);
         if is_dark && combination.light_steps != self.axes.light_steps[0] {
@@ -456,7 +484,7 @@ impl Combination {
             settings.push(format!("cache_format={format}"));
         }
         settings.extend_from_slice(parameters);
-        model.engine(scene, &model.values(None, &settings)?, Variant::Fixed, 0.0)
+        model.engine(scene, &model.values(None, &settings)?, &self.defects, 0.0)
     }
 
     /// How the engine's picture is made.
@@ -475,6 +503,9 @@ impl Combination {
         }
         if self.jitter == EngineJitter::BlueNoise {
             text += ", blue noise";
+        }
+        if !self.defects.is_none() {
+            text += &format!(", defects {}", self.defects);
         }
         text
     }
@@ -525,6 +556,15 @@ pub(crate) fn at(error: Error, place: &str, path: &str) -> Error {
     Error { place: format!("{place}, {path}"), ..error }
 }
 
+/// What to do about a file that cannot be read, by the reader's message. `variant` is what `defects` was once called.
+pub(crate) fn remedy(message: &str, document: &str) -> String {
+    if message.contains("unknown field `variant`") {
+        return "Write defects = \"all\" in the place of \"as-published\", defects = \"none\" in that of \"fixed\"."
+            .into();
+    }
+    format!("Correct it; {document} describes the format.")
+}
+
 /// Reads TOML; an error has the line and the path of what is wrong, and names the document that describes the format.
 pub(crate) fn read_toml<T: serde::de::DeserializeOwned>(text: &str, place: &str, document: &str) -> Result<T> {
     let error = |cause: &toml::de::Error, path: Option<String>| {
@@ -533,12 +573,7 @@ pub(crate) fn read_toml<T: serde::de::DeserializeOwned>(text: &str, place: &str,
         if let Some(path) = path {
             place += &format!(", {path}");
         }
-        Error::new(
-            place,
-            cause.message(),
-            "a file of this kind",
-            format!("Correct it; {document} describes the format."),
-        )
+        Error::new(place, cause.message(), "a file of this kind", remedy(cause.message(), document))
     };
     let deserializer = toml::Deserializer::parse(text).map_err(|cause| error(&cause, None))?;
     serde_path_to_error::deserialize(deserializer).map_err(|cause| {
@@ -578,6 +613,13 @@ mod tests {
         seen.sort();
         seen.dedup();
         assert_eq!(seen.len(), 24);
+        // A graph has no defects, so that none is all; PF-4 is not among what it could keep.
+        let kept = STUDY.replace("caches =", "defects = [\"none\", \"PF-4\", \"all\"]\ncaches =");
+        let (with_defects, left_out) =
+            StudyFile::parse(&kept, "test").expect("a study").expand(std::slice::from_ref(&scene));
+        assert_eq!((with_defects.len(), left_out.len()), (16 + 3 * 8, 3 * 32 - 40));
+        assert!(with_defects.iter().all(|one| one.density == "perlin-fbm" || one.defects.is_none()));
+        assert!(left_out.iter().any(|skipped| skipped.reason.contains("none of the defects PF-4")));
         scene.lights.iter_mut().for_each(|light| light.strength = 0.0);
         let (wanted, skipped) = study.expand(&[scene]);
         assert_eq!((wanted.len(), skipped.len()), (6, 26));
@@ -622,6 +664,9 @@ mod tests {
         assert!(error("[16, 9]", "[0, 9]").place.contains("resolution"));
         assert!(error("study/1", "study/2").expected.contains(FORMAT));
         assert!(error("title = \"test\"", "title = ").place.contains("line 3"));
+        assert!(error("caches =", "defects = []\ncaches =").place.contains("axes.defects"));
+        assert!(error("caches =", "defects = [\"PF-99\"]\ncaches =").to_string().contains("PF-4, PF-5"));
+        assert!(error("caches =", "variant = \"fixed\"\ncaches =").remedy.contains("defects = "));
         assert!(error("cells = 32", "cells = 4096").place.contains("axes.caches"));
         let curves = |text: &str| error("[axes]", &format!("[curves]\n{text}\n[axes]"));
         assert!(curves("path = [0]").place.contains("curves.path"));

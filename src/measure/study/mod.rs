@@ -528,15 +528,16 @@ impl Results {
         files::write_atomically(&folder.join("results.csv"), self.csv().as_bytes())
     }
 
-    /// One line per run, with every setting and figure; names hold neither commas nor quotes but for scenes', which are quoted.
+    /// One line per run, with every setting and figure; names hold neither commas nor quotes but for scenes' and defects, which are quoted.
     pub fn csv(&self) -> String {
         let mut text = String::from(
-            "scene,density,light,steps,light_steps,cache_cells,cache_format,sub_pixels,jitter,seconds,seconds_smallest,\
+            "scene,density,light,steps,light_steps,cache_cells,cache_format,sub_pixels,jitter,defects,seconds,seconds_smallest,\
              seconds_largest,wall_seconds,prepare_seconds,relmse,relmse_standard_error,rms,rms_standard_error,bias,\
              bias_standard_error,flip,cost,on_front\n",
         );
         for run in &self.runs {
-            let Combination { scene, density, light, steps, light_steps, cache, sub_pixels, jitter } = &run.combination;
+            let Combination { scene, density, light, steps, light_steps, cache, sub_pixels, jitter, defects } =
+                &run.combination;
             let fields = [
                 format!("\"{}\"", scene.replace('"', "\"\"")),
                 density.clone(),
@@ -547,6 +548,7 @@ impl Results {
                 files::word(&cache.format),
                 sub_pixels.to_string(),
                 files::word(jitter),
+                format!("\"{defects}\""),
                 run.seconds.median.to_string(),
                 run.seconds.smallest.to_string(),
                 run.seconds.largest.to_string(),
@@ -701,6 +703,7 @@ pub(crate) fn machine() -> String {
 mod tests {
     use super::file::CacheAxis;
     use super::*;
+    use crate::engines::defects::Defects;
     use crate::engines::render::EngineJitter;
     use crate::media::density_cache::CacheFormat;
     use errors::Uncertain;
@@ -719,6 +722,7 @@ mod tests {
                 cache: CacheAxis { cells: 0, format: CacheFormat::F16 },
                 sub_pixels: 1,
                 jitter: EngineJitter::None,
+                defects: Defects::NONE,
             },
             errors: Errors { relmse: exact(relmse), rms: exact(0.0), bias: exact(0.0) },
             flip: None,

@@ -4,7 +4,7 @@ use crate::base::error::{Error, Result};
 use crate::base::files;
 use crate::base::progress::Progress;
 use crate::engines;
-use crate::engines::light::Variant;
+use crate::engines::defects::Defects;
 use crate::gpu::Backend;
 use crate::integrators::path;
 use crate::integrators::path::PathSettings;
@@ -101,13 +101,14 @@ impl Truth {
         Ok((record, images))
     }
 
-    /// The scene that path tracing sees: the scene itself, or a grid of a published density.
+    /// The scene that path tracing sees: the scene itself, or a grid of a published density in its mended form, so that what a defect does
+    /// to the medium is an error, too.
     pub fn medium(&self, scene: &Scene, density: &str) -> Result<Scene> {
         let model = engines::find(density)?;
         if model.id == engines::graph::MODEL.id {
             return Ok(scene.clone());
         }
-        let engine = model.engine(scene, &model.values(None, &[])?, Variant::Fixed, 0.0)?;
+        let engine = model.engine(scene, &model.values(None, &[])?, &Defects::NONE, 0.0)?;
         comparison::path_scene(scene, &engine, self.voxels)
     }
 }

@@ -3,6 +3,7 @@
 use crate::base::error::{Error, Result};
 use crate::base::files;
 use crate::engines;
+use crate::engines::defects::Defects;
 use crate::engines::light::models;
 use crate::engines::parameters;
 use crate::measure::study::file::{CacheAxis, Quality, SceneAxis, Truth, at, check_resolution, no_cache, read_toml};
@@ -63,6 +64,9 @@ pub struct TunedEngine {
     /// Rays per pixel and axis.
     #[serde(default = "one")]
     pub sub_pixels: u32,
+    /// Defects of the published density that the engine keeps.
+    #[serde(default)]
+    pub defects: Defects,
 }
 
 fn one_cache() -> CacheAxis {
@@ -191,6 +195,7 @@ impl TuningFile {
         check_resolution(self.resolution, place)?;
         self.truth.check(place)?;
         let model = engines::find(&self.engine.density).map_err(|error| at(error, place, "engine.density"))?;
+        self.engine.defects.of_model(model).map_err(|error| at(error, place, "engine.defects"))?;
         models::find(&self.engine.light).map_err(|error| at(error, place, "engine.light"))?;
         for (quality, value) in [
             (&Quality::STEPS, self.engine.steps),
@@ -292,6 +297,12 @@ mod tests {
         assert!(error("initial = 1.0", "initial = 9.0").found.contains('9'));
         assert!(error("\"perlin-fbm\"", "\"fog\"").place.contains("engine.density"));
         assert!(error("\"octaves\"", "\"moon\"").place.contains("engine.light"));
+        assert!(error("steps = 8", "steps = 8\ndefects = \"PF-99\"").to_string().contains("PF-4, PF-5"));
+        let old = error("steps = 8", "steps = 8\nvariant = \"fixed\"");
+        assert!(old.place.contains("line") && old.remedy.contains("defects = "), "{old}");
+        let of_another =
+            FILE.replace("\"perlin-fbm\"", "\"graph\"").replace("steps = 8", "steps = 8\ndefects = \"PF-4\"");
+        assert!(TuningFile::parse(&of_another, "a").expect_err("refused").place.contains("engine.defects"));
         assert!(error("steps = 8", "steps = 0").place.contains("engine.steps"));
         assert!(error("train = [{ file = \"a.scene.json\" }]", "train = []").place.contains("train"));
         assert!(error("contribution =", "density.fog =").to_string().contains("fog"));

@@ -557,6 +557,7 @@ impl file::TunedEngine {
             cache: self.cache,
             sub_pixels: self.sub_pixels,
             jitter: EngineJitter::None,
+            defects: self.defects.clone(),
         }
     }
 }

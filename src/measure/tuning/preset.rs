@@ -4,7 +4,7 @@ use crate::base::error::{Error, Result};
 use crate::base::files;
 use crate::engines::Engine;
 use crate::engines::light::{LightModel, models};
-use crate::measure::study::file::Combination;
+use crate::measure::study::file::{Combination, remedy};
 use crate::measure::tuning::file::{Owner, TunedEngine, owner};
 use crate::measure::tuning::{Outcome, Scored};
 use crate::scene::Scene;
@@ -61,7 +61,9 @@ impl Preset {
         let mut deserializer = serde_json::Deserializer::from_str(&text);
         let preset: Self = serde_path_to_error::deserialize(&mut deserializer).map_err(|cause| {
             let at = format!("{place}, line {}, $.{}", cause.inner().line(), cause.path());
-            Error::new(at, cause.inner().to_string(), "a preset", "Correct it; docs/tuning.md describes the format.")
+            let message = cause.inner().to_string();
+            let remedy = remedy(&message, "docs/tuning.md");
+            Error::new(at, message, "a preset", remedy)
         })?;
         if preset.format == FORMAT {
             return Ok(preset);
