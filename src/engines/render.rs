@@ -1,36 +1,32 @@
-//! A published cloud engine in a scene: its density in the scene's box, its march and light, the scene's camera, sun and world.
+//! An engine in a scene: its density in its domain, its march and light, the scene's camera, suns and world.
 //!
-//! The box of the scene's volume is the engine's container, and must be a cube; the engine's y axis is the box's z axis, and its z
-//! axis the box's -y axis. The sun delivers `strength` and the world's radiance is the ambient one, so that the engine's picture and a
-//! path-traced one are of one scene.
+//! A sun delivers its `strength`, and the world's mean radiance over all directions is the ambient one; behind the cloud stands the world
+//! itself. So the engine's picture and a path-traced one are of one scene.
 
 use crate::base::error::{Error, Result};
 use crate::base::files::json;
 use crate::base::progress::Progress;
 use crate::engines::Engine;
+use crate::engines::domain::Container;
 use crate::engines::light::LightModel;
-use crate::engines::march;
+use crate::engines::light::Sun;
 use crate::engines::march::RealTimeRay;
-use crate::engines::march::adapter::RealTimeKernel;
+use crate::engines::march::adapter::MarchKernel;
 use crate::engines::passes::god_rays::Layer;
 use crate::gpu::Gpu;
 use crate::gpu::{Backend, worker};
-use crate::media::averages::WithCoarse;
-use crate::media::density::DensityModel;
 use crate::media::transfer::smooth;
+use crate::scene::Scene;
 use crate::scene::image::Image;
-use crate::scene::{self, Bounds, Scene};
 use crate::view::camera::Camera;
+use crate::view::environment::Environment;
 use crate::view::lights::{Source, delta_lights, world_radiance};
 use crate::view::{blue_noise, film, memory};
-use glam::{DAffine3, DMat3, DVec2, DVec3};
+use glam::{DVec2, DVec3};
 use serde::{Deserialize, Serialize};
 
 /// Pixels that are marched between two reports.
 const PIXELS: usize = 1 << 14;
-
-/// How far a box's sides may differ, as a share: what matrices in single precision leave.
-const CUBE: f64 = 1e-5;
 
 /// Memory that a picture takes at most while it is made, per pixel: rays, their results, the pixel and its channels for the file.
 const BYTES_PER_PIXEL: u64 = 256;
@@ -88,49 +84,63 @@ fn check_memory(scene: &Scene, settings: &EngineSettings) -> Result<()> {
 pub struct EngineRenderer<'a> {
     scene: &'a Scene,
     engine: &'a Engine,
-    frame: Frame,
     light: LightModel,
-    /// The density with its averages, where the light reads them.
-    averaged: Option<WithCoarse<'a>>,
-    adapter: Option<(&'a Gpu, RealTimeKernel<'a>)>,
+    background: Background,
+    adapter: Option<(&'a Gpu, MarchKernel<'a>)>,
+}
+
+/// What stands behind the cloud.
+enum Background {
+    Constant([f64; 3]),
+    Picture(Environment),
+}
+
+impl Background {
+    fn of(scene: &Scene) -> Result<Self> {
+        Ok(Environment::load(scene)?.map_or_else(|| Self::Constant(world_radiance(scene)), Self::Picture))
+    }
+
+    /// Radiance from a unit direction.
+    fn radiance(&self, direction: DVec3) -> [f64; 3] {
+        match self {
+            Self::Constant(radiance) => *radiance,
+            Self::Picture(picture) => picture.radiance(direction),
+        }
+    }
+
+    /// Mean over all directions.
+    fn mean(&self) -> [f64; 3] {
+        match self {
+            Self::Constant(radiance) => *radiance,
+            Self::Picture(picture) => picture.mean_radiance(),
+        }
+    }
 }
 
 impl<'a> EngineRenderer<'a> {
     /// On the adapter where one is given, else on all cores.
     pub fn new(scene: &'a Scene, engine: &'a Engine, gpu: Option<&'a Gpu>) -> Result<Self> {
-        let frame = Frame::of(scene)?;
-        let mut light = engine.light.clone();
-        frame.light(scene, &mut light)?;
-        let averaged = light
-            .terms
-            .needs_coarse()
-            .then(|| WithCoarse { density: engine.density.as_ref(), coarse: engine.coarse() });
-        let mut renderer = Self { scene, engine, frame, light, averaged, adapter: None };
-        if let Some(gpu) = gpu {
-            let kernel = RealTimeKernel::new(gpu, renderer.density(), &renderer.light, &engine.march)?;
-            renderer.adapter = Some((gpu, kernel));
-        }
-        Ok(renderer)
-    }
-
-    fn density(&self) -> &dyn DensityModel {
-        match &self.averaged {
-            Some(averaged) => averaged,
-            None => self.engine.density.as_ref(),
-        }
+        let background = Background::of(scene)?;
+        let light = lit_by(scene, &background, engine.light.clone())?;
+        let marched = engine.marched(&light)?;
+        let adapter = match gpu {
+            Some(gpu) => Some((gpu, MarchKernel::new(gpu, &marched, &engine.march)?)),
+            None => None,
+        };
+        Ok(Self { scene, engine, light, background, adapter })
     }
 
     /// A picture; its provenance says what was used.
     pub fn picture(&self, settings: &EngineSettings, progress: Progress<'_>) -> Result<Image> {
         check_memory(self.scene, settings)?;
         let begin = std::time::Instant::now();
-        let Self { scene, engine, frame, light, .. } = self;
+        let Self { scene, engine, light, background, .. } = self;
+        let marched = engine.marched(light)?;
         let size = scene.image_size();
         let strata = settings.sub_pixels as usize;
         let camera = Camera::new(scene, size)?;
         let [width, height] = size.map(|side| side as usize);
         let offsets = film::offsets(scene.film.pixel_filter, f64::from(scene.film.filter_width), strata);
-        let background = world_radiance(scene);
         let mut image = Image::new(width, height);
         let mut through: Vec<f32> = Vec::with_capacity(if settings.god_rays { width * height } else { 0 });
         for first in (0..image.pixels.len()).step_by(PIXELS) {
@@ -149,22 +159,20 @@ impl<'a> EngineRenderer<'a> {
                         EngineJitter::BlueNoise => blue_noise::value(column, line, settings.frame),
                     };
                     let ray = camera.ray(raster);
-                    RealTimeRay {
-                        origin: frame.to_box.transform_point3(ray.origin + ray.direction * ray.near),
-                        direction: frame.to_box.transform_vector3(ray.direction * frame.side),
-                        farthest: (ray.far - ray.near) / frame.side,
-                        jitter,
-                    }
+                    let start = ray.origin + ray.direction * ray.near;
+                    engine.container.ray(start, ray.direction, ray.far - ray.near, jitter)
                 })
                 .collect();
             let found = match &self.adapter {
                 Some((_, kernel)) => kernel.march(&rays)?,
-                None => march::march(self.density(), light, &engine.march, &rays)?,
+                None => marched.march(&engine.march, &rays)?,
             };
-            for (pixel, parts) in pixels.zip(found.chunks_exact(strata * strata)) {
+            let per_pixel = strata * strata;
+            for ((pixel, parts), rays) in pixels.zip(found.chunks_exact(per_pixel)).zip(rays.chunks_exact(per_pixel)) {
                 let mut mean = [0.0; 4];
-                for part in parts {
-                    let shown = engine.compositing.composite(part, (!scene.film.transparent).then_some(background));
+                for (part, ray) in parts.iter().zip(rays) {
+                    let behind = (!scene.film.transparent).then(|| background.radiance(ray.direction));
+                    let shown = engine.compositing.composite(part, behind);
                     for channel in 0..4 {
                         mean[channel] += shown[channel] / parts.len() as f64;
                     }
@@ -180,10 +188,11 @@ impl<'a> EngineRenderer<'a> {
             progress((first + PIXELS).min(image.pixels.len()) as f64 / image.pixels.len() as f64, "view rays");
         }
         if settings.god_rays {
-            add_god_rays(&mut image, scene, engine, &camera, frame, light, &through)?;
+            add_god_rays(&mut image, scene, engine, &camera, light, &through)?;
         }
         for (name, value) in [
             ("renderer", format!("cloudparity {} engine {}", env!("CARGO_PKG_VERSION"), engine.model)),
+            ("domain", engine.container.domain.to_string()),
             ("defects", engine.defects.to_string()),
             ("parameters", json(&engine.values)),
             ("light", json(light)),
@@ -201,90 +210,24 @@ impl<'a> EngineRenderer<'a> {
     }
 }
 
-/// The local box of a density model in an object's bounds: object frame to local box.
-pub fn box_of(bounds: &Bounds) -> DAffine3 {
-    let [low, high] = [bounds.min, bounds.max].map(|corner| DVec3::from(corner.map(f64::from)));
-    let extent = high - low;
-    // Columns: the model's x, y and z axis, of which y points up, as edges of the box.
-    let edges = DMat3::from_cols(DVec3::X * extent.x, DVec3::Z * extent.z, DVec3::NEG_Y * extent.y);
-    DAffine3 { matrix3: edges, translation: (low + high) / 2.0 }.inverse()
-}
-
-/// Metres of a side of the scene's box, which must be a cube: the engine's unit of length.
-pub fn container_side(scene: &Scene) -> Result<f64> {
-    Ok(Frame::of(scene)?.side)
-}
-
-/// The engine's container in the scene.
-struct Frame {
-    /// World to local box.
-    to_box: DAffine3,
-    /// Metres of a side.
-    side: f64,
-}
-
-impl Frame {
-    fn of(scene: &Scene) -> Result<Self> {
-        let volume = &scene.volume;
-        let to_world = scene::matrix_to_glam(&volume.matrix_world);
-        let extent = DVec3::from(volume.bounds.max.map(f64::from)) - DVec3::from(volume.bounds.min.map(f64::from));
-        let axes = [to_world.x_axis, to_world.y_axis, to_world.z_axis].map(|axis| axis.truncate());
-        let edges: [DVec3; 3] = std::array::from_fn(|axis| axes[axis] * extent[axis]);
-        let side = edges[0].length();
-        let is_cube = (0..3).all(|axis| {
-            let next = (axis + 1) % 3;
-            (edges[axis].length() - side).abs() <= CUBE * side
-                && edges[axis].dot(edges[next]).abs() <= CUBE * side * side
-        });
-        if !is_cube || side == 0.0 {
-            let lengths = edges.map(|edge| format!("{:.4}", edge.length())).join(" x ");
+/// A light model under a scene's suns and world.
+fn lit_by(scene: &Scene, background: &Background, mut light: LightModel) -> Result<LightModel> {
+    let exposure = light.terms.exposure;
+    let exposed = |light: [f64; 3]| light.map(|channel| channel * exposure);
+    light.ambient = exposed(background.mean());
+    light.suns.clear();
+    for (number, found) in delta_lights(scene)?.iter().enumerate() {
+        let Source::Direction(towards) = found.source else {
             return Err(Error::new(
-                format!("object {}", volume.object),
-                format!("a box of {lengths} m"),
-                "a cube, which is what the engine's container is",
-                "Give the object sides of one length, or take a scene with such a box.",
+                format!("light {}", scene.lights[number].name),
+                "a light that is no sun",
+                "suns: engines know light from directions alone",
+                "Take the light away, or give another integrator.",
             ));
-        }
-        Ok(Self { to_box: box_of(&volume.bounds) * DAffine3::from_mat4(to_world.inverse()), side })
+        };
+        light.suns.push(Sun { direction: towards.to_array(), irradiance: exposed(found.power) });
     }
-
-    /// Puts the scene's sun and world into a light model.
-    fn light(&self, scene: &Scene, light: &mut LightModel) -> Result<()> {
-        let exposure = light.terms.exposure;
-        light.sun = [0.0; 3];
-        let exposed = |light: [f64; 3]| light.map(|channel| channel * exposure);
-        light.ambient = exposed(world_radiance(scene));
-        let lights = delta_lights(scene)?;
-        for (number, found) in lights.iter().enumerate() {
-            let Source::Direction(towards) = found.source else {
-                return Err(Error::new(
-                    format!("light {}", scene.lights[number].name),
-                    "a light that is no sun",
-                    "suns: the engine knows light from one direction",
-                    "Take the light away, or give another integrator.",
-                ));
-            };
-            if number > 0 {
-                return Err(Error::new(
-                    format!("light {}", scene.lights[number].name),
-                    "a second sun",
-                    "one: the engine knows a single direction",
-                    "Take a sun away, or give another integrator.",
-                ));
-            }
-            light.sun = exposed(found.power);
-            light.sun_direction = self.to_box.transform_vector3(towards).to_array();
-        }
-        if let Some(image) = &scene.world.image {
-            return Err(Error::new(
-                "$.world.image",
-                format!("the picture \"{}\"", image.file),
-                "a constant world: the engine's ambient light has no direction",
-                "Leave the picture out, or give another integrator.",
-            ));
-        }
-        Ok(())
-    }
+    Ok(light)
 }
 
 /// Adds the engine's god rays: the sun's glow times what the cloud lets through, at half the resolution, blurred towards the sun.
@@ -294,17 +237,19 @@ fn add_god_rays(
     scene: &Scene,
     engine: &Engine,
     camera: &Camera,
-    frame: &Frame,
     light: &LightModel,
     through: &[f32],
 ) -> Result<()> {
-    let brightest = light.sun.into_iter().fold(0.0, f64::max);
+    let Some(star) = light.suns.iter().max_by(|a, b| a.brightest().total_cmp(&b.brightest())) else { return Ok(()) };
+    let brightest = star.brightest();
     if brightest == 0.0 {
         return Ok(());
     }
-    let from_box = frame.to_box.inverse();
-    let to_sun = from_box.transform_vector3(DVec3::from(light.sun_direction)).normalize();
-    let place = from_box.translation + to_sun * (SUN_DISTANCE * frame.side);
+    let to_sun = star.towards();
+    let Container { to_local, unit, outline, .. } = &engine.container;
+    let region = outline.region();
+    let middle = to_local.inverse().transform_point3((region.low + region.high) / 2.0);
+    let place = middle + to_sun * (SUN_DISTANCE * unit);
     let Some((sun, cosine)) = camera.device_coordinates(place) else {
         return Err(Error::new(
             "$.camera.projection",
@@ -331,7 +276,7 @@ fn add_god_rays(
         *pixel = [sum / count * smooth(SUN_GLOW, 0.0, angle); 3];
     }
     let strength = fade * f64::from(scene.film.exposure);
-    let colour = light.sun.map(|channel| channel / brightest * strength);
+    let colour = star.irradiance.map(|channel| channel / brightest * strength);
     let rays = engine.god_rays.render(&occlusion, sun.to_array(), colour);
     for (index, pixel) in image.pixels.iter_mut().enumerate() {
         let u = ((index % image.width) as f64 + 0.5) / (2 * width) as f64;

@@ -210,8 +210,8 @@ pub fn measure(scene: &Scene, settings: &ConvergenceSettings, progress: Progress
     let finest_of_all = settings.steps.len() - 1;
     let uncached = &images[finest_of_all].0;
     let mut found = Vec::new();
-    for &cells in if medium.occupied.is_empty() { &[] } else { settings.cache_cells.as_slice() } {
-        let samples = Samples::bake(&medium, cells, CacheFormat::F32, &|_| {})?;
+    for &cells in if medium.density.occupied.is_empty() { &[] } else { settings.cache_cells.as_slice() } {
+        let samples = Samples::bake(&medium.density, &medium.to_object, cells, CacheFormat::F32, &|_| {})?;
         for format in formats {
             for filter in filters {
                 let cache = DensityCache::new(&samples, format, filter)?;

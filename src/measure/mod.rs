@@ -11,3 +11,4 @@ pub mod stability;
 pub mod study;
 pub mod time_to_error;
 pub mod tuning;
+pub mod voxels;

@@ -17,7 +17,7 @@ use crate::bridge::Kernel;
 use crate::bridge::reference::{ReferenceSettings, cache_folder, reference};
 use crate::gpu::Backend;
 use crate::integrators::path;
-use crate::integrators::path::{PathSettings, Tracking};
+use crate::integrators::path::{PathSettings, Subject, Tracking};
 use crate::measure::parity;
 use crate::measure::parity::{Entry, Suite};
 use crate::scene::Scene;
@@ -287,10 +287,10 @@ pub(crate) fn cycles_seconds(picture: &Image, file: &Path) -> Result<[f64; 2]> {
 }
 
 /// A picture by path tracing on all cores, and its processor seconds: preparation, paths.
-pub(crate) fn timed_picture(scene: &Scene, settings: &PathSettings) -> Result<(Image, [f64; 2])> {
+pub(crate) fn timed_picture<'a>(subject: impl Into<Subject<'a>>, settings: &PathSettings) -> Result<(Image, [f64; 2])> {
     let begin = ProcessTime::now();
     let prepared = OnceLock::new();
-    let image = path::render(scene, settings, Backend::Cpu, None, &|_, what| {
+    let image = path::render(subject, settings, Backend::Cpu, None, &|_, what| {
         // Majorants are announced before they are made; whatever comes next is after them.
         if what != path::PREPARATION {
             prepared.get_or_init(|| begin.elapsed().as_secs_f64());

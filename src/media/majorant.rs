@@ -16,7 +16,7 @@
 
 use crate::base::error::{Error, Result};
 use crate::graph::bounds::Bounds3;
-use crate::media::medium::Region;
+use crate::media::region::Region;
 use crate::nodes::Interval;
 use glam::{DMat4, DVec3};
 

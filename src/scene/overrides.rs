@@ -106,6 +106,23 @@ impl Scene {
 }
 
 impl Scene {
+    /// The number that is stored under an exact name of [`Self::settable_numbers`]; a group's input that its node does not store has that
+    /// of the group's interface. None where there is no number.
+    pub fn stored_number(&self, exact_name: &str) -> Option<f32> {
+        let graph = self.graph();
+        let found = everything(graph).into_iter().find(|candidate| candidate.exact_name() == exact_name)?;
+        let node = &graph.nodes[found.node];
+        match if found.is_output { &node.outputs } else { &node.inputs }.get(&found.identifier) {
+            Some(Input::Number(value)) => Some(*value),
+            Some(_) => None,
+            None => {
+                let group = graph.group(node.group.as_ref()?)?;
+                let socket = group.inputs.iter().find(|socket| socket.identifier == found.identifier)?;
+                socket.default.as_ref()?.as_f64().map(|value| value as f32)
+            }
+        }
+    }
+
     /// Every number that [`Self::set`] may change: its exact name, and its label (its identifier where it has none).
     pub fn settable_numbers(&self) -> Vec<(String, String)> {
         let graph = self.graph();

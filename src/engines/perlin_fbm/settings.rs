@@ -6,17 +6,18 @@
 use crate::base::error::Result;
 use crate::engines::defects::Defects;
 use crate::engines::light::terms::Terms;
-use crate::engines::light::{LightModel, ShadowExtinction, ShadowLength, ShadowMarch, SourceFactor, TwoLobes};
+use crate::engines::light::{LightModel, ShadowExtinction, ShadowLength, ShadowMarch, SourceFactor, Sun, TwoLobes};
 use crate::engines::march::RealTimeSettings;
 use crate::engines::parameters::{Parameter, Range, Values};
 use crate::engines::passes::compositing::Compositing;
 use crate::engines::passes::god_rays::GodRays;
-use crate::engines::perlin_fbm::bake::{Bake, LARGEST, MOST_OCTAVES};
+use crate::engines::perlin_fbm::TINT;
 use crate::engines::perlin_fbm::defects;
-use crate::engines::perlin_fbm::mask::{Deformation, Mask};
-use crate::engines::perlin_fbm::noise::Octaves;
-use crate::engines::perlin_fbm::{Evaluation, Parameters, TINT};
 use crate::media::transfer::Integration;
+use crate::nodes::perlin_fbm::bake::{Bake, LARGEST, MOST_OCTAVES};
+use crate::nodes::perlin_fbm::mask::{Deformation, Mask};
+use crate::nodes::perlin_fbm::noise::Octaves;
+use crate::nodes::perlin_fbm::{Evaluation, Parameters};
 
 /// Short to write.
 const fn parameter(
@@ -176,14 +177,14 @@ pub fn parameters(values: &Values, kept: &Defects, seconds: f64) -> Result<(Para
         offset,
         threshold: get("threshold"),
         density_multiplier: get("density_multiplier"),
-        opacity: get("opacity"),
         shows_mask: get("show_mask") == 1.0,
         evaluation: if get("exact") == 1.0 { Evaluation::Exact } else { Evaluation::Baked },
     };
-    if kept.has(&defects::SOURCE_OF_DENSITY) && parameters.opacity * TINT[0] < 1.0 {
+    if kept.has(&defects::SOURCE_OF_DENSITY) && get("opacity") * TINT[0] < 1.0 {
         warnings.push(format!(
             "parameter opacity is {}: as published the albedo is 1 / (opacity x {}), above 1 in red (defect PF-5)",
-            parameters.opacity, TINT[0]
+            get("opacity"),
+            TINT[0]
         ));
     }
     Ok((parameters, warnings))
@@ -202,14 +203,20 @@ pub fn light(values: &Values, kept: &Defects) -> LightModel {
         SourceFactor::Albedo([values.get("albedo"); 3])
     };
     LightModel {
-        sun_direction: [1.0; 3],
-        sun: [1.0; 3],
+        suns: vec![Sun { direction: [1.0; 3], irradiance: [1.0; 3] }],
         ambient: [0.3; 3],
         phase: TwoLobes { anisotropy: [-0.3, 0.3], second: 0.8 },
         shadow: ShadowMarch { steps: values.get("light_steps") as u32, length: shadow_length, extinction },
         source,
         terms: Terms::NONE,
     }
+}
+
+/// Extinction per unit of density, tint and side of the box.
+pub fn opacity(values: &Values) -> Result<f64> {
+    let opacity = values.get("opacity");
+    crate::nodes::perlin_fbm::finite("opacity", opacity)?;
+    Ok(opacity)
 }
 
 /// How the engine marches.

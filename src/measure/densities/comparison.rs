@@ -3,40 +3,38 @@
 //! The density of a scene's node graph takes the place of a published engine's, with the engine's extinction, albedo and phase
 //! function, so that pictures differ by the density alone. One factor on each density brings the mean optical depth along the box's
 //! vertical lines to the same value. Both are then rendered by the engine's light as published, by every light model on its mended form, and by
-//! path tracing with the light transport that these stand for. Path tracing sees both as grids of the same voxels, those of the statistics.
+//! path tracing of the densities themselves with the light transport that these stand for.
 
 use crate::base::error::{Error, Result};
 use crate::base::files;
-use crate::base::files::sha256;
 use crate::base::progress::Progress;
 use crate::bridge;
 use crate::bridge::Kernel;
+use crate::engines::Model;
 use crate::engines::defects::Defects;
-use crate::engines::graph::GraphDensity;
+use crate::engines::domain::Container;
 use crate::engines::light::models::LIGHTS;
 use crate::engines::light::{SourceFactor, TwoLobes};
 use crate::engines::parameters::Values;
 use crate::engines::render;
-use crate::engines::render::{EngineJitter, EngineSettings, box_of, container_side};
-use crate::engines::{Build, Engine, Model};
+use crate::engines::render::{EngineJitter, EngineSettings};
 use crate::gpu::Backend;
 use crate::gpu::Gpu;
 use crate::graph::evaluate::Points;
 use crate::integrators::path;
-use crate::integrators::path::PathSettings;
+use crate::integrators::path::{GivenMedium, PathSettings, Subject};
 use crate::measure::densities::statistics::FieldStatistics;
 use crate::measure::pictures;
 use crate::measure::pictures::DisplaySettings;
-use crate::media::density::DensityModel;
-use crate::media::objects::length_scale;
+use crate::media::density::Density;
+use crate::media::medium::Medium;
+use crate::media::region::Region;
 use crate::scene::image::Image;
-use crate::scene::volume_grid::{DENSITY, GridHandle, VolumeGrid};
-use crate::scene::{Bounds, Display, Graph, GraphSource, Scene, Shape};
-use glam::{DAffine3, DMat3, DVec3};
+use crate::scene::{Display, Scene};
+use glam::DVec3;
 use indexmap::IndexMap;
-use ndarray::{Array3, Axis};
+use ndarray::Array3;
 use rand::{Rng as _, SeedableRng as _};
-use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 use std::path::Path;
@@ -46,7 +44,7 @@ use std::time::Instant;
 /// What is compared and how closely.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Settings {
-    /// Places per axis of the statistics, and voxels per axis of path tracing.
+    /// Places per axis of the statistics.
     pub places: usize,
     /// Paths per pixel.
     pub samples: u32,
@@ -135,32 +133,7 @@ const REPEATS: usize = 5;
 const SEED: u64 = 42;
 
 /// Places that are evaluated together.
-const BATCH: usize = 1 << 14;
-
-/// A density times a factor.
-struct Scaled {
-    density: Box<dyn DensityModel>,
-    factor: f64,
-}
-
-impl DensityModel for Scaled {
-    fn densities(&self, places: &[DVec3]) -> Vec<f64> {
-        self.density.densities(places).into_iter().map(|density| density * self.factor).collect()
-    }
-
-    fn extinction(&self) -> [f64; 3] {
-        self.density.extinction()
-    }
-
-    fn shader(&self) -> Result<crate::gpu::ModelShader> {
-        Err(Error::new(
-            "density model",
-            "a density times a factor",
-            "a density with a shader of its own",
-            "Leave --gpu out.",
-        ))
-    }
-}
+const BATCH: usize = 1 << 18;
 
 /// Compares the density of a scene's graph with a model's; pictures are written to `folder` as they are made.
 pub fn run(
@@ -172,7 +145,7 @@ pub fn run(
     progress: Progress<'_>,
 ) -> Result<Comparison> {
     check(settings)?;
-    if matches!(model.build, Build::OfScene(_)) {
+    if model.is_of_scene {
         return Err(Error::new(
             "--model",
             format!("\"{}\"", model.id),
@@ -183,15 +156,18 @@ pub fn run(
     std::fs::create_dir_all(folder).map_err(|cause| Error::io(folder, "a folder for the results", &cause))?;
     let engine = |defects: &Defects| model.engine(scene, values, defects, 0.0);
     let mended = engine(&Defects::NONE)?;
-    let (extinction, light) = (mended.density.extinction(), mended.light.clone());
+    let (extinction, light) = (mended.extinction, mended.light.clone());
     let SourceFactor::Albedo([albedo, ..]) = light.source else {
         unreachable!("the mended form of an engine has an albedo");
     };
     let mean_extinction = extinction.iter().sum::<f64>() / 3.0;
 
     progress(0.0, "statistics of the fields");
-    let graph = GraphDensity::new(scene, extinction)?;
-    let fields = [sample(scene, &graph, settings.places)?, sample(scene, mended.density.as_ref(), settings.places)?];
+    let graph = Medium::new(scene)?.density;
+    let fields = [
+        sample(&mended.container, &graph, settings.places)?,
+        sample(&mended.container, &mended.density, settings.places)?,
+    ];
     let depths = fields.each_ref().map(|field| field.mean().expect("a field has places") * mean_extinction);
     let names = [("graph", format!("node graph of {}", scene.name)), (model.id, model.id.to_owned())];
     for (depth, (_, title)) in depths.iter().zip(&names) {
@@ -209,8 +185,8 @@ pub fn run(
 
     progress(0.1, "cost per sample");
     let gpu = Gpu::open().ok();
-    let [graph_cost, model_cost] = costs(&graph, mended.density.as_ref(), settings.timed_points, gpu.as_ref())?;
-    let evaluators = ["f32, vectors", "f64, scalar"];
+    let [graph_cost, model_cost] = costs(&graph, &mended.density, settings.timed_points, gpu.as_ref())?;
+    let evaluators = ["f32, vectors", "f32, scalar"];
     let figures = |index: usize, (cpu_nanoseconds, gpu_nanoseconds): (f64, Option<f64>)| Side {
         id: names[index].0.to_owned(),
         title: names[index].1.clone(),
@@ -222,10 +198,7 @@ pub fn run(
     };
     let sides = [figures(0, graph_cost), figures(1, model_cost)];
 
-    let densities: [Arc<dyn DensityModel>; 2] = [
-        Arc::new(Scaled { density: Box::new(graph), factor: factors[0] }),
-        Arc::new(Scaled { density: mended.density, factor: factors[1] }),
-    ];
+    let densities = [graph.scaled(factors[0]), mended.density.scaled(factors[1])];
     let mut pictures = Vec::new();
     let mut done = 0.15;
     let mut keep = |light: &str, title: &str, density: &str, image: &Image| -> Result<()> {
@@ -254,7 +227,7 @@ pub fn run(
     let share = 0.5 / (2 * lights.len()) as f64;
     for (lit, id, title) in lights {
         for (density, side) in densities.iter().zip(&sides) {
-            let engine = lit.with_density(Box::new(Arc::clone(density)));
+            let engine = lit.with_density(density.clone());
             let report = |part: f64, what: &str| progress(done + share * part, what);
             let image = render::render(scene, &engine, &engine_settings, Backend::Cpu, &report)?;
             keep(id, &title, &side.id, &image)?;
@@ -262,10 +235,15 @@ pub fn run(
         }
     }
     let path_settings = PathSettings { samples: settings.samples, ..PathSettings::default() };
-    for ((field, side), factor) in fields.iter().zip(&sides).zip(factors) {
-        let medium = grid_scene(scene, &field.mapv(|density| density * factor), extinction, albedo, &light.phase)?;
+    for ((density, side), factor) in densities.iter().zip(&sides).zip(factors) {
+        let engine = mended.with_density(density.clone());
+        let medium = GivenMedium {
+            identity: format!("density {} times {factor} as {}", side.title, engine.medium_identity()),
+            object: Arc::new(engine.medium()?),
+        };
+        let subject = Subject { scene, medium: Some(&medium) };
         let report = |part: f64, what: &str| progress(done + 0.17 * part, what);
-        let image = path::render(&medium, &path_settings, Backend::Cpu, None, &report)?;
+        let image = path::render(subject, &path_settings, Backend::Cpu, None, &report)?;
         keep("path", "Path tracing", &side.id, &image)?;
         done += 0.17;
     }
@@ -299,24 +277,22 @@ fn check(settings: &Settings) -> Result<()> {
 }
 
 /// Densities in the middle of `places`^3 equal parts of the box, by the object's x, y and z.
-fn sample(scene: &Scene, density: &dyn DensityModel, places: usize) -> Result<Array3<f64>> {
-    let to_object = grid_to_object(&scene.volume.bounds, places);
-    let to_box = box_of(&scene.volume.bounds) * to_object;
+fn sample(container: &Container, density: &Density, places: usize) -> Result<Array3<f64>> {
+    let Region { low, high } = container.outline.region();
+    let step = (high - low) / places as f64;
     let place = |index: usize| {
-        DVec3::new((index / (places * places)) as f64, (index / places % places) as f64, (index % places) as f64)
+        let number = [index / (places * places), index / places % places, index % places];
+        low + step * (DVec3::from(number.map(|number| number as f64)) + 0.5)
     };
-    let starts: Vec<usize> = (0..places.pow(3)).step_by(BATCH).collect();
-    let values: Vec<f64> = starts
-        .par_iter()
-        .flat_map_iter(|&start| {
-            let end = places.pow(3).min(start + BATCH);
-            let asked: Vec<DVec3> = (start..end).map(|index| to_box.transform_point3(place(index))).collect();
-            density.densities(&asked)
-        })
-        .collect();
+    let mut values = Vec::with_capacity(places.pow(3));
+    for start in (0..places.pow(3)).step_by(BATCH) {
+        let asked: Vec<[f32; 3]> =
+            (start..places.pow(3).min(start + BATCH)).map(|index| place(index).as_vec3().to_array()).collect();
+        values.extend(density.values(&asked)?.into_iter().map(f64::from));
+    }
     if let Some(index) = values.iter().position(|value| !value.is_finite()) {
         return Err(Error::new(
-            format!("the density at {} of object {}", to_object.transform_point3(place(index)), scene.volume.object),
+            format!("the density at {} of the object", place(index)),
             values[index].to_string(),
             "a finite density",
             "Mend the graph: cloudparity eval shows its values.",
@@ -325,43 +301,26 @@ fn sample(scene: &Scene, density: &dyn DensityModel, places: usize) -> Result<Ar
     Ok(Array3::from_shape_vec((places, places, places), values).expect("one value per place"))
 }
 
-/// Index of a place to the object's frame: places stand in the middle of equal parts of the box.
-fn grid_to_object(bounds: &Bounds, places: usize) -> DAffine3 {
-    let [low, high] = [bounds.min, bounds.max].map(|corner| DVec3::from(corner.map(f64::from)));
-    let step = (high - low) / places as f64;
-    DAffine3 { matrix3: DMat3::from_diagonal(step), translation: low + step / 2.0 }
-}
-
 /// Nanoseconds per density on the CPU and on the adapter, of the graph and of the model, at the same random places.
-fn costs(
-    graph: &GraphDensity,
-    model: &dyn DensityModel,
-    count: usize,
-    gpu: Option<&Gpu>,
-) -> Result<[(f64, Option<f64>); 2]> {
+fn costs(graph: &Density, model: &Density, count: usize, gpu: Option<&Gpu>) -> Result<[(f64, Option<f64>); 2]> {
     let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(SEED);
-    let places: Vec<DVec3> =
-        (0..count).map(|_| DVec3::from(std::array::from_fn(|_| random.random_range(-0.5..0.5)))).collect();
-    let positions = graph.positions(&places);
-    let local: Vec<[f32; 3]> = places.iter().map(|place| place.as_vec3().to_array()).collect();
-    // The graph's evaluator takes all cores by itself; a model is called from all of them, as the march does.
-    let graph_cpu = nanoseconds(count, || graph.medium().densities(&positions).map(drop))?;
-    let model_cpu = nanoseconds(count, || {
-        let sum: f64 = places.par_chunks(BATCH / 16).map(|part| model.densities(part).iter().sum::<f64>()).sum();
-        std::hint::black_box(sum);
-        Ok(())
-    })?;
-    let (mut graph_gpu, mut model_gpu) = (None, None);
-    if let Some(gpu) = gpu {
-        let kernel = gpu.field(&graph.medium().density)?;
-        graph_gpu = Some(nanoseconds(count, || kernel.evaluate(Points::new(&positions)).map(drop))?);
+    let Region { low, high } = model.bounds;
+    let positions: Vec<[f32; 3]> = (0..count)
+        .map(|_| {
+            let part = DVec3::from(std::array::from_fn(|_| random.random_range(0.0..1.0)));
+            (low + part * (high - low)).as_vec3().to_array()
+        })
+        .collect();
+    let cost = |density: &Density| -> Result<(f64, Option<f64>)> {
+        let cpu = nanoseconds(count, || density.values(&positions).map(drop))?;
         // A model without a shader has no cost there.
-        if let Ok(shader) = model.shader() {
-            let kernel = gpu.density_field(&shader)?;
-            model_gpu = Some(nanoseconds(count, || kernel.evaluate(Points::new(&local)).map(drop))?);
-        }
-    }
-    Ok([(graph_cpu, graph_gpu), (model_cpu, model_gpu)])
+        let kernel = gpu.and_then(|gpu| gpu.field(density.program()).ok());
+        let on_adapter = kernel
+            .map(|kernel| nanoseconds(count, || kernel.evaluate(Points::new(&positions)).map(drop)))
+            .transpose()?;
+        Ok((cpu, on_adapter))
+    };
+    Ok([cost(graph)?, cost(model)?])
 }
 
 /// Median time of some repetitions after one that does not count, over the number of points.
@@ -375,87 +334,6 @@ fn nanoseconds(count: usize, mut evaluate: impl FnMut() -> Result<()>) -> Result
     }
     seconds.sort_by(f64::total_cmp);
     Ok(1e9 * seconds[REPEATS / 2] / count as f64)
-}
-
-/// The scene as path tracing sees it with an engine's medium in place of its volume: the density on a grid of `voxels`^3, with the
-/// extinction, albedo and phase function of the engine.
-pub fn path_scene(scene: &Scene, engine: &Engine, voxels: usize) -> Result<Scene> {
-    let SourceFactor::Albedo([albedo, ..]) = engine.light.source else {
-        return Err(Error::new(
-            format!("density model {}", engine.model),
-            "a source that is no albedo times extinction",
-            "one that has an albedo",
-            "Leave out the defect that takes it away, or give --defects none.",
-        ));
-    };
-    let densities = sample(scene, engine.density.as_ref(), voxels)?;
-    grid_scene(scene, &densities, engine.density.extinction(), albedo, &engine.light.phase)
-}
-
-/// The scene with a grid in place of its volume, under a medium of given extinction (per unit of density and side of the box), albedo
-/// and phase function.
-fn grid_scene(
-    scene: &Scene,
-    densities: &Array3<f64>,
-    extinction: [f64; 3],
-    albedo: f64,
-    phase: &TwoLobes,
-) -> Result<Scene> {
-    let side = container_side(scene)?;
-    let to_object = grid_to_object(&scene.volume.bounds, densities.len_of(Axis(0)));
-    let grid = VolumeGrid { values: densities.mapv(|density| density as f32), to_object };
-    let bytes: Vec<u8> = grid.values.iter().flat_map(|value| value.to_le_bytes()).collect();
-    let hash = sha256(&bytes);
-    let mut medium = scene.clone();
-    let [low, high] = grid.extent().map(|corner| corner.as_vec3().to_array());
-    medium.volume.shape = Shape::Grid { file: "memory.vdb".into(), sha256: hash.clone() };
-    medium.volume.bounds = Bounds { min: low, max: high };
-    medium.volume.grid = Some(GridHandle::new(grid, hash));
-    // Closures count per length of the object.
-    let largest = extinction.into_iter().fold(0.0, f64::max);
-    let strength = largest / side / length_scale(&medium.volume);
-    let tint = extinction.map(|channel| channel / largest);
-    let colour = |part: &dyn Fn(f64) -> f64| [part(tint[0]), part(tint[1]), part(tint[2]), 1.0];
-    let node = |name: &str, kind: &str, properties: serde_json::Value, inputs: serde_json::Value| {
-        // Blender's builder places every node.
-        json!({"name": name, "type": kind, "location": [0.0, 0.0], "properties": properties, "inputs": inputs})
-    };
-    let link = |node: &str, socket: &str| json!({"node": node, "socket": socket});
-    let scaled = |name: &str, factor: f64| {
-        let inputs = json!({"Value": link("Attribute", "Fac"), "Value_001": factor});
-        node(name, "ShaderNodeMath", json!({"operation": "MULTIPLY"}), inputs)
-    };
-    let lobe = |name: &str, share: &str, anisotropy: f64| {
-        let inputs = json!({
-            "Color": colour(&|tint| tint * albedo), "Density": link(share, "Value"), "Anisotropy": anisotropy,
-        });
-        node(name, "ShaderNodeVolumeScatter", json!({}), inputs)
-    };
-    let sum = |name: &str, first: &str, second: &str| {
-        let inputs = json!({"Shader": link(first, "Volume"), "Shader_001": link(second, "Volume")});
-        node(name, "ShaderNodeAddShader", json!({}), inputs)
-    };
-    let absorbed = json!({"Color": colour(&|tint| 1.0 - tint * (1.0 - albedo)), "Density": link("All", "Value")});
-    let both = json!({"Shader": link("Lobes", "Shader"), "Shader_001": link("Absorption", "Volume")});
-    let graph = json!({
-        "material": medium.volume.material,
-        "groups": [],
-        "nodes": [
-            node("Output", "ShaderNodeOutputMaterial", json!({}), json!({"Volume": link("Sum", "Shader")})),
-            node("Attribute", "ShaderNodeAttribute", json!({"attribute_name": DENSITY}), json!({})),
-            scaled("All", strength),
-            scaled("First Share", strength * (1.0 - phase.second)),
-            scaled("Second Share", strength * phase.second),
-            lobe("First", "First Share", phase.anisotropy[0]),
-            lobe("Second", "Second Share", phase.anisotropy[1]),
-            sum("Lobes", "First", "Second"),
-            node("Absorption", "ShaderNodeVolumeAbsorption", json!({}), absorbed),
-            node("Sum", "ShaderNodeAddShader", json!({}), both),
-        ],
-    });
-    let graph: Graph = serde_json::from_value(graph).expect("a graph");
-    medium.graph = GraphSource::Inline(graph);
-    Ok(medium)
 }
 
 /// Writes `models.json`.

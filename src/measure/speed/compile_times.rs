@@ -13,6 +13,7 @@ use crate::integrators::{march, path};
 use crate::media::medium::Medium;
 use crate::scene::Scene;
 use serde::Serialize;
+use std::sync::Arc;
 use std::time::Instant;
 
 /// A kernel that is compiled.
@@ -86,9 +87,9 @@ struct Times {
 
 /// The density that the kernels of a scene read. Scenes without one, of several media or densities, have no kernels: they are
 /// rendered on the CPU, and the error says why.
-pub fn density(scene: &Scene) -> Result<Program> {
+pub fn density(scene: &Scene) -> Result<Arc<Program>> {
     // Several closures have one density where they share it, which the medium finds out.
-    Program::density(scene).or_else(|_| Medium::new(scene).map(|medium| medium.density))
+    Program::density(scene).map(Arc::new).or_else(|_| Medium::new(scene).map(|medium| medium.density.program().clone()))
 }
 
 /// Compiles every kernel of every scene `repeats` times, the scenes in turn; `receive` hears what comes next. Every scene needs a

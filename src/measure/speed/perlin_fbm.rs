@@ -1,10 +1,10 @@
 //! How long the bake takes beside a straightforward one.
 
 use crate::base::error::Result;
-use crate::engines::perlin_fbm::Volume;
 use crate::engines::perlin_fbm::adapter::BakeKernel;
-use crate::engines::perlin_fbm::bake::Bake;
 use crate::gpu::Gpu;
+use crate::nodes::perlin_fbm::Volume;
+use crate::nodes::perlin_fbm::bake::Bake;
 use serde::Serialize;
 use std::time::Instant;
 

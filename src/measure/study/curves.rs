@@ -14,13 +14,17 @@ use crate::base::progress::Progress;
 use crate::bridge::Message;
 use crate::bridge::reference::{ReferenceSettings, cache_folder, references};
 use crate::engines;
-use crate::integrators::path::PathSettings;
+use crate::engines::defects::Defects;
+use crate::integrators::path::{PathSettings, Subject};
 use crate::measure::study::errors;
 use crate::measure::study::errors::{Errors, Uncertain};
+use crate::measure::study::file::Truth;
 use crate::measure::study::truth::TruthRecord;
 use crate::measure::study::{Study, hash, read_record, to_json};
 use crate::measure::time_to_error::{cycles_seconds, timed_picture};
+use crate::measure::voxels;
 use crate::scene::image::Image;
+use crate::scene::volume_grid::VolumeGrid;
 use crate::scene::{PixelFilter, Scene, Shape};
 use rand::{SeedableRng as _, seq::SliceRandom as _};
 use serde::{Deserialize, Serialize};
@@ -128,9 +132,10 @@ impl Study {
                 points.push(found);
                 continue;
             }
-            let medium = self.file.truth.medium(place.scene, place.density)?;
+            let medium = Truth::medium(place.scene, place.density)?;
+            let subject = Subject { scene: place.scene, medium: medium.as_ref() };
             let settings = PathSettings { samples, seed: SEED, ..PathSettings::default() };
-            let (image, [prepare_seconds, seconds]) = timed_picture(&medium, &settings)?;
+            let (image, [prepare_seconds, seconds]) = timed_picture(subject, &settings)?;
             let made = Made {
                 samples,
                 seconds: Some(seconds),
@@ -198,11 +203,16 @@ impl Study {
         }
         let most = self.file.curves.cycles[density];
         let cache = cache_folder()?;
-        let mut large = self.file.truth.medium(scene, density)?;
+        let model = engines::find(density)?;
+        let mut large = if model.is_of_scene {
+            scene.clone()
+        } else {
+            let engine = model.engine(scene, &model.values(None, &[])?, &Defects::NONE, 0.0)?;
+            let (mut large, grid) = voxels::scene(scene, &engine, self.file.truth.voxels)?;
+            put_grid_into(&cache, &mut large, &grid)?;
+            large
+        };
         large.film.resolution = large.film.resolution.map(|side| side * CELLS);
-        if density != engines::graph::MODEL.id {
-            put_grid_into(&cache, &mut large)?;
-        }
         let settings = ReferenceSettings { samples: most / PARTS, ..ReferenceSettings::default() };
         let found = references(&large, &settings, &[CYCLES_SEED], &cache, |message| {
             if let Message::Progress(done, _) = message {
@@ -214,14 +224,13 @@ impl Study {
 }
 
 /// Gives the grid of a scene that was made in memory a file in the cache, by the hash of its values.
-fn put_grid_into(cache: &Path, scene: &mut Scene) -> Result<()> {
-    let Some(handle) = &scene.volume.grid else { return Ok(()) };
+fn put_grid_into(cache: &Path, scene: &mut Scene, grid: &VolumeGrid) -> Result<()> {
     let Shape::Grid { file, sha256 } = &mut scene.volume.shape else { return Ok(()) };
     let name = format!("{sha256}.vdb");
     let path = cache.join(&name);
     if !path.exists() {
         std::fs::create_dir_all(cache).map_err(|cause| Error::io(cache, "a folder for references", &cause))?;
-        crate::bridge::volume_grid::write(handle.grid().grid(), &path, false)?;
+        crate::bridge::volume_grid::write(grid, &path, false)?;
     }
     let bytes = std::fs::read(&path).map_err(|cause| Error::io(&path, "an OpenVDB file", &cause))?;
     *sha256 = files::sha256(&bytes);

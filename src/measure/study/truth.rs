@@ -7,8 +7,7 @@ use crate::engines;
 use crate::engines::defects::Defects;
 use crate::gpu::Backend;
 use crate::integrators::path;
-use crate::integrators::path::PathSettings;
-use crate::measure::densities::comparison;
+use crate::integrators::path::{GivenMedium, PathSettings, Subject};
 use crate::measure::study::file::Truth;
 use crate::measure::study::{hash, read_record, to_json};
 use crate::scene::Scene;
@@ -17,6 +16,7 @@ use cpu_time::ProcessTime;
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 /// Attribute of a replica: processor seconds that it took, preparation included in the first.
 const PROCESSOR_SECONDS: &str = "processor_seconds";
@@ -77,10 +77,11 @@ impl Truth {
         if !missing.is_empty() {
             let report = |done: f64, _: &str| progress(done, &format!("truth of {density} in {}", scene.name));
             report(0.0, "");
-            let medium = self.medium(scene, density)?;
+            let medium = Self::medium(scene, density)?;
+            let subject = Subject { scene, medium: medium.as_ref() };
             let settings = PathSettings { samples: self.samples, ..PathSettings::default() };
             let mut begin = ProcessTime::now();
-            path::render_each(&medium, &settings, Backend::Cpu, &missing, &report, &mut |seed, mut image| {
+            path::render_each(subject, &settings, Backend::Cpu, &missing, &report, &mut |seed, mut image| {
                 image.provenance.insert(PROCESSOR_SECONDS.into(), format!("{:.3}", begin.elapsed().as_secs_f64()));
                 begin = ProcessTime::now();
                 image.write_exr(&folder.join(name(seed)), false)
@@ -101,15 +102,15 @@ impl Truth {
         Ok((record, images))
     }
 
-    /// The scene that path tracing sees: the scene itself, or a grid of a published density in its mended form, so that what a defect does
+    /// The medium that path tracing sees: that of the scene, or of a published system with its defects corrected, so that what a defect does
     /// to the medium is an error, too.
-    pub fn medium(&self, scene: &Scene, density: &str) -> Result<Scene> {
+    pub fn medium(scene: &Scene, density: &str) -> Result<Option<GivenMedium>> {
         let model = engines::find(density)?;
-        if model.id == engines::graph::MODEL.id {
-            return Ok(scene.clone());
+        if model.is_of_scene {
+            return Ok(None);
         }
         let engine = model.engine(scene, &model.values(None, &[])?, &Defects::NONE, 0.0)?;
-        comparison::path_scene(scene, &engine, self.voxels)
+        Ok(Some(GivenMedium { identity: engine.medium_identity(), object: Arc::new(engine.medium()?) }))
     }
 }
 

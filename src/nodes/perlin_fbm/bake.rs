@@ -1,12 +1,13 @@
 //! The byte volume: octaves of noise, made periodic, thresholded.
 
 use crate::base::error::{Error, Result};
-use crate::engines::perlin_fbm::noise::{Octaves, octaves};
-use crate::engines::perlin_fbm::random::{Permutation, permutation};
-use crate::engines::perlin_fbm::{Volume, above_zero, finite, rows};
-use crate::media::transfer::smooth;
+use crate::base::interpolation::smooth;
+use crate::nodes::perlin_fbm::noise::{Octaves, octaves};
+use crate::nodes::perlin_fbm::random::{Permutation, permutation};
+use crate::nodes::perlin_fbm::{Volume, above_zero, finite, rows};
 use num_traits::Float;
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 
 /// Most texels per axis: 16 MiB.
 pub const LARGEST: usize = 256;
@@ -15,7 +16,8 @@ pub const LARGEST: usize = 256;
 pub const MOST_OCTAVES: u32 = 64;
 
 /// Parameters of a bake.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
 pub struct Bake {
     /// Centre of the threshold, 0 to 1.
     pub coverage: f64,

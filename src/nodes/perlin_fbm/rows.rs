@@ -6,8 +6,8 @@
 //! that is 0 changes no value, and the interpolation along x, y and z keeps its order, so every rounding is that of the
 //! straightforward evaluation.
 
-use crate::engines::perlin_fbm::bake::{Bake, CORNERS};
-use crate::engines::perlin_fbm::random::Permutation;
+use crate::nodes::perlin_fbm::bake::{Bake, CORNERS};
+use crate::nodes::perlin_fbm::random::Permutation;
 use num_traits::Float;
 use rayon::prelude::*;
 

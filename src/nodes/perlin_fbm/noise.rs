@@ -1,7 +1,8 @@
 //! Gradient noise over a permutation, and its sum over octaves (Perlin 2002, "Improving noise", with one look-up more).
 
-use crate::engines::perlin_fbm::random::Permutation;
+use crate::nodes::perlin_fbm::random::Permutation;
 use num_traits::Float;
+use serde::{Deserialize, Serialize};
 
 /// Which noise: the two differ in the number of look-ups, so they are different fields over one table.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -13,7 +14,8 @@ pub enum Field {
 }
 
 /// Octaves of noise.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Octaves {
     /// How many; at least 1.
     pub count: u32,
