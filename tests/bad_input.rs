@@ -401,7 +401,7 @@ fn materials_without_a_volume() {
     explained(&scene).is_refused("missing closure", &["node Material Output", "\"Nobody\", which does not exist"]);
     let mut scene = cloud();
     scene["graph"]["nodes"][1]["type"] = "ShaderNodeAddShader".into();
-    explained(&scene).is_refused("other closure", &["node Principled Volume", "ShaderNodeAddShader", "--output"]);
+    explained(&scene).is_refused("other closure", &["node Principled Volume", "ShaderNodeAddShader", "NODE.SOCKET"]);
     let mut scene = cloud();
     scene["graph"]["nodes"][1]["muted"] = true.into();
     explained(&scene).is_refused("muted closure", &["a muted ShaderNodeVolumePrincipled"]);

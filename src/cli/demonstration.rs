@@ -399,7 +399,7 @@ impl Demo<'_> {
 
     fn finish(self) -> Result<PathBuf> {
         self.write_json("run.json", &self.run)?;
-        report::write_report(&self.settings.output)
+        report::write_report(&self.settings.output, super::report::MAKERS)
     }
 }
 

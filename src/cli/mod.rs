@@ -26,6 +26,7 @@ mod march;
 mod models;
 mod modes;
 mod nodes;
+mod options;
 mod parity;
 mod picture;
 mod probe;
@@ -40,7 +41,7 @@ mod time_to_error;
 mod tune;
 
 use crate::base::error::Result;
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use std::io::IsTerminal;
 use std::process::ExitCode;
 
@@ -95,7 +96,12 @@ const COULD_NOT: u8 = 2;
 /// Runs the program.
 pub fn run() -> ExitCode {
     crate::bridge::install();
-    let command_line = CommandLine::parse();
+    let mut all = CommandLine::command();
+    let matches = all.get_matches_mut();
+    let command_line = match CommandLine::from_arg_matches(&matches) {
+        Ok(command_line) => command_line,
+        Err(error) => error.format(&mut all).exit(),
+    };
     let result = match command_line.command {
         Command::Bench(arguments) => bench::run(&arguments),
         Command::BenchBake(arguments) => bench_bake::run(&arguments),
@@ -132,7 +138,8 @@ pub fn run() -> ExitCode {
         Command::Tune(arguments) => tune::run(&arguments),
     };
     result.unwrap_or_else(|error| {
-        eprintln!("error: {error}");
+        let command = matches.subcommand_name().and_then(|name| all.find_subcommand(name));
+        eprintln!("error: {}", options::message(&error, command));
         ExitCode::from(COULD_NOT)
     })
 }

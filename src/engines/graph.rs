@@ -81,11 +81,12 @@ impl DensityModel for GraphDensity {
 
     fn shader(&self) -> Result<ModelShader> {
         Err(Error::new(
-            "--gpu",
+            "density model graph on the adapter",
             "the density of a node graph",
             "a density model with a shader of its own: engines march graphs on the CPU",
-            "Leave --gpu out.",
-        ))
+            "March on the CPU.",
+        )
+        .with_setting("backend"))
     }
 }
 

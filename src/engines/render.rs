@@ -310,8 +310,9 @@ fn add_god_rays(
             "$.camera.projection",
             "a panorama",
             "a picture on a plane: god rays are straight there only",
-            "Leave --god-rays out, or take another camera.",
-        ));
+            "Leave the god rays out, or take another camera.",
+        )
+        .with_setting("god_rays"));
     };
     let fade = if engine.god_rays.from_behind { 1.0 } else { smooth(0.0, FADE, cosine) };
     let [width, height] = [image.width.div_ceil(2), image.height.div_ceil(2)];

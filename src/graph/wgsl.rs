@@ -80,8 +80,9 @@ impl Linker {
                 format!("node {}", node.label),
                 node.node_type.label,
                 "nodes with a shader: this one is evaluated on the CPU only",
-                "Give --backend cpu.",
-            ));
+                "Evaluate on the CPU.",
+            )
+            .with_setting("backend"));
         }
         let mut linker = Self::bare()?;
         for (path, source) in SHARED {

@@ -166,11 +166,12 @@ impl Suite {
         if let Some(name) = only.iter().find(|name| self.entries.iter().all(|entry| entry.name != **name)) {
             let known: Vec<&str> = self.entries.iter().map(|entry| entry.name.as_str()).collect();
             return Err(Error::new(
-                format!("--only {name}"),
+                format!("entry {name}"),
                 "no such entry",
                 known.join(", "),
                 "Give the name of an entry of the suite.",
-            ));
+            )
+            .with_setting("only"));
         }
         Ok(self.entries.iter().filter(|entry| only.is_empty() || only.contains(&entry.name)).collect())
     }

@@ -156,8 +156,9 @@ impl Samples {
                 "setting density_cache",
                 format!("{cells} cells, {vertices:.3e} vertices, which need {:.1} GiB", bytes / GIBIBYTE),
                 format!("a grid that needs at most {:.0} GiB", MOST_BYTES / GIBIBYTE),
-                format!("Give --density-cache {fitting} or less."),
-            ));
+                format!("Take {fitting} cells or less."),
+            )
+            .with_setting("density_cache"));
         }
         let count = vertices as usize;
         let low = medium.occupied.low;
@@ -202,8 +203,9 @@ impl DensityCache {
                 format!("density cache, format {}", format.name()),
                 if nan { "NaN at a vertex".to_owned() } else { format!("a density of {high:e}") },
                 format!("numbers up to {most:e}"),
-                "Give --cache-format f32, or mend the density (cloudparity eval shows it).",
-            ));
+                "Store the cache in f32, or correct the density (cloudparity eval shows it).",
+            )
+            .with_setting("cache_format"));
         }
         let parts = (high - low).max(0.0);
         let texels = match format {

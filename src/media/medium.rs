@@ -96,8 +96,9 @@ impl Medium {
                 format!("object {}", second.object),
                 "a second volume object",
                 "one: ray marching knows a single medium",
-                "Leave the other objects out, or give --integrator path.",
-            ));
+                "Leave the other objects out, or trace paths.",
+            )
+            .with_setting("integrator"));
         }
         let volume = &scene.volume;
         let bounds = box_of(volume)?;
@@ -303,8 +304,9 @@ fn only_anisotropy(closures: &[Closure], parts: &[Coefficients<f64>]) -> Result<
                     format!("node {}", closure.label),
                     if anisotropy.is_none() { "another phase function" } else { "a second lobe" },
                     "one Henyey-Greenstein lobe: ray marching knows no other",
-                    "Give all closures the same anisotropy, or give --integrator path.",
-                ));
+                    "Give all closures the same anisotropy, or trace paths.",
+                )
+                .with_setting("integrator"));
             }
         }
     }

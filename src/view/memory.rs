@@ -27,8 +27,9 @@ fn check_against([width, height]: [u32; 2], bytes_per_pixel: u64, available: u64
         "$.film.resolution",
         format!("{width} x {height} pixels, which take {:.1} GiB of memory", gibibytes(needed)),
         format!("a picture that fits into the {:.1} GiB that are free", gibibytes(available)),
-        "Render at a lower --resolution.",
-    ))
+        "Render at a lower resolution.",
+    )
+    .with_setting("resolution"))
 }
 
 #[cfg(test)]

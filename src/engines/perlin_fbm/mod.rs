@@ -244,8 +244,9 @@ impl DensityModel for Cloud {
                 "parameter exact",
                 "1",
                 "0: the adapter reads the textures",
-                "Leave the parameter out, or --gpu.",
-            ));
+                "Leave the parameter out, or march on the CPU.",
+            )
+            .with_setting("backend"));
         }
         Ok(adapter::density(self))
     }

@@ -157,8 +157,9 @@ impl DensityModel for Scaled {
             "density model",
             "a density times a factor",
             "a density with a shader of its own",
-            "Leave --gpu out.",
-        ))
+            "March on the CPU.",
+        )
+        .with_setting("backend"))
     }
 }
 
@@ -174,11 +175,12 @@ pub fn run(
     check(settings)?;
     if matches!(model.build, Build::OfScene(_)) {
         return Err(Error::new(
-            "--model",
+            "density model",
             format!("\"{}\"", model.id),
             "a density model that is not the scene's own",
             "Give another one: cloudparity models lists them.",
-        ));
+        )
+        .with_setting("model"));
     }
     std::fs::create_dir_all(folder).map_err(|cause| Error::io(folder, "a folder for the results", &cause))?;
     let engine = |defects: &Defects| model.engine(scene, values, defects, 0.0);
@@ -385,8 +387,9 @@ pub fn path_scene(scene: &Scene, engine: &Engine, voxels: usize) -> Result<Scene
             format!("density model {}", engine.model),
             "a source that is no albedo times extinction",
             "one that has an albedo",
-            "Leave out the defect that takes it away, or give --defects none.",
-        ));
+            "Leave out the defect that takes it away, or all of them.",
+        )
+        .with_setting("defects"));
     };
     let densities = sample(scene, engine.density.as_ref(), voxels)?;
     grid_scene(scene, &densities, engine.density.extinction(), albedo, &engine.light.phase)
