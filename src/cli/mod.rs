@@ -9,6 +9,7 @@ mod bench_compile;
 mod bench_nodes;
 mod bounds;
 mod build;
+mod choice;
 mod compare_models;
 mod convergence;
 mod demo;

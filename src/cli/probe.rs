@@ -1,5 +1,6 @@
 //! `cloudparity probe`: field values of live Cycles and of our evaluators at the same points.
 
+use super::choice::choice;
 use crate::base::error::{Error, Result};
 use crate::base::files;
 use crate::bridge;
@@ -33,7 +34,7 @@ pub(super) struct Arguments {
     #[arg(long, default_value_t = 1)]
     seed: u64,
     /// Where the points lie.
-    #[arg(long, value_enum, default_value_t = Domain::Box)]
+    #[arg(long, value_parser = choice::<Domain>(), default_value_t = Domain::Box)]
     domain: Domain,
     /// Which of our evaluators.
     #[arg(long, value_enum, default_value_t = Choice::Cpu)]

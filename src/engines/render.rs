@@ -36,8 +36,21 @@ const CUBE: f64 = 1e-5;
 const BYTES_PER_PIXEL: u64 = 256;
 
 /// Where within its steps a ray takes its samples.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
+#[derive(
+    Debug,
+    Clone,
+    Copy,
+    PartialEq,
+    Eq,
+    Serialize,
+    Deserialize,
+    strum::Display,
+    strum::EnumMessage,
+    strum::IntoStaticStr,
+    strum::VariantArray,
+)]
 #[serde(rename_all = "kebab-case")]
+#[strum(serialize_all = "kebab-case")]
 pub enum EngineJitter {
     /// In the middle.
     None,

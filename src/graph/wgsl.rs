@@ -51,7 +51,10 @@ fn evaluate(position: vec3f) -> f32 {
 ";
 
 /// Target languages of `cloudparity shader`.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+#[derive(
+    Debug, Clone, Copy, PartialEq, Eq, strum::Display, strum::EnumMessage, strum::IntoStaticStr, strum::VariantArray,
+)]
+#[strum(serialize_all = "lowercase")]
 pub enum Language {
     /// WebGPU Shading Language.
     Wgsl,

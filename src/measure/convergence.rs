@@ -470,10 +470,7 @@ impl Convergence {
 impl Integration {
     /// The name in settings and on the command line.
     pub fn name(self) -> &'static str {
-        match self {
-            Self::EnergyConserving => "energy-conserving",
-            Self::Plain => "plain",
-        }
+        self.into()
     }
 }
 

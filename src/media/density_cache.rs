@@ -22,8 +22,21 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 /// How the values of a density cache are stored.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
+#[derive(
+    Debug,
+    Clone,
+    Copy,
+    PartialEq,
+    Eq,
+    Serialize,
+    Deserialize,
+    strum::Display,
+    strum::EnumMessage,
+    strum::IntoStaticStr,
+    strum::VariantArray,
+)]
 #[serde(rename_all = "lowercase")]
+#[strum(serialize_all = "lowercase")]
 pub enum CacheFormat {
     /// 32 bits, as evaluated.
     F32,
@@ -34,8 +47,21 @@ pub enum CacheFormat {
 }
 
 /// How a density cache is read between its vertices.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
+#[derive(
+    Debug,
+    Clone,
+    Copy,
+    PartialEq,
+    Eq,
+    Serialize,
+    Deserialize,
+    strum::Display,
+    strum::EnumMessage,
+    strum::IntoStaticStr,
+    strum::VariantArray,
+)]
 #[serde(rename_all = "lowercase")]
+#[strum(serialize_all = "lowercase")]
 pub enum CacheFilter {
     /// The value of the nearest vertex.
     Nearest,
@@ -344,23 +370,16 @@ impl DensityCache {
 }
 
 impl CacheFormat {
-    /// The name in settings and on the command line.
+    /// The name in settings.
     pub fn name(self) -> &'static str {
-        match self {
-            Self::F32 => "f32",
-            Self::F16 => "f16",
-            Self::Unorm8 => "unorm8",
-        }
+        self.into()
     }
 }
 
 impl CacheFilter {
-    /// The name in settings and on the command line.
+    /// The name in settings.
     pub fn name(self) -> &'static str {
-        match self {
-            Self::Nearest => "nearest",
-            Self::Trilinear => "trilinear",
-        }
+        self.into()
     }
 }
 
