@@ -27,6 +27,7 @@ mod march;
 mod models;
 mod modes;
 mod nodes;
+mod notices;
 mod options;
 mod parity;
 mod picture;
@@ -97,6 +98,7 @@ const COULD_NOT: u8 = 2;
 /// Runs the program.
 pub fn run() -> ExitCode {
     crate::bridge::install();
+    notices::install();
     let mut all = CommandLine::command();
     let matches = all.get_matches_mut();
     let command_line = match CommandLine::from_arg_matches(&matches) {
@@ -145,14 +147,25 @@ pub fn run() -> ExitCode {
     })
 }
 
-/// A bar on stderr with an estimate of the time left; hidden where stderr is no terminal.
+/// A bar on stderr with an estimate of the time left; hidden where stderr is no terminal. Warnings are printed above it.
 pub(crate) fn progress_bar(length: u64) -> indicatif::ProgressBar {
     if !std::io::stderr().is_terminal() {
         return indicatif::ProgressBar::hidden();
     }
     let style = indicatif::ProgressStyle::with_template("{wide_bar} {percent:>3}% {eta:>6} {msg}")
         .expect("the template is well formed");
-    indicatif::ProgressBar::new(length).with_style(style)
+    let bar = indicatif::ProgressBar::new(length).with_style(style);
+    notices::print_above(&bar);
+    bar
+}
+
+/// Shows a script's progress.
+pub(crate) fn report_to(bar: &indicatif::ProgressBar) -> impl FnMut(crate::bridge::Message) + '_ {
+    bar.set_length(1000);
+    move |message| {
+        bar.set_position((message.done * 1000.0) as u64);
+        bar.set_message(message.what);
+    }
 }
 
 /// An error where live Cycles cannot be asked; `what` "are" or "is" compared with it.

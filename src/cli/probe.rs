@@ -3,7 +3,6 @@
 use super::choice::choice;
 use crate::base::error::{Error, Result};
 use crate::base::files;
-use crate::bridge;
 use crate::graph::evaluate::Points;
 use crate::graph::{Program, Target, target};
 use crate::measure::fields;
@@ -115,7 +114,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
                 seed: arguments.seed,
                 rounding_bound: arguments.rounding_bound,
             };
-            let probe = fields::probe(&scene, target, sampling, &evaluators, bridge::report_to(&bar))?;
+            let probe = fields::probe(&scene, target, sampling, &evaluators, super::report_to(&bar))?;
             let text = describe(&probe.reference, &probe.target, probe.domain, &probe.evaluators);
             (text, to_json(&probe), probe.evaluators)
         }
@@ -192,7 +191,7 @@ fn random_settings(
             rounding_bound: arguments.rounding_bound,
         })
         .collect();
-    let (found, reference) = fields::compare(&requests, bridge::report_to(bar))?;
+    let (found, reference) = fields::compare(&requests, super::report_to(bar))?;
     let mut totals: IndexMap<Evaluator, Comparison> = IndexMap::new();
     let mut settings = Vec::new();
     for ((_, values, _), comparisons) in drawn.iter().zip(found) {

@@ -624,10 +624,13 @@ mod tests {
     fn buffers_lie_in_memory_as_the_kernels_read_them() {
         let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("parity/scenes/homogeneous-cube.scene.json");
         let scene = crate::scene::Scene::load(&path).expect("the committed scene loads");
-        let link = |source: &str| {
-            let program = crate::graph::Program::density(&scene).expect("the density compiles");
-            Linker::new(&program).and_then(|linker| linker.link("test", source)).expect("the kernel links")
+        let with_constants = |linker: crate::base::error::Result<Linker>, source: &str| {
+            let mut linker = linker.expect("a linker");
+            linker.add_constants(&CONSTANTS).expect("the constants parse");
+            linker.link("test", source).expect("the kernel links")
         };
+        let program = crate::graph::Program::density(&scene).expect("the density compiles");
+        let link = |source: &str| with_constants(Linker::new(&program), source);
         check_all(&link(BAKE), BAKE_LAYOUTS).expect("the bake");
         check::<BakeUniform>(&link(BAKE)).expect("Bake is in it");
         for (name, source) in [("trace", TRACE), ("gather", GATHER)] {
@@ -638,7 +641,7 @@ mod tests {
         check::<WorldUniform>(&gather).expect("World is in it");
         check_all(&link(MARCH), LAYOUTS).expect("the march");
         check::<Light>(&link(MARCH)).expect("Light is in it");
-        let cached = Linker::cached().and_then(|linker| linker.link("test", MARCH)).expect("the kernel links");
+        let cached = with_constants(Linker::cached(), MARCH);
         check_all(&cached, LAYOUTS).expect("the march through a cache");
         check::<CacheUniform>(&cached).expect("Cache is in it");
     }
