@@ -70,13 +70,15 @@ impl Target {
                 "no node of that name",
                 "NODE.SOCKET with a node of the graph, such as \"Noise Texture.Fac\"",
                 "cloudparity explain lists the nodes.",
-            )),
+            )
+            .with_setting("target")),
             _ => Err(Error::new(
                 place,
                 format!("{} nodes of that name", finds.len()),
                 finds.iter().map(|(_, find)| format!("/{}", find.name())).collect::<Vec<_>>().join(" or "),
                 "Write the names of the group nodes that lead to it.",
-            )),
+            )
+            .with_setting("target")),
         }
     }
 }
