@@ -1,5 +1,6 @@
-//! What everything else stands on: the error type, files, numbers as text, progress, textures.
+//! What everything else stands on: the error type, named choices, files, numbers as text, progress, textures.
 
+pub mod choice;
 pub mod error;
 pub mod files;
 pub mod interpolation;

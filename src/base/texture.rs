@@ -11,8 +11,21 @@ use serde::{Deserialize, Serialize};
 use std::sync::{Arc, OnceLock};
 
 /// How texels are stored.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
+#[derive(
+    Debug,
+    Clone,
+    Copy,
+    PartialEq,
+    Eq,
+    Serialize,
+    Deserialize,
+    strum::Display,
+    strum::EnumMessage,
+    strum::IntoStaticStr,
+    strum::VariantArray,
+)]
 #[serde(rename_all = "lowercase")]
+#[strum(serialize_all = "lowercase")]
 pub enum TexelFormat {
     /// 32 bits, as they are.
     F32,
@@ -23,8 +36,21 @@ pub enum TexelFormat {
 }
 
 /// How a texture is read between its texels.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
+#[derive(
+    Debug,
+    Clone,
+    Copy,
+    PartialEq,
+    Eq,
+    Serialize,
+    Deserialize,
+    strum::Display,
+    strum::EnumMessage,
+    strum::IntoStaticStr,
+    strum::VariantArray,
+)]
 #[serde(rename_all = "lowercase")]
+#[strum(serialize_all = "lowercase")]
 pub enum TextureFilter {
     /// The value of the nearest texel.
     Nearest,
@@ -113,8 +139,9 @@ impl Texture {
                 format!("{place}, format {}", format.name()),
                 if nan { "NaN at a vertex".to_owned() } else { format!("a value of {high:e}") },
                 format!("numbers up to {most:e}"),
-                "Store 32 bits, or correct the density.",
-            ));
+                "Store 32 bits, or correct the density (cloudparity eval shows it).",
+            )
+            .with_setting("cache_format"));
         }
         let parts = (high - low).max(0.0);
         let texels = match format {
@@ -343,11 +370,7 @@ impl Texels {
 impl TexelFormat {
     /// The name in settings.
     pub fn name(self) -> &'static str {
-        match self {
-            Self::F32 => "f32",
-            Self::F16 => "f16",
-            Self::Unorm8 => "unorm8",
-        }
+        self.into()
     }
 
     /// Bytes of a texel.
@@ -363,10 +386,7 @@ impl TexelFormat {
 impl TextureFilter {
     /// The name in settings.
     pub fn name(self) -> &'static str {
-        match self {
-            Self::Nearest => "nearest",
-            Self::Trilinear => "trilinear",
-        }
+        self.into()
     }
 }
 

@@ -248,11 +248,12 @@ impl Model {
             let Some((_, settings)) = self.qualities.iter().find(|(name, _)| *name == wanted) else {
                 let known: Vec<&str> = self.qualities.iter().map(|(name, _)| *name).collect();
                 return Err(Error::new(
-                    "--quality",
+                    "level of quality",
                     format!("\"{wanted}\""),
                     format!("one of {}", known.join(", ")),
                     "Correct the name.",
-                ));
+                )
+                .with_setting("quality"));
             };
             for &(name, value) in *settings {
                 values.set(self.parameters, name, value, "a level of quality")?;

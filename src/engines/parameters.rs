@@ -90,7 +90,7 @@ impl Range {
 /// Name and value of a text `NAME=VALUE`.
 pub fn assignment(text: &str) -> Result<(&str, f64)> {
     let parts = text.split_once('=').and_then(|(name, value)| Some((name.trim(), value.trim().parse().ok()?)));
-    parts.ok_or_else(|| Error::new("--parameter", text, "NAME=VALUE with a number", "Correct the option."))
+    parts.ok_or_else(|| Error::new("parameter", text, "NAME=VALUE with a number", "Write for example octaves=4."))
 }
 
 /// A value for every parameter of a model.
@@ -115,7 +115,7 @@ impl Values {
     pub fn set_texts(&mut self, parameters: &[Parameter], texts: &[String]) -> Result<()> {
         for text in texts {
             let (name, value) = assignment(text)?;
-            self.set(parameters, name, value, "--parameter")?;
+            self.set(parameters, name, value, text)?;
         }
         Ok(())
     }

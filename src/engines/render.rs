@@ -32,8 +32,21 @@ const PIXELS: usize = 1 << 14;
 const BYTES_PER_PIXEL: u64 = 256;
 
 /// Where within its steps a ray takes its samples.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
+#[derive(
+    Debug,
+    Clone,
+    Copy,
+    PartialEq,
+    Eq,
+    Serialize,
+    Deserialize,
+    strum::Display,
+    strum::EnumMessage,
+    strum::IntoStaticStr,
+    strum::VariantArray,
+)]
 #[serde(rename_all = "kebab-case")]
+#[strum(serialize_all = "kebab-case")]
 pub enum EngineJitter {
     /// In the middle.
     None,
@@ -255,8 +268,9 @@ fn add_god_rays(
             "$.camera.projection",
             "a panorama",
             "a picture on a plane: god rays are straight there only",
-            "Leave --god-rays out, or take another camera.",
-        ));
+            "Leave the god rays out, or take another camera.",
+        )
+        .with_setting("god_rays"));
     };
     let fade = if engine.god_rays.from_behind { 1.0 } else { smooth(0.0, FADE, cosine) };
     let [width, height] = [image.width.div_ceil(2), image.height.div_ceil(2)];

@@ -41,7 +41,10 @@ const LIGHT: &[(&str, &str)] = &[
 ];
 
 /// Target languages of `cloudparity shader`.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+#[derive(
+    Debug, Clone, Copy, PartialEq, Eq, strum::Display, strum::EnumMessage, strum::IntoStaticStr, strum::VariantArray,
+)]
+#[strum(serialize_all = "lowercase")]
 pub enum Language {
     /// WebGPU Shading Language.
     Wgsl,
@@ -83,8 +86,9 @@ impl Linker {
                 format!("node {}", node.label),
                 node.node_type.label,
                 "nodes with a shader: this one is evaluated on the CPU only",
-                "Use the CPU.",
-            ));
+                "Evaluate on the CPU.",
+            )
+            .with_setting("backend"));
         }
         for node in &program.instructions {
             if let Some(found) = node.kernel.without_shader() {
@@ -92,8 +96,9 @@ impl Linker {
                     format!("node {}", node.label),
                     found,
                     "what its shader does: this mode is evaluated on the CPU only",
-                    "Use the CPU, or another mode.",
-                ));
+                    "Evaluate on the CPU, or take another mode.",
+                )
+                .with_setting("backend"));
             }
         }
         if !self.composer.contains_module("cloudparity::texture") {

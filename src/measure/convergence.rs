@@ -254,16 +254,18 @@ fn check(settings: &ConvergenceSettings) -> Result<()> {
             "setting steps",
             format!("{steps:?}"),
             format!("at least four rising numbers from 1 to {most}: the finest is left out of fits, which need three"),
-            "Write for example --steps 4,8,16,32,64.",
-        ));
+            "Take for example 4, 8, 16, 32, 64.",
+        )
+        .with_setting("steps"));
     }
     if settings.cache_cells.contains(&0) {
         return Err(Error::new(
             "setting cache_cells",
             format!("{:?}", settings.cache_cells),
             "at least 1 cell along the longest side",
-            "Write for example --cache-cells 16,32,64.",
-        ));
+            "Take for example 16, 32, 64.",
+        )
+        .with_setting("cache_cells"));
     }
     Ok(())
 }
@@ -468,10 +470,7 @@ impl Convergence {
 impl Integration {
     /// The name in settings and on the command line.
     pub fn name(self) -> &'static str {
-        match self {
-            Self::EnergyConserving => "energy-conserving",
-            Self::Plain => "plain",
-        }
+        self.into()
     }
 }
 

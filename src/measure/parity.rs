@@ -8,10 +8,10 @@ use crate::base::files;
 use crate::base::numbers::signed_percent;
 use crate::base::progress::Progress as Report;
 use crate::bridge;
+use crate::bridge::Kernel;
 use crate::bridge::reference::{
     FIRST_REPLICA_SEED, Reference, ReferenceSettings, WorldSampling, cache_folder, references,
 };
-use crate::bridge::{Kernel, Message};
 use crate::gpu::Backend;
 use crate::integrators::path;
 use crate::integrators::path::PathSettings;
@@ -166,11 +166,12 @@ impl Suite {
         if let Some(name) = only.iter().find(|name| self.entries.iter().all(|entry| entry.name != **name)) {
             let known: Vec<&str> = self.entries.iter().map(|entry| entry.name.as_str()).collect();
             return Err(Error::new(
-                format!("--only {name}"),
+                format!("entry {name}"),
                 "no such entry",
                 known.join(", "),
                 "Give the name of an entry of the suite.",
-            ));
+            )
+            .with_setting("only"));
         }
         Ok(self.entries.iter().filter(|entry| only.is_empty() || only.contains(&entry.name)).collect())
     }
@@ -259,9 +260,8 @@ pub(crate) fn pictures(entry: &Entry, folder: &Path, output: &Path, report: Repo
         Replicas::Seeds(count) => (FIRST_REPLICA_SEED..FIRST_REPLICA_SEED + count).collect(),
         Replicas::SubPixels(_) => vec![settings.seed],
     };
-    let references = references(&scene, &settings, &seeds, &cache_folder()?, |message| match message {
-        Message::Progress(done, what) => report(0.5 * done, &what),
-        Message::Warning(place, text) => eprintln!("warning: {place}: {text}"),
+    let references = references(&scene, &settings, &seeds, &cache_folder()?, |message| {
+        report(0.5 * message.done, &message.what);
     })?;
     let keys: Vec<&str> = references.iter().map(|reference| reference.key.as_str()).collect();
     let inputs = json!({"version": env!("CARGO_PKG_VERSION"), "entry": entry, "references": keys, "scene": scene});

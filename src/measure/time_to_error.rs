@@ -159,9 +159,10 @@ pub fn run(
         return Err(Error::new(
             file.display().to_string(),
             "no entry to measure",
-            "entries with sub_pixels replicas, and --samples",
+            "entries with sub_pixels replicas, and numbers of samples",
             "Name another suite or entry.",
-        ));
+        )
+        .with_setting("samples"));
     }
     Ok(found)
 }

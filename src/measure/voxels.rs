@@ -23,7 +23,8 @@ pub fn scene(scene: &Scene, engine: &Engine, voxels: usize) -> Result<(Scene, Vo
             "a source that is no albedo times extinction",
             "one that has an albedo",
             "Leave out the defect that takes it away.",
-        ));
+        )
+        .with_setting("defects"));
     };
     let Region { low, high } = engine.density.bounds;
     let step = (high - low) / voxels as f64;

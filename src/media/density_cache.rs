@@ -130,8 +130,9 @@ impl Samples {
                 "setting density_cache",
                 format!("{cells} cells, {vertices:.3e} vertices, which need {:.1} GiB", bytes / GIBIBYTE),
                 format!("a grid that needs at most {:.0} GiB", MOST_BYTES / GIBIBYTE),
-                format!("Give --density-cache {fitting} or less."),
-            ));
+                format!("Take {fitting} cells or less."),
+            )
+            .with_setting("density_cache"));
         }
         let count = vertices as usize;
         let low = density.occupied.low;

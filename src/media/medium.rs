@@ -45,8 +45,9 @@ impl Medium {
                 format!("object {}", second.object),
                 "a second volume object",
                 "one: ray marching knows a single medium",
-                "Leave the other objects out, or give --integrator path.",
-            ));
+                "Leave the other objects out, or trace paths.",
+            )
+            .with_setting("integrator"));
         }
         Self::of(&ObjectMedium::new(scene.graph(), &scene.volume)?)
     }
@@ -190,8 +191,9 @@ fn only_anisotropy(object: &ObjectMedium, parts: &[Coefficients<f64>]) -> Result
                     format!("node {}", closure.label),
                     if anisotropy.is_none() { "another phase function" } else { "a second lobe" },
                     "one Henyey-Greenstein lobe: ray marching knows no other",
-                    "Give all closures the same anisotropy, or give --integrator path.",
-                ));
+                    "Give all closures the same anisotropy, or trace paths.",
+                )
+                .with_setting("integrator"));
             }
         }
     }

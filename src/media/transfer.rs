@@ -46,8 +46,21 @@ pub fn step_weight<T: Float>(integration: Integration, extinction: T, step: T) -
 }
 
 /// How a step of a view ray adds what is scattered and emitted along it; [`crate::integrators::march`] gives the formulas.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
+#[derive(
+    Debug,
+    Clone,
+    Copy,
+    PartialEq,
+    Eq,
+    Serialize,
+    Deserialize,
+    strum::Display,
+    strum::EnumMessage,
+    strum::IntoStaticStr,
+    strum::VariantArray,
+)]
 #[serde(rename_all = "kebab-case")]
+#[strum(serialize_all = "kebab-case")]
 pub enum Integration {
     /// The integral over the step, exact for constant coefficients.
     EnergyConserving,

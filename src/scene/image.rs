@@ -84,8 +84,9 @@ impl Image {
                 self.pixels[first]
             ),
             "finite pixels",
-            "Look at the density there (cloudparity eval), or give --allow-nonfinite to write the picture as it is.",
-        ))
+            "Look at the density there (cloudparity eval), or allow such pixels to write the picture as it is.",
+        )
+        .with_setting("allow_nonfinite"))
     }
 
     /// Writes the picture; a picture with NaN or infinity only if `allow_nonfinite`.

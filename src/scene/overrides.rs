@@ -1,4 +1,4 @@
-//! Changing stored values by name: `--set "Large Noise/Scale=2"`.
+//! Changing stored values by name: `Large Noise/Scale=2`.
 
 use crate::base::error::{Error, Result};
 use crate::scene::{Graph, Input, Scene, SocketType};
@@ -10,10 +10,12 @@ impl Scene {
     /// colours, three or four numbers joined by commas. A name that fits several inputs is an error
     /// that lists them.
     pub fn set(&mut self, assignment: &str) -> Result<()> {
-        let place = format!("--set {assignment}");
-        let wrong = |found: String, expected: &str, remedy: &str| Error::new(place.clone(), found, expected, remedy);
+        let place = format!("value {assignment}");
+        let wrong = |found: String, expected: &str, remedy: &str| {
+            Error::new(place.clone(), found, expected, remedy).with_setting("set")
+        };
         let Some((name, text)) = assignment.split_once('=') else {
-            return Err(wrong("no \"=\"".into(), "NAME=VALUE", "Write for example --set \"Altitude=0.8\"."));
+            return Err(wrong("no \"=\"".into(), "NAME=VALUE", "Write for example Altitude=0.8."));
         };
         let numbers: Vec<f32> = text
             .split(',')

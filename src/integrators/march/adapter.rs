@@ -196,11 +196,13 @@ impl<'a> Kernels<'a> {
     pub(crate) fn bake(gpu: &'a Gpu, stage: &Stage<'_>, progress: &(dyn Fn(f64) + Sync)) -> Result<Self> {
         if stage.settings.light == LightMode::Exact {
             return Err(Error::new(
-                "--light exact",
+                "setting light",
                 "the mode exact on the adapter",
                 "grid: shadow rays through the density exist on the CPU only",
-                "Give --light grid, or --backend cpu.",
-            ));
+                "Take the light from a grid, or march on the CPU.",
+            )
+            .with_setting("light")
+            .with_setting("backend"));
         }
         let mut layout = LightGrid::layout(&stage.medium, &stage.settings);
         let textures = textures(gpu, &stage.medium)?;
@@ -534,7 +536,7 @@ impl<'a> Sweeps<'a> {
 /// A storage buffer of zeros, which wgpu guarantees for new buffers.
 fn zeros(gpu: &Gpu, label: &str, floats: usize) -> Result<wgpu::Buffer> {
     let size = 4 * floats as u64;
-    check_size(gpu, label, size, "--grid-cells")?;
+    check_size(gpu, label, size, "grid_cells")?;
     Ok(gpu.device().create_buffer(&wgpu::BufferDescriptor {
         label: Some(label),
         size,
@@ -543,8 +545,8 @@ fn zeros(gpu: &Gpu, label: &str, floats: usize) -> Result<wgpu::Buffer> {
     }))
 }
 
-/// An error where a storage buffer is larger than the adapter binds; `option` would make it smaller.
-fn check_size(gpu: &Gpu, label: &str, size: u64, option: &str) -> Result<()> {
+/// An error where a storage buffer is larger than the adapter binds; a lower `setting` would make it smaller.
+fn check_size(gpu: &Gpu, label: &str, size: u64, setting: &'static str) -> Result<()> {
     let limit = gpu.device().limits().max_storage_buffer_binding_size;
     if size <= limit {
         return Ok(());
@@ -553,8 +555,10 @@ fn check_size(gpu: &Gpu, label: &str, size: u64, option: &str) -> Result<()> {
         format!("buffer of {label}"),
         format!("{size} bytes"),
         format!("at most {limit} bytes, the largest that adapter {} binds", gpu.adapter().name),
-        format!("Lower {option}, or give --backend cpu."),
-    ))
+        format!("Lower the setting {setting}, or march on the CPU."),
+    )
+    .with_setting(setting)
+    .with_setting("backend"))
 }
 
 /// A module without imports.

@@ -175,16 +175,19 @@ impl<'a> Stage<'a> {
                 "$.integrator.volume_bounces",
                 bounces.to_string(),
                 "0: ray marching computes single scattering",
-                "Give --volume-bounces 0.",
-            ));
+                "Set the volume bounces to 0, or trace paths.",
+            )
+            .with_setting("volume_bounces")
+            .with_setting("integrator"));
         }
         if let Some(image) = &scene.world.image {
             return Err(Error::new(
                 "$.world.image",
                 format!("the picture \"{}\"", image.file),
                 "a constant world: ray marching knows no other",
-                "Leave the picture out, or give --integrator path.",
-            ));
+                "Leave the picture out, or trace paths.",
+            )
+            .with_setting("integrator"));
         }
         let mut stage = Self::new(scene, settings)?;
         let empty = stage.medium.density.occupied.is_empty();

@@ -152,27 +152,30 @@ impl<'a> PathKernel<'a> {
         let Some(majorants) = &tracer.volume.majorants else { return Ok(None) };
         let medium = tracer.volume.single().and_then(Medium::of).map_err(|cause| {
             Error::new(
-                format!("--backend gpu, {}", cause.place),
+                format!("path tracing on the adapter, {}", cause.place),
                 cause.found,
                 "one object whose coefficients are one density times constants, and one Henyey-Greenstein lobe",
-                "Give --backend cpu, which knows all media.",
+                "Trace on the CPU, which knows all media.",
             )
+            .with_setting("backend")
         })?;
         if medium.emission_of_density != [0.0; 3] {
             return Err(Error::new(
-                "--backend gpu",
+                "path tracing on the adapter",
                 "an emission whose strength is the density",
                 "a constant emission: the adapter knows no other yet",
-                "Give --backend cpu.",
-            ));
+                "Trace on the CPU.",
+            )
+            .with_setting("backend"));
         }
         let World::Constant(world) = tracer.world else {
             return Err(Error::new(
-                "--backend gpu, $.world.image",
+                "path tracing on the adapter, $.world.image",
                 "a picture around the scene",
                 "a constant world: the adapter knows no other yet",
-                "Give --backend cpu.",
-            ));
+                "Trace on the CPU.",
+            )
+            .with_setting("backend"));
         };
         let flat = majorants.flat();
         let single = |values: [f64; 3]| values.map(|value| value as f32);

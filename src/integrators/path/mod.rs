@@ -15,6 +15,7 @@ mod volume;
 
 pub use crate::media::majorant::Tracking;
 pub use adapter::CONSTANTS;
+#[cfg(feature = "tools")]
 pub(crate) use adapter::LAYOUTS;
 pub use tracer::Counters;
 

@@ -147,11 +147,12 @@ pub fn run(
     check(settings)?;
     if model.is_of_scene {
         return Err(Error::new(
-            "--model",
+            "density model",
             format!("\"{}\"", model.id),
             "a density model that is not the scene's own",
             "Give another one: cloudparity models lists them.",
-        ));
+        )
+        .with_setting("model"));
     }
     std::fs::create_dir_all(folder).map_err(|cause| Error::io(folder, "a folder for the results", &cause))?;
     let engine = |defects: &Defects| model.engine(scene, values, defects, 0.0);

@@ -11,7 +11,6 @@
 use crate::base::error::{Error, Result};
 use crate::base::files;
 use crate::base::progress::Progress;
-use crate::bridge::Message;
 use crate::bridge::reference::{ReferenceSettings, cache_folder, references};
 use crate::engines;
 use crate::engines::defects::Defects;
@@ -215,9 +214,7 @@ impl Study {
         large.film.resolution = large.film.resolution.map(|side| side * CELLS);
         let settings = ReferenceSettings { samples: most / PARTS, ..ReferenceSettings::default() };
         let found = references(&large, &settings, &[CYCLES_SEED], &cache, |message| {
-            if let Message::Progress(done, _) = message {
-                progress(done, &format!("Cycles: {density} in {}", scene.name));
-            }
+            progress(message.done, &format!("Cycles: {density} in {}", scene.name));
         })?;
         Ok(found[0].path.clone())
     }

@@ -222,7 +222,7 @@ impl Study {
             if self.file.curves.cycles.contains_key(density)
                 && let Err(error) = self.cycles_picture(scene, density, &report)
             {
-                eprintln!("warning: the curve of Cycles is left out: {error}");
+                log::warn!("the curve of Cycles is left out: {error}");
             }
         }
         Ok(records)
@@ -345,7 +345,7 @@ impl Study {
         results.front = results.fronts().into_iter().flat_map(|(_, _, runs)| runs).map(|run| run.id.clone()).collect();
         results.write(folder)?;
         if let Err(error) = results.add_flip(folder) {
-            eprintln!("warning: HDR-FLIP is left out: {error}");
+            log::warn!("HDR-FLIP is left out: {error}");
         }
         results.write(folder)?;
         Ok(results)
