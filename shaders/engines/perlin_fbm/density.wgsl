@@ -9,6 +9,7 @@ struct Model {
     mask_radius: f32,
     flattening_high: vec3f,
     mask_softness: f32,
+    // Of the box's centre in the texture, in periods, 0 to 1.
     offset: vec3f,
     tiling: f32,
     // Of the main and the fine deformation; the value that stands for both textures where they are not read.
@@ -47,10 +48,12 @@ fn mask_texel(x: u32, y: u32, z: u32) -> vec2f {
     return vec2f(f32(bits & 255u), f32((bits >> 8u) & 255u));
 }
 
+// At a place in periods from the box's centre.
 fn volume_at(place: vec3f) -> f32 {
     let side = f32(model.side);
-    // In periods first, so that the texel's fraction keeps its bits; the rounding of fract may give 1.
-    let scaled = fract(place) * side - 0.5;
+    // Whole periods go first, those of the place before the offset is added, so that the texel's fraction keeps its bits: what is left of
+    // the rounding is that of the place itself, as if it were moved by half a unit in its last place. The rounding of fract may give 1.
+    let scaled = fract(fract(place) + model.offset) * side - 0.5;
     let base = floor(scaled);
     let f = scaled - base;
     let last = i32(model.side) - 1;
@@ -100,6 +103,6 @@ fn density(place: vec3f) -> f32 {
     let mask = t * t * (3.0 - 2.0 * t);
     if mask <= 0.0 { return 0.0; }
     var value = 1.0;
-    if model.shows_mask == 0u { value = volume_at((place + 0.5) * model.tiling + model.offset); }
+    if model.shows_mask == 0u { value = volume_at(place * model.tiling); }
     return select(value * model.multiplier * mask, 0.0, value < model.threshold);
 }

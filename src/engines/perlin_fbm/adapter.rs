@@ -27,8 +27,8 @@ shader_struct! {
         octaves: u32,
         first: u32,
         count: u32,
-        coverage: f32,
-        softness: f32,
+        low: f32,
+        width: f32,
         intensity: f32,
         padding: u32,
     }
@@ -71,19 +71,20 @@ impl<'a> BakeKernel<'a> {
         Ok(Self { gpu, kernels: [kernel(&[])?, kernel(&["LARGE_AXES"])?] })
     }
 
-    /// The texture of `side` texels per axis, in single precision over tables of double: a few texels of a hundred differ by 1
-    /// from [`Bake::volume`].
+    /// The texture of `side` texels per axis, in single precision over tables of double: texels whose value lies within its rounding of a
+    /// byte's edge may differ by 1 from [`Bake::volume`].
     pub fn volume(&self, bake: &Bake, side: usize) -> Result<Volume> {
         bake.check_side(side)?;
         let table = permutation(bake.seed);
         let tables = Tables::<f64>::new(bake, &table, side);
-        let mut axes: Vec<[f32; 2]> = Vec::new();
+        // Words, not floats: a small number's bits are those of a denormal, which an adapter may take for 0.
+        let mut axes: Vec<[u32; 2]> = Vec::new();
         for axis in tables.axes.iter().flatten() {
             let places = axis.fractions.iter().zip(&axis.cells);
-            axes.extend(places.map(|(&fraction, &cell)| [fraction as f32, f32::from_bits(cell as u32)]));
+            axes.extend(places.map(|(&fraction, &cell)| [(fraction as f32).to_bits(), cell as u32]));
         }
         // Coordinates beyond all numbers: what the CPU gives is no number, and its byte is 0.
-        if axes.iter().any(|[fraction, ..]| fraction.is_nan()) {
+        if axes.iter().any(|&[fraction, _]| f32::from_bits(fraction).is_nan()) {
             return Ok(Volume { side, texels: vec![0; side.pow(3)] });
         }
         let pairs: Vec<u8> =
@@ -129,6 +130,7 @@ impl<'a> BakeKernel<'a> {
             output,
         ];
         let octaves = bake.octaves.count;
+        let [low, high] = bake.threshold();
         let invocations = side * side * side.div_ceil(DEPTH);
         let kernel = &self.kernels[usize::from(are_large)];
         let most = (NOISES / (8 * DEPTH * octaves as usize)).next_multiple_of(kernel.workgroup()[0] as usize);
@@ -139,8 +141,8 @@ impl<'a> BakeKernel<'a> {
                 octaves,
                 first: first as u32,
                 count: count as u32,
-                coverage: bake.coverage as f32,
-                softness: bake.softness as f32,
+                low: low as f32,
+                width: (high - low) as f32,
                 intensity: bake.intensity as f32,
                 padding: 0,
             };
@@ -164,7 +166,8 @@ pub(crate) fn density(cloud: &Cloud) -> ModelShader {
         mask_radius: mask.radius as f32,
         flattening_high: single(mask.flattening[1]),
         mask_softness: mask.softness as f32,
-        offset: single(parameters.offset),
+        // Half of the tiling is the centre's place: what is left of both within a period is all that counts, taken in f64.
+        offset: single(parameters.offset.map(|offset| (offset + 0.5 * parameters.tiling).rem_euclid(1.0))),
         tiling: parameters.tiling as f32,
         strengths: mask.deformations.map(|deformation| deformation.strength as f32),
         threshold: parameters.threshold as f32,
