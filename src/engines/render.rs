@@ -22,7 +22,7 @@ use crate::scene::image::Image;
 use crate::scene::{self, Bounds, Scene};
 use crate::view::camera::Camera;
 use crate::view::lights::{Source, delta_lights, world_radiance};
-use crate::view::{blue_noise, film, memory};
+use crate::view::{blue_noise, film, jitter_table, memory};
 use glam::{DAffine3, DMat3, DVec2, DVec3};
 use serde::{Deserialize, Serialize};
 
@@ -41,8 +41,22 @@ const BYTES_PER_PIXEL: u64 = 256;
 pub enum EngineJitter {
     /// In the middle.
     None,
-    /// At a place from a tile of blue noise, moved by the golden ratio from frame to frame.
+    /// At a place from the table that the reference pictures of a published engine have, moved by the golden ratio from frame to frame.
+    Table,
+    /// At a place from a tile of blue noise, moved likewise.
     BlueNoise,
+}
+
+impl EngineJitter {
+    /// Part of a step before the first sample, 0 to 1, of a fragment: a ray of the picture, in columns and rows of rays from the bottom-left
+    /// corner. So the rays of a pixel have a value each.
+    pub fn value(self, [column, row]: [usize; 2], frame: u32) -> f64 {
+        match self {
+            Self::None => 0.5,
+            Self::Table => jitter_table::value(column, row, frame),
+            Self::BlueNoise => blue_noise::value(column, row, frame),
+        }
+    }
 }
 
 /// How a picture is made.
@@ -144,10 +158,8 @@ impl<'a> EngineRenderer<'a> {
                         column as f64 + 0.5 + offsets[part % strata],
                         line as f64 + 0.5 + offsets[part / strata],
                     );
-                    let jitter = match settings.jitter {
-                        EngineJitter::None => 0.5,
-                        EngineJitter::BlueNoise => blue_noise::value(column, line, settings.frame),
-                    };
+                    let fragment = [column * strata + part % strata, line * strata + part / strata];
+                    let jitter = settings.jitter.value(fragment, settings.frame);
                     let ray = camera.ray(raster);
                     RealTimeRay {
                         origin: frame.to_box.transform_point3(ray.origin + ray.direction * ray.near),
