@@ -12,12 +12,13 @@ use crate::engines::light::LightModel;
 use crate::engines::march;
 use crate::engines::march::RealTimeRay;
 use crate::engines::march::adapter::RealTimeKernel;
-use crate::engines::passes::god_rays::Layer;
+use crate::engines::passes::compositing::mean_transmittance;
+use crate::engines::passes::god_rays::GodRayPass;
+use crate::engines::passes::{Channels, Pass, Sun, View};
 use crate::gpu::Gpu;
 use crate::gpu::{Backend, worker};
 use crate::media::averages::WithCoarse;
 use crate::media::density::DensityModel;
-use crate::media::transfer::smooth;
 use crate::scene::image::Image;
 use crate::scene::{self, Bounds, Scene};
 use crate::view::camera::Camera;
@@ -71,15 +72,6 @@ pub struct EngineSettings {
     /// Whether god rays are added.
     pub god_rays: bool,
 }
-
-/// Distance of the point that stands for the sun on the screen, in sides of the box: 9000 units where the box has 120.
-const SUN_DISTANCE: f64 = 75.0;
-
-/// Angular radius of the sun's glow in the occlusion picture, in radians: at half resolution a true disc would fall between pixels.
-const SUN_GLOW: f64 = 0.05;
-
-/// Cosine to the view axis below which god rays fade, to nothing where the sun stands in the image plane.
-const FADE: f64 = 0.2;
 
 /// Renders a scene with an engine in place of its graph. The picture's provenance says what was used.
 pub fn render(
@@ -146,7 +138,14 @@ impl<'a> EngineRenderer<'a> {
         let offsets = film::offsets(scene.film.pixel_filter, f64::from(scene.film.filter_width), strata);
         let background = world_radiance(scene);
         let mut image = Image::new(width, height);
-        let mut through: Vec<f32> = Vec::with_capacity(if settings.god_rays { width * height } else { 0 });
+        let passes: Vec<Box<dyn Pass>> = if settings.god_rays {
+            vec![Box::new(GodRayPass { rays: engine.god_rays, compositing: engine.compositing })]
+        } else {
+            Vec::new()
+        };
+        let keeps_transmittance = engine.compositing.keeps_transmittance(scene.film.transparent);
+        let has_transmittance = keeps_transmittance || Channels::of(&passes).transmittance;
+        image.transmittance = has_transmittance.then(|| vec![[1.0; 3]; width * height]);
         for first in (0..image.pixels.len()).step_by(PIXELS) {
             let pixels = first..image.pixels.len().min(first + PIXELS);
             let rays: Vec<RealTimeRay> = pixels
@@ -174,25 +173,24 @@ impl<'a> EngineRenderer<'a> {
                 None => march::march(self.density(), light, &engine.march, &rays)?,
             };
             for (pixel, parts) in pixels.zip(found.chunks_exact(strata * strata)) {
-                let mut mean = [0.0; 4];
-                for part in parts {
-                    let shown = engine.compositing.composite(part, (!scene.film.transparent).then_some(background));
-                    for channel in 0..4 {
-                        mean[channel] += shown[channel] / parts.len() as f64;
-                    }
-                }
-                let exposure = f64::from(scene.film.exposure);
-                image.pixels[pixel] =
-                    [mean[0] * exposure, mean[1] * exposure, mean[2] * exposure, mean[3]].map(|value| value as f32);
-                if settings.god_rays {
-                    let alpha: f64 = parts.iter().map(|part| engine.compositing.alpha(part)).sum();
-                    through.push((1.0 - alpha / parts.len() as f64) as f32);
+                let background = (!scene.film.transparent).then_some(background);
+                image.pixels[pixel] = engine.compositing.compose(parts, background, f64::from(scene.film.exposure));
+                if let Some(transmittance) = &mut image.transmittance {
+                    transmittance[pixel] = mean_transmittance(parts);
                 }
             }
             progress((first + PIXELS).min(image.pixels.len()) as f64 / image.pixels.len() as f64, "view rays");
         }
-        if settings.god_rays {
-            add_god_rays(&mut image, scene, engine, &camera, frame, light, &through)?;
+        let view = View {
+            camera: &camera,
+            exposure: f64::from(scene.film.exposure),
+            suns: &[frame.sun(light)],
+            centre: frame.to_box.inverse().translation,
+            side: frame.side,
+        };
+        passes.iter().try_for_each(|pass| pass.run(&mut image, &view))?;
+        if !keeps_transmittance {
+            image.transmittance = None;
         }
         for (name, value) in [
             ("renderer", format!("cloudparity {} engine {}", env!("CARGO_PKG_VERSION"), engine.model)),
@@ -260,6 +258,12 @@ impl Frame {
         Ok(Self { to_box: box_of(&volume.bounds) * DAffine3::from_mat4(to_world.inverse()), side })
     }
 
+    /// The sun of a light model in the scene.
+    fn sun(&self, light: &LightModel) -> Sun {
+        let towards = self.to_box.inverse().transform_vector3(DVec3::from(light.sun_direction)).normalize();
+        Sun { towards, light: light.sun }
+    }
+
     /// Puts the scene's sun and world into a light model.
     fn light(&self, scene: &Scene, light: &mut LightModel) -> Result<()> {
         let exposure = light.terms.exposure;
@@ -297,61 +301,4 @@ impl Frame {
         }
         Ok(())
     }
-}
-
-/// Adds the engine's god rays: the sun's glow times what the cloud lets through, at half the resolution, blurred towards the sun.
-/// The original never renders that picture (defect PF-11).
-fn add_god_rays(
-    image: &mut Image,
-    scene: &Scene,
-    engine: &Engine,
-    camera: &Camera,
-    frame: &Frame,
-    light: &LightModel,
-    through: &[f32],
-) -> Result<()> {
-    let brightest = light.sun.into_iter().fold(0.0, f64::max);
-    if brightest == 0.0 {
-        return Ok(());
-    }
-    let from_box = frame.to_box.inverse();
-    let to_sun = from_box.transform_vector3(DVec3::from(light.sun_direction)).normalize();
-    let place = from_box.translation + to_sun * (SUN_DISTANCE * frame.side);
-    let Some((sun, cosine)) = camera.device_coordinates(place) else {
-        return Err(Error::new(
-            "$.camera.projection",
-            "a panorama",
-            "a picture on a plane: god rays are straight there only",
-            "Leave --god-rays out, or take another camera.",
-        ));
-    };
-    let fade = if engine.god_rays.from_behind { 1.0 } else { smooth(0.0, FADE, cosine) };
-    let [width, height] = [image.width.div_ceil(2), image.height.div_ceil(2)];
-    let mut occlusion = Layer { width, height, pixels: vec![[0.0; 3]; width * height] };
-    for (index, pixel) in occlusion.pixels.iter_mut().enumerate() {
-        let (column, row) = (index % width, index / width);
-        let raster = DVec2::new(2.0 * column as f64 + 1.0, image.height as f64 - 2.0 * row as f64 - 1.0);
-        let angle = camera.ray(raster).direction.dot(to_sun).clamp(-1.0, 1.0).acos();
-        // The four pixels that it covers, or those that there are.
-        let (mut sum, mut count) = (0.0, 0.0);
-        for y in 2 * row..(2 * row + 2).min(image.height) {
-            for x in 2 * column..(2 * column + 2).min(image.width) {
-                sum += f64::from(through[y * image.width + x]);
-                count += 1.0;
-            }
-        }
-        *pixel = [sum / count * smooth(SUN_GLOW, 0.0, angle); 3];
-    }
-    let strength = fade * f64::from(scene.film.exposure);
-    let colour = light.sun.map(|channel| channel / brightest * strength);
-    let rays = engine.god_rays.render(&occlusion, sun.to_array(), colour);
-    for (index, pixel) in image.pixels.iter_mut().enumerate() {
-        let u = ((index % image.width) as f64 + 0.5) / (2 * width) as f64;
-        let v = 1.0 - ((index / image.width) as f64 + 0.5) / (2 * height) as f64;
-        let found = rays.sample([u, v]);
-        for channel in 0..3 {
-            pixel[channel] += found[channel] as f32;
-        }
-    }
-    Ok(())
 }

@@ -226,7 +226,9 @@ mod tests {
         let plain = exr::prelude::read_first_rgba_layer_from_file(
             &path,
             |size, _| vec![[0.0; 4]; size.area()],
-            |pixels: &mut Vec<[f32; 4]>, at, (r, g, b, a): (f32, f32, f32, f32)| pixels[at.y() * 3 + at.x()] = [r, g, b, a],
+            |pixels: &mut Vec<[f32; 4]>, at, (r, g, b, a): (f32, f32, f32, f32)| {
+                pixels[at.y() * 3 + at.x()] = [r, g, b, a]
+            },
         );
         assert_eq!(plain.expect("it is read").layer_data.channel_data.pixels, image.pixels);
         let mut other = image.clone();

@@ -60,11 +60,28 @@ shader_struct! {
 }
 
 shader_struct! {
-    struct Pixel = "Pixel" {
-        radiance: [f32; 3],
-        samples: u32,
-        transmittance: [f32; 3],
-        dense: u32,
+    /// What a ray came to, on the adapter; [`RealTimePixel`] says what is in it.
+    pub struct Pixel = "Pixel" {
+        /// Radiance that reaches the camera.
+        pub radiance: [f32; 3],
+        /// Samples at which the density was asked for.
+        pub samples: u32,
+        /// Share of the background that reaches it.
+        pub transmittance: [f32; 3],
+        /// Samples that were dense enough to count.
+        pub dense: u32,
+    }
+}
+
+impl From<&RealTimePixel> for Pixel {
+    fn from(pixel: &RealTimePixel) -> Self {
+        let single = |values: [f64; 3]| values.map(|value| value as f32);
+        Self {
+            radiance: single(pixel.radiance),
+            samples: pixel.samples,
+            transmittance: single(pixel.transmittance),
+            dense: pixel.dense,
+        }
     }
 }
 
