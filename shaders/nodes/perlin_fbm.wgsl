@@ -22,8 +22,9 @@ fn evaluate(place: vec3f) -> f32 {
     if mask <= 0.0 { return 0.0; }
     var value = 1.0;
     if !SHOWS_MASK {
-        // In periods first, so that the texel's fraction keeps its bits.
-        value = texture::read(VOLUME, fract((place + 0.5) * TILING + MOVED) * vec3f(VOLUME.size) - 0.5);
+        // Whole periods go first, those of the place before the offset is added, so that the texel's fraction keeps its bits: what is left
+        // of the rounding is that of the place itself, as if it were moved by half a unit in its last place.
+        value = texture::read(VOLUME, fract(fract(place * TILING) + MOVED) * vec3f(VOLUME.size) - 0.5);
     }
     return select(value * MULTIPLIER * mask, 0.0, value < THRESHOLD);
 }

@@ -166,6 +166,7 @@ fn engine(request: &Request<'_>) -> Result<Engine> {
         extinction,
         light,
         terms: Vec::new(),
+        passes: Vec::new(),
         march: RealTimeSettings {
             steps: values.get("march_steps") as u32,
             integration: Integration::EnergyConserving,

@@ -19,6 +19,7 @@ use crate::engines::defects::{Defect, Defects};
 use crate::engines::domain::{Container, Domain, DomainKind};
 use crate::engines::light::{LightModel, LightTerm, SourceFactor};
 use crate::engines::march::{Marched, RealTimeSettings};
+use crate::engines::passes::Pass;
 use crate::engines::passes::compositing::Compositing;
 use crate::engines::passes::god_rays::GodRays;
 use crate::media::averages::Averages;
@@ -92,7 +93,9 @@ pub struct Engine {
     pub march: RealTimeSettings,
     /// How its pixels are put over a background.
     pub compositing: Compositing,
-    /// The engine's god rays.
+    /// Passes over every picture.
+    pub passes: Vec<Arc<dyn Pass>>,
+    /// The engine's god rays, a pass where a picture asks for it.
     pub god_rays: GodRays,
     /// What is to be said about the parameters.
     pub warnings: Vec<String>,
@@ -163,6 +166,7 @@ impl Engine {
             values: self.values.clone(),
             light: self.light.clone(),
             terms: self.terms.clone(),
+            passes: self.passes.clone(),
             march: self.march.clone(),
             warnings: self.warnings.clone(),
             averages: OnceLock::new(),

@@ -92,12 +92,28 @@ shader_struct! {
 }
 
 shader_struct! {
-    /// What a ray came to, as passes read it.
+    /// What a ray came to, on the adapter; [`RealTimePixel`] says what is in it.
     pub struct Pixel = "Pixel" {
-        radiance: [f32; 3],
-        samples: u32,
-        transmittance: [f32; 3],
-        dense: u32,
+        /// Radiance that reaches the camera.
+        pub radiance: [f32; 3],
+        /// Samples at which the density was asked for.
+        pub samples: u32,
+        /// Share of the background that reaches it.
+        pub transmittance: [f32; 3],
+        /// Samples that were dense enough to count.
+        pub dense: u32,
+    }
+}
+
+impl From<&RealTimePixel> for Pixel {
+    fn from(pixel: &RealTimePixel) -> Self {
+        let single = |values: [f64; 3]| values.map(|value| value as f32);
+        Self {
+            radiance: single(pixel.radiance),
+            samples: pixel.samples,
+            transmittance: single(pixel.transmittance),
+            dense: pixel.dense,
+        }
     }
 }
 
@@ -135,8 +151,13 @@ fn steps_together(density: u32, shadow_steps: u32, suns: u32, octaves: u32) -> u
 }
 
 impl<'a> MarchKernel<'a> {
-    /// Compiles it: what the settings do not ask for is left out.
+    /// [`Self::new_async`] for callers that may wait.
     pub fn new(gpu: &'a Gpu, marched: &Marched<'_>, settings: &RealTimeSettings) -> Result<Self> {
+        gpu.block_on(Self::new_async(gpu, marched, settings))?
+    }
+
+    /// Compiles it: what the settings do not ask for is left out.
+    pub async fn new_async(gpu: &'a Gpu, marched: &Marched<'_>, settings: &RealTimeSettings) -> Result<Self> {
         marched.check()?;
         let Marched { light, density, container, .. } = *marched;
         if light.suns.len() > MOST_SUNS {
@@ -258,7 +279,7 @@ impl<'a> MarchKernel<'a> {
         Ok(Self {
             gpu,
             outline: container.outline,
-            kernel: gpu.kernel("engine_march", &module, &layouts)?,
+            kernel: gpu.kernel_async("engine_march", &module, &layouts).await?,
             uniform,
             suns: gpu.upload("suns", bytemuck::cast_slice(&suns), wgpu::BufferUsages::STORAGE),
             cells: gpu.upload("cells", bytemuck::cast_slice(&cells), wgpu::BufferUsages::STORAGE),

@@ -25,8 +25,8 @@ shader_struct! {
         octaves: u32,
         first: u32,
         count: u32,
-        coverage: f32,
-        softness: f32,
+        low: f32,
+        width: f32,
         intensity: f32,
         padding: u32,
     }
@@ -50,19 +50,20 @@ impl<'a> BakeKernel<'a> {
         Ok(Self { gpu, kernels: [kernel(&[])?, kernel(&["LARGE_AXES"])?] })
     }
 
-    /// The texture of `side` texels per axis, in single precision over tables of double: a few texels of a hundred differ by 1
-    /// from [`Bake::volume`].
+    /// The texture of `side` texels per axis, in single precision over tables of double: texels whose value lies within its rounding of a
+    /// byte's edge may differ by 1 from [`Bake::volume`].
     pub fn volume(&self, bake: &Bake, side: usize) -> Result<Volume> {
         bake.check_side(side)?;
         let table = permutation(bake.seed);
         let tables = Tables::<f64>::new(bake, &table, side);
-        let mut axes: Vec<[f32; 2]> = Vec::new();
+        // Words, not floats: a small number's bits are those of a denormal, which an adapter may take for 0.
+        let mut axes: Vec<[u32; 2]> = Vec::new();
         for axis in tables.axes.iter().flatten() {
             let places = axis.fractions.iter().zip(&axis.cells);
-            axes.extend(places.map(|(&fraction, &cell)| [fraction as f32, f32::from_bits(cell as u32)]));
+            axes.extend(places.map(|(&fraction, &cell)| [(fraction as f32).to_bits(), cell as u32]));
         }
         // Coordinates beyond all numbers: what the CPU gives is no number, and its byte is 0.
-        if axes.iter().any(|[fraction, ..]| fraction.is_nan()) {
+        if axes.iter().any(|&[fraction, _]| f32::from_bits(fraction).is_nan()) {
             return Ok(Volume { side, texels: vec![0; side.pow(3)] });
         }
         let pairs: Vec<u8> =
@@ -108,6 +109,7 @@ impl<'a> BakeKernel<'a> {
             output,
         ];
         let octaves = bake.octaves.count;
+        let [low, high] = bake.threshold();
         let invocations = side * side * side.div_ceil(DEPTH);
         let kernel = &self.kernels[usize::from(are_large)];
         let most = (NOISES / (8 * DEPTH * octaves as usize)).next_multiple_of(kernel.workgroup()[0] as usize);
@@ -118,8 +120,8 @@ impl<'a> BakeKernel<'a> {
                 octaves,
                 first: first as u32,
                 count: count as u32,
-                coverage: bake.coverage as f32,
-                softness: bake.softness as f32,
+                low: low as f32,
+                width: (high - low) as f32,
                 intensity: bake.intensity as f32,
                 padding: 0,
             };

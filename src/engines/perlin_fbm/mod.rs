@@ -44,6 +44,7 @@ fn engine(request: &Request<'_>) -> Result<Engine> {
         extinction: TINT.map(|tint| tint * opacity),
         light: settings::light(values, defects),
         terms: Vec::new(),
+        passes: Vec::new(),
         march: settings::march(values, defects),
         compositing: settings::compositing(defects),
         god_rays: settings::god_rays(values, defects),

@@ -228,6 +228,12 @@ impl Cloud {
         })
     }
 
+    /// Place of the box's centre in the texture, in periods: what is left of it within a period is all that counts, taken in f64.
+    fn moved(&self) -> [f64; 3] {
+        let Parameters { offset, tiling, .. } = &self.parameters;
+        offset.map(|offset| (offset + 0.5 * tiling).rem_euclid(1.0))
+    }
+
     fn is_exact(&self) -> bool {
         self.parameters.evaluation == Evaluation::Exact
     }
@@ -241,11 +247,11 @@ impl Cloud {
         let texel = if parameters.shows_mask {
             R::of(1.0)
         } else {
-            let coordinates: [R; 3] = std::array::from_fn(|axis| {
-                (place[axis] + R::of(0.5)) * number(parameters.tiling) + number(parameters.offset[axis])
+            // Whole periods go first, those of the place before the offset is added, so that the texel's fraction keeps its bits.
+            let moved = self.moved();
+            let part: [R; 3] = std::array::from_fn(|axis| {
+                ((place[axis] * number(parameters.tiling)).fraction() + number(moved[axis])).fraction()
             });
-            // In periods first, so that the texel's fraction keeps its bits.
-            let part = coordinates.map(|coordinate| coordinate - coordinate.floor());
             if self.is_exact() {
                 number(parameters.bake.exact(&self.table, part.map(Real::to_f64)))
             } else {
@@ -360,12 +366,10 @@ impl Cloud {
         } else if self.is_exact() {
             [0.0, 1.0]
         } else {
-            let side = self.volume.side as f64;
+            let (side, moved) = (self.volume.side as f64, self.moved());
             let index: [Interval; 3] = std::array::from_fn(|axis| {
-                let tiles =
-                    (place[axis] + <Interval as Quantity>::of(0.5)) * <Interval as Quantity>::of(parameters.tiling);
-                (tiles + <Interval as Quantity>::of(parameters.offset[axis])) * <Interval as Quantity>::of(side)
-                    - <Interval as Quantity>::of(0.5)
+                let number = <Interval as Quantity>::of;
+                (place[axis] * number(parameters.tiling) + number(moved[axis])) * number(side) - number(0.5)
             });
             texture_lookup::enclose(&self.textures()[0], &index).ends()
         };
@@ -410,7 +414,7 @@ impl Evaluate for Density {
     }
 
     fn shader_constants(&self) -> String {
-        let Parameters { mask, tiling, offset, threshold, density_multiplier, shows_mask, .. } = &self.0.parameters;
+        let Parameters { mask, tiling, threshold, density_multiplier, shows_mask, .. } = &self.0.parameters;
         let [low, high] = mask.flattening;
         let vector = |[x, y, z]: [f64; 3]| format!("vec3f({:?}f, {:?}f, {:?}f)", x as f32, y as f32, z as f32);
         let [volume, main, fine] = self.0.textures();
@@ -429,7 +433,7 @@ impl Evaluate for Density {
         ] {
             text += &number(name, value);
         }
-        for (name, value) in [("FLATTENING_LOW", low), ("FLATTENING_HIGH", high), ("MOVED", *offset)] {
+        for (name, value) in [("FLATTENING_LOW", low), ("FLATTENING_HIGH", high), ("MOVED", self.0.moved())] {
             text += &format!("const {name} = {};\n", vector(value));
         }
         text += &format!("const READS_TEXTURES = {};\nconst SHOWS_MASK = {shows_mask};\n", mask.reads_textures);
