@@ -32,6 +32,7 @@ mod probe;
 mod reference;
 mod render;
 mod report;
+mod resume;
 mod schema;
 mod shader;
 mod stability;

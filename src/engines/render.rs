@@ -6,6 +6,8 @@
 
 use crate::base::error::{Error, Result};
 use crate::base::files::json;
+use crate::base::identity;
+use crate::base::identity::Identity;
 use crate::base::progress::Progress;
 use crate::engines::Engine;
 use crate::engines::light::LightModel;
@@ -184,6 +186,7 @@ impl<'a> EngineRenderer<'a> {
         }
         for (name, value) in [
             ("renderer", format!("cloudparity {} engine {}", env!("CARGO_PKG_VERSION"), engine.model)),
+            (identity::ATTRIBUTE, Identity::current().full().to_owned()),
             ("defects", engine.defects.to_string()),
             ("parameters", json(&engine.values)),
             ("light", json(light)),

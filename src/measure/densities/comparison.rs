@@ -8,6 +8,7 @@
 use crate::base::error::{Error, Result};
 use crate::base::files;
 use crate::base::files::sha256;
+use crate::base::identity::Identity;
 use crate::base::progress::Progress;
 use crate::bridge;
 use crate::bridge::Kernel;
@@ -61,6 +62,9 @@ pub struct Settings {
 /// What was found: `models.json`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Comparison {
+    /// The builds that measured it; none in a file from before builds had an identity.
+    #[serde(default)]
+    pub builds: Vec<Identity>,
     /// Name of the scene with camera, light and graph.
     pub scene: String,
     /// Its hash.
@@ -270,6 +274,7 @@ pub fn run(
         done += 0.17;
     }
     Ok(Comparison {
+        builds: vec![Identity::current().clone()],
         scene: scene.name.clone(),
         scene_sha256: scene.content_hash(),
         model: model.id.to_owned(),
