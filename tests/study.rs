@@ -3,6 +3,7 @@
 mod support;
 
 use assert_cmd::cargo::cargo_bin_cmd;
+use cloudparity::base::identity::{Identity, Resume};
 use cloudparity::engines::defects::Defects;
 use cloudparity::engines::render::{EngineJitter, EngineRenderer, EngineSettings};
 use cloudparity::gpu::Gpu;
@@ -44,7 +45,7 @@ fn study_file(folder: &Path, steps: &str) -> PathBuf {
 }
 
 fn run(path: &Path, folder: &Path) -> Results {
-    Study::load(path).expect("a study").run(folder, &|_, _| ()).expect("results")
+    Study::load(path).expect("a study").run(folder, &Resume::default(), &|_, _| ()).expect("results")
 }
 
 /// Names and times of change of the records of runs and truths.
@@ -243,7 +244,11 @@ fn a_folder_belongs_to_one_process_at_a_time() {
     let output = folder.path().join("out");
     run(&path, &output);
     let lock = cloudparity::base::files::Lock::take(&output).expect("nobody has it");
-    let error = Study::load(&path).expect("a study").run(&output, &|_, _| ()).expect_err("taken").to_string();
+    let error = Study::load(&path)
+        .expect("a study")
+        .run(&output, &Resume::default(), &|_, _| ())
+        .expect_err("taken")
+        .to_string();
     assert!(error.contains("another process"), "{error}");
     drop(lock);
     run(&path, &output);
@@ -257,7 +262,7 @@ fn truths_are_made_beforehand_and_an_interrupted_one_goes_on() {
     std::fs::write(&path, text).expect("written");
     let output = folder.path().join("out");
     let study = Study::load(&path).expect("a study");
-    let made = study.prepare(&output, &|_, _| ()).expect("truths");
+    let made = study.prepare(&output, &Resume::default(), &|_, _| ()).expect("truths");
     assert!(made.len() == 1 && made[0].seconds > 0.0 && made[0].replicas.len() == 8, "{made:?}");
     // As if it had been interrupted between two replicas.
     let lost = output.join(&made[0].replicas[5]);
@@ -266,7 +271,7 @@ fn truths_are_made_beforehand_and_an_interrupted_one_goes_on() {
     std::fs::remove_file(output.join(format!("truth/{}.json", made[0].id))).expect("removed");
     let stays = output.join(&made[0].replicas[0]);
     let before = std::fs::metadata(&stays).expect("a file").modified().expect("a time");
-    let results = study.run(&output, &|_, _| ()).expect("results");
+    let results = study.run(&output, &Resume::default(), &|_, _| ()).expect("results");
     assert_eq!(std::fs::metadata(&stays).expect("a file").modified().expect("a time"), before);
     let [old, new] = [bytes, std::fs::read(&lost).expect("made again")].map(|bytes| {
         let file = folder.path().join("replica.exr");
@@ -282,7 +287,7 @@ fn truths_are_made_beforehand_and_an_interrupted_one_goes_on() {
     assert!((8.0..32.0).contains(&ratio), "{ratio}: {:?} {:?}", few.errors, many.errors);
     assert!(few.seconds > Some(0.0) && few.seconds < many.seconds);
     // A second time nothing is rendered.
-    assert_eq!(study.run(&output, &|_, _| ()).expect("results"), results);
+    assert_eq!(study.run(&output, &Resume::default(), &|_, _| ()).expect("results"), results);
 }
 
 #[test]
@@ -292,12 +297,12 @@ fn a_front_is_verified_and_a_wrong_one_is_found_out() {
     let output = folder.path().join("out");
     let mut results = run(&path, &output);
     let study = Study::load(&path).expect("a study");
-    let found = study.verify(&results, &output, &|_, _| ()).expect("a verification");
+    let found = study.verify(&results, &output, &Resume::default(), &|_, _| ()).expect("a verification");
     assert!(!found.is_empty() && found.iter().all(|one| one.agrees), "{found:?}");
     for run in &mut results.runs {
         run.errors.relmse.value *= 1.5;
     }
-    let found = study.verify(&results, &output, &|_, _| ()).expect("a verification");
+    let found = study.verify(&results, &output, &Resume::default(), &|_, _| ()).expect("a verification");
     assert!(found.iter().any(|one| !one.agrees), "{found:?}");
 }
 
@@ -307,7 +312,13 @@ fn folders_and_truths_that_do_not_fit_are_refused() {
     let path = study_file(folder.path(), "[2]");
     let output = folder.path().join("out");
     let results = run(&path, &output);
-    let refused = || Study::load(&path).expect("a study").run(&output, &|_, _| ()).expect_err("refused").to_string();
+    let refused = || {
+        Study::load(&path)
+            .expect("a study")
+            .run(&output, &Resume::default(), &|_, _| ())
+            .expect_err("refused")
+            .to_string()
+    };
     let truth = output.join("truth").join(format!("{}.json", results.truths[0].id));
     let text = std::fs::read_to_string(&truth).expect("a record");
     std::fs::write(&truth, text.replace(&results.truths[0].scene_sha256, "another")).expect("written");
@@ -318,8 +329,59 @@ fn folders_and_truths_that_do_not_fit_are_refused() {
         .expect("written");
     let error = refused();
     assert!(error.contains("another folder"), "{error}");
+    std::fs::remove_file(output.join("study.json")).expect("removed");
     let error = Results::load(folder.path()).expect_err("no results").to_string();
     assert!(error.contains("cloudparity study"), "{error}");
+}
+
+#[test]
+fn work_of_another_build_is_refused_by_both_names_and_gone_on_with_knowingly() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = study_file(folder.path(), "[2]");
+    let output = folder.path().join("out");
+    let study = Study::load(&path).expect("a study");
+    let [ours, other] = ["aa", "bb"].map(|hash| Identity::of("0.1.0", hash));
+    let by = |build: &Identity, mix_builds| Resume { build: build.clone(), mix_builds };
+    let go_on = |path: &Path, resume: &Resume| Study::load(path).expect("a study").run(&output, resume, &|_, _| ());
+    let first = go_on(&path, &by(&other, false)).expect("a new folder");
+    assert_eq!(first.builds, std::slice::from_ref(&other));
+    let before = records(&output);
+    let refusals = [
+        study.run(&output, &by(&ours, false), &|_, _| ()).err(),
+        study.prepare(&output, &by(&ours, false), &|_, _| ()).err(),
+        study.verify(&first, &output, &by(&ours, false), &|_, _| ()).err(),
+    ];
+    for error in refusals {
+        let error = error.expect("refused");
+        assert!(error.place.ends_with("study.json") && error.remedy.contains("mix_builds"), "{error}");
+        assert!(error.found.contains("0.1.0+bb") && error.expected.contains("0.1.0+aa"), "{error}");
+    }
+    assert_eq!(records(&output), before, "nothing is made anew");
+    // Knowingly: what is there stays, what is new is made, and both are named.
+    let longer = study_file(folder.path(), "[2, 3]");
+    let mixed = go_on(&longer, &by(&ours, true)).expect("it goes on");
+    assert_eq!(mixed.builds, [ours.clone(), other.clone()]);
+    assert_eq!((mixed.runs.len(), first.runs.len()), (8, 4));
+    assert!(before.iter().all(|record| records(&output).contains(record)));
+    // Neither has the folder to itself any more.
+    assert!(go_on(&longer, &by(&other, false)).is_err() && go_on(&longer, &by(&ours, false)).is_err());
+    // In a folder of its own, every key of the build is another.
+    let own = study.run(&folder.path().join("own"), &by(&ours, false), &|_, _| ()).expect("a new folder");
+    assert!(own.runs.iter().all(|run| first.runs.iter().all(|theirs| theirs.id != run.id)));
+    assert_ne!(own.truths[0].id, first.truths[0].id);
+
+    // The program: a forged mark is refused, and the option goes on.
+    let command = |option: &[&str]| {
+        let mut command = cargo_bin_cmd!("cloudparity");
+        let found = command.arg("study").arg(&longer).arg("-o").arg(&output).args(option).output().expect("it runs");
+        (found.status.code(), String::from_utf8(found.stderr).expect("text"))
+    };
+    let (code, said) = command(&[]);
+    assert!(code == Some(2) && said.contains("0.1.0+bb"), "{said}");
+    assert!(said.contains(&Identity::current().to_string()), "{said}");
+    command(&["--mix-builds"]);
+    let results = Results::load(&output).expect("results");
+    assert!(results.builds.contains(&other), "{:?}", results.builds);
 }
 
 #[test]

@@ -3,6 +3,7 @@
 mod support;
 
 use assert_cmd::cargo::cargo_bin_cmd;
+use cloudparity::base::identity::{Identity, Resume};
 use cloudparity::measure::tuning::preset::Preset;
 use cloudparity::measure::tuning::{Outcome, Scored, Tuning};
 use cloudparity::scene::image::Image;
@@ -47,7 +48,7 @@ fn tuning_file(folder: &Path, generations: u32) -> PathBuf {
 }
 
 fn run(path: &Path, folder: &Path) -> Outcome {
-    Tuning::load(path).expect("a tuning").run(folder, &|_, _| ()).expect("an outcome")
+    Tuning::load(path).expect("a tuning").run(folder, &Resume::default(), &|_, _| ()).expect("an outcome")
 }
 
 #[test]
@@ -106,7 +107,18 @@ fn a_search_finds_a_known_answer_goes_on_and_its_preset_renders_it() {
         let ours = Image::read_exr(&picture).expect("a picture");
         let judged = Image::read_exr(&output.join(&whole.tuned.held_out[0].picture)).expect("a picture");
         assert_eq!(ours.pixels, judged.pixels, "{command}");
+        assert_eq!(ours.provenance["preset_builds"], Identity::current().full());
+        assert_eq!(ours.provenance["build"], Identity::current().full());
     }
+    // Another build neither takes the search for its own nor makes it anew.
+    let other = |mix_builds| Resume { build: Identity::of("0.1.0", "bb"), mix_builds };
+    let tuning = Tuning::load(&tuning_file(folder.path(), 40)).expect("a tuning");
+    let error = tuning.run(&output, &other(false), &|_, _| ()).expect_err("refused");
+    assert!(error.found.contains(&Identity::current().to_string()) && error.expected.contains("0.1.0+bb"), "{error}");
+    assert_eq!(std::fs::read(output.join("search/0000.json")).expect("kept"), before);
+    let mixed = tuning.run(&output, &other(true), &|_, _| ()).expect("knowingly");
+    assert_eq!(mixed.parameters, whole.parameters);
+    assert!(mixed.builds.contains(Identity::current()), "{:?}", mixed.builds);
 }
 
 #[test]
@@ -169,7 +181,28 @@ fn committed_presets_make_engines_of_their_scenes() {
             "{}",
             path.display()
         );
+        // They were found before builds had an identity: settings, but no results of this build.
+        assert_eq!(preset.builds, [Identity::unknown()], "{}", path.display());
         count += 1;
     }
     assert_eq!(count, 2);
+    // Using one is no error; the program says whose it is, and the picture names both builds.
+    let folder = tempfile::tempdir().expect("a folder");
+    let picture = folder.path().join("a.exr");
+    let said = cargo_bin_cmd!("cloudparity")
+        .arg("engine")
+        .arg(support::project("parity/scenes/clouds-in-daylight.scene.json"))
+        .args(["--resolution", "16x9", "--preset"])
+        .arg(support::project("parity/presets/perlin-fbm.preset.json"))
+        .arg("-o")
+        .arg(&picture)
+        .assert()
+        .success()
+        .get_output()
+        .clone();
+    let said = String::from_utf8(said.stderr).expect("text");
+    assert!(said.contains("another build (unknown)") && said.contains(&Identity::current().to_string()), "{said}");
+    let picture = Image::read_exr(&picture).expect("a picture");
+    assert_eq!(picture.provenance["preset_builds"], "unknown");
+    assert_eq!(picture.provenance["build"], Identity::current().full());
 }

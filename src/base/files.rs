@@ -139,27 +139,52 @@ pub fn word(value: &impl serde::Serialize) -> String {
     serde_json::to_value(value).ok().and_then(|value| value.as_str().map(str::to_owned)).unwrap_or_default()
 }
 
-/// A folder that one process at a time works in. The system releases it
-/// when the process ends, however that comes about.
+/// A file that a process has locked. The system releases it when the process ends, however that comes about.
 pub struct Lock(#[expect(dead_code, reason = "held open")] std::fs::File);
 
 impl Lock {
-    /// Takes it, or says that another process has it.
+    /// Takes a folder for this process alone, or says that another process works in it.
     pub fn take(folder: &Path) -> Result<Self> {
-        let path = folder.join("lock");
+        let (file, path) = Self::open(folder, "lock")?;
+        Self::or_taken(file.try_lock(), folder, &path)?;
+        Ok(Self(file))
+    }
+
+    /// Takes a folder together with others that share it, or says that a process has it alone.
+    pub fn share(folder: &Path) -> Result<Self> {
+        let (file, path) = Self::open(folder, "lock")?;
+        Self::or_taken(file.try_lock_shared(), folder, &path)?;
+        Ok(Self(file))
+    }
+
+    /// Takes a name in a folder, which is made where it is missing; waits while another process has it.
+    pub fn wait(folder: &Path, name: &str) -> Result<Self> {
+        std::fs::create_dir_all(folder).map_err(|cause| Error::io(folder, "a folder for locks", &cause))?;
+        let (file, path) = Self::open(folder, name)?;
+        file.lock().map_err(|cause| Error::io(&path, "a file to lock", &cause))?;
+        Ok(Self(file))
+    }
+
+    fn open(folder: &Path, name: &str) -> Result<(std::fs::File, std::path::PathBuf)> {
+        let path = folder.join(name);
         let file = std::fs::File::create(&path).map_err(|cause| Error::io(&path, "a file to lock", &cause))?;
-        match file.try_lock() {
-            Ok(()) => Ok(Self(file)),
+        Ok((file, path))
+    }
+
+    fn or_taken(locked: std::result::Result<(), std::fs::TryLockError>, folder: &Path, path: &Path) -> Result<()> {
+        match locked {
+            Ok(()) => Ok(()),
             Err(std::fs::TryLockError::WouldBlock) => Err(Error::new(
                 folder.display().to_string(),
                 "another process that works in this folder",
                 "one at a time: what is measured beside something else is measured wrongly",
                 "Wait for it, or take another folder.",
             )),
-            Err(std::fs::TryLockError::Error(cause)) => Err(Error::io(&path, "a file to lock", &cause)),
+            Err(std::fs::TryLockError::Error(cause)) => Err(Error::io(path, "a file to lock", &cause)),
         }
     }
 }
+
 /// A setting as JSON, for provenance.
 pub fn json(value: &impl serde::Serialize) -> String {
     serde_json::to_string(value).expect("settings serialise")

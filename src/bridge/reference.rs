@@ -6,6 +6,7 @@
 
 use crate::base::error::{Error, Result};
 use crate::base::files;
+use crate::base::identity::Identity;
 use crate::bridge::{Kernel, Message, module_version, run_script};
 use crate::scene::Scene;
 use serde::Serialize;
@@ -169,7 +170,7 @@ pub fn references(
         "world_sampling": settings.world_sampling,
         "metadata": {
             "scene_sha256": scene.content_hash(),
-            "requested_by": concat!("cloudparity ", env!("CARGO_PKG_VERSION")),
+            "requested_by": format!("cloudparity {}", Identity::current().full()),
         },
     });
     run_script("reference.py", &request, Kernel::Default, receive)?;
@@ -178,6 +179,9 @@ pub fn references(
 
 /// SHA-256 of what decides the pixels: scene, settings (without the number of threads), version,
 /// and the scripts that turn a scene into a render.
+///
+/// The build is no part of it. These pixels are Cycles', and nothing of ours but the scripts has part in them: an edit of a shader must not
+/// cost hours of rendering the same reference again. Which build asked for it is in the file's attribute `requested_by`.
 fn request_key(scene: &Scene, settings: &ReferenceSettings, blender: &str) -> String {
     let settings = ReferenceSettings { threads: 0, ..settings.clone() };
     let scripts: String = super::SCRIPTS

@@ -2,6 +2,7 @@
 
 use crate::base::error::Result;
 use crate::base::files;
+use crate::base::identity::Identity;
 use crate::gpu::Gpu;
 use crate::measure::speed;
 use crate::measure::speed::Settings;
@@ -47,7 +48,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
     bar.finish_and_clear();
     let adapter = Gpu::open()
         .map_or(serde_json::Value::Null, |gpu| serde_json::to_value(gpu.adapter()).expect("an adapter serialises"));
-    let result = Bench { adapter, rows };
+    let result = Bench { builds: vec![Identity::current().clone()], adapter, rows };
     let json = serde_json::to_string_pretty(&result).expect("figures serialise") + "\n";
     if let Some(path) = &arguments.output {
         files::write_atomically(path, json.as_bytes())?;

@@ -1,6 +1,7 @@
 //! `cloudparity bench-bake`: speed of the Perlin-FBM bake.
 
 use crate::base::error::Result;
+use crate::base::identity::Identity;
 use crate::gpu::Gpu;
 use crate::measure::speed::perlin_fbm;
 use std::process::ExitCode;
@@ -30,7 +31,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
     bar.finish_and_clear();
     let adapter = gpu.as_ref().map_or("none", |gpu| gpu.adapter().name.as_str());
     if arguments.json {
-        let result = serde_json::json!({ "texels": arguments.texels, "adapter": adapter, "rows": rows });
+        let result = serde_json::json!({ "builds": [Identity::current()], "texels": arguments.texels, "adapter": adapter, "rows": rows });
         super::print(&(serde_json::to_string_pretty(&result).expect("figures serialise") + "\n"))?;
         return Ok(ExitCode::SUCCESS);
     }

@@ -2,6 +2,7 @@
 
 use crate::base::error::Result;
 use crate::base::files;
+use crate::base::identity::Identity;
 use crate::gpu::Gpu;
 use crate::measure::speed::compile_times;
 use crate::measure::speed::compile_times::Row;
@@ -57,7 +58,8 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
     })?;
     bar.finish_and_clear();
     let adapter = opened.map_or("none", |gpu| gpu.adapter().name.as_str());
-    let result = serde_json::json!({"adapter": adapter, "repeats": repeats, "rows": rows});
+    let result =
+        serde_json::json!({"builds": [Identity::current()], "adapter": adapter, "repeats": repeats, "rows": rows});
     let json = serde_json::to_string_pretty(&result).expect("figures serialise") + "\n";
     if let Some(path) = &arguments.output {
         files::write_atomically(path, json.as_bytes())?;

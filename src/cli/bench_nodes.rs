@@ -2,6 +2,7 @@
 
 use crate::base::error::Result;
 use crate::bridge;
+use crate::cli::resume::ResumeArguments;
 use crate::gpu::Gpu;
 use crate::measure::nodes::costs;
 use crate::measure::nodes::costs::{Costs, Settings};
@@ -35,6 +36,8 @@ pub(super) struct Arguments {
     /// Print the document instead of a table.
     #[arg(long)]
     json: bool,
+    #[command(flatten)]
+    resume: ResumeArguments,
 }
 
 pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
@@ -52,6 +55,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
         node: arguments.node.clone(),
         mode: arguments.mode.clone(),
         with_cycles,
+        resume: arguments.resume.resume(),
     };
     let bar = super::progress_bar(1000);
     let opened = gpu.as_ref().and_then(|found| found.as_ref().ok());

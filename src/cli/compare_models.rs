@@ -2,6 +2,7 @@
 
 use crate::base::error::Result;
 use crate::base::files;
+use crate::base::identity::Identity;
 use crate::cli::picture::SceneArguments;
 use crate::engines;
 use crate::measure::densities::comparison;
@@ -75,7 +76,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
         scene: Some(scene.name.clone()),
         scene_sha256: Some(found.scene_sha256.clone()),
         command: Some("cloudparity compare-models".into()),
-        versions: [("cloudparity".to_owned(), env!("CARGO_PKG_VERSION").into())].into(),
+        versions: [("cloudparity".to_owned(), Identity::current().full().into())].into(),
         timings: vec![Timing { what: "statistics and pictures".into(), seconds: begin.elapsed().as_secs_f64() }],
         ..Run::default()
     };

@@ -7,6 +7,7 @@
 
 use crate::base::error::{Error, Result};
 use crate::base::files;
+use crate::base::identity::{Identity, Resume};
 use crate::bridge;
 use crate::bridge::reference::{ReferenceSettings, cache_folder, reference};
 use crate::bridge::{Kernel, Message};
@@ -26,6 +27,7 @@ use crate::measure::nodes::suite;
 use crate::measure::nodes::suite::Selection;
 use crate::measure::pictures::{DiffRequest, DisplaySettings, Tolerances, Verdict};
 use crate::measure::stability;
+use crate::measure::study;
 use crate::measure::study::Study;
 use crate::measure::study::file::StudyFile;
 use crate::report;
@@ -178,7 +180,7 @@ impl Demo<'_> {
             bridge::module_version(module, expression).unwrap_or_else(|_| "missing".into())
         };
         self.run.versions = [
-            ("cloudparity", env!("CARGO_PKG_VERSION").to_owned()),
+            ("cloudparity", Identity::current().full().to_owned()),
             ("Blender (bpy)", version("bpy", "bpy.app.version_string")),
             ("OpenImageIO", version("OpenImageIO", "OpenImageIO.VERSION_STRING")),
         ]
@@ -378,7 +380,12 @@ impl Demo<'_> {
             axis.prepare(&mut scene, file.resolution)?;
         }
         let folder = self.path("study");
-        let results = Study::new(file, vec![scene]).run(&folder, self.receive)?;
+        // The demonstration makes everything anew; its study goes on only where this very build was interrupted.
+        if folder.exists() && study::is_of_another_build(&folder)? {
+            std::fs::remove_dir_all(&folder)
+                .map_err(|cause| Error::io(&folder, "a folder that can be removed", &cause))?;
+        }
+        let results = Study::new(file, vec![scene]).run(&folder, &Resume::default(), self.receive)?;
         if let Err(error) = results.draw(&folder) {
             self.leave_out("figure of error against time", &error.found, &error.remedy);
         }

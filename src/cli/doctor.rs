@@ -1,6 +1,7 @@
 //! `cloudparity doctor`: what is there of what the program can use, and what to do about the rest.
 
 use crate::base::error::{Error, Result};
+use crate::base::identity::Identity;
 use crate::bridge;
 use crate::gpu::Gpu;
 use serde::Serialize;
@@ -57,7 +58,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
     let all_there = checks.iter().all(|check| check.problem.is_none());
     let text = if arguments.json {
         let document = serde_json::json!({
-            "version": env!("CARGO_PKG_VERSION"), "all_there": all_there, "checks": checks,
+            "version": env!("CARGO_PKG_VERSION"), "build": Identity::current(), "all_there": all_there, "checks": checks,
         });
         serde_json::to_string_pretty(&document).expect("JSON serialises") + "\n"
     } else {

@@ -2,6 +2,8 @@
 
 use super::choice::choice;
 use crate::base::error::{Error, Result};
+use crate::base::identity;
+use crate::base::identity::Identity;
 use crate::cli::picture::PictureArguments;
 use crate::engines;
 use crate::engines::defects::Defects;
@@ -97,7 +99,7 @@ impl DefectsArgument {
 pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
     let scene = arguments.picture.load()?;
     if let Some(path) = &arguments.preset {
-        let preset = Preset::load(path)?;
+        let preset = preset(path)?;
         let (scene, engine, combination) = preset.build(&scene)?;
         let settings = EngineSettings {
             jitter: arguments.jitter,
@@ -105,7 +107,8 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
             god_rays: arguments.god_rays,
             ..combination.picture_settings()
         };
-        return write(&scene, &engine, &settings, arguments.gpu, &arguments.picture.output, arguments.allow_nonfinite);
+        let output = &arguments.picture.output;
+        return write((&scene, &engine), &settings, arguments.gpu, Some(&preset), output, arguments.allow_nonfinite);
     }
     let values = (arguments.quality.as_deref(), arguments.parameters.as_slice());
     let mut engine = build(&scene, &arguments.model, &arguments.defects.read()?, values, arguments.seconds)?;
@@ -122,15 +125,29 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
         sub_pixels: arguments.sub_pixels,
         god_rays: arguments.god_rays,
     };
-    write(&scene, &engine, &settings, arguments.gpu, &arguments.picture.output, arguments.allow_nonfinite)
+    write((&scene, &engine), &settings, arguments.gpu, None, &arguments.picture.output, arguments.allow_nonfinite)
 }
 
-/// Renders and writes a picture.
+/// A preset; says so where another build found it.
+pub(super) fn preset(path: &Path) -> Result<Preset> {
+    let preset = Preset::load(path)?;
+    if preset.builds != [Identity::current().clone()] {
+        eprintln!(
+            "note: {}: found by another build ({}) than this one, {}: its errors are not this build's",
+            path.display(),
+            identity::listed(&preset.builds, ToString::to_string),
+            Identity::current()
+        );
+    }
+    Ok(preset)
+}
+
+/// Renders and writes a picture, which names the preset that it has its settings from.
 pub(super) fn write(
-    scene: &Scene,
-    engine: &Engine,
+    (scene, engine): (&Scene, &Engine),
     settings: &EngineSettings,
     gpu: bool,
+    preset: Option<&Preset>,
     output: &Path,
     allow_nonfinite: bool,
 ) -> Result<ExitCode> {
@@ -140,8 +157,14 @@ pub(super) fn write(
         bar.set_position((done * 1000.0) as u64);
         bar.set_message(what.to_owned());
     };
-    let image = render::render(scene, engine, settings, backend, &report)?;
+    let mut image = render::render(scene, engine, settings, backend, &report)?;
     bar.finish_and_clear();
+    if let Some(preset) = preset {
+        image.provenance.insert("preset".into(), preset.title.clone());
+        image
+            .provenance
+            .insert("preset_builds".into(), identity::listed(&preset.builds, |build| build.full().to_owned()));
+    }
     image.write_exr(output, allow_nonfinite)?;
     Ok(ExitCode::SUCCESS)
 }

@@ -35,6 +35,7 @@ mod probe;
 mod reference;
 mod render;
 mod report;
+mod resume;
 mod schema;
 mod shader;
 mod stability;

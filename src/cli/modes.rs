@@ -4,6 +4,7 @@ mod graphs;
 
 use crate::base::error::Result;
 use crate::base::files;
+use crate::cli::resume::ResumeArguments;
 use crate::gpu::Gpu;
 use crate::measure::nodes::constants;
 use crate::measure::nodes::measurements::NodeErrors;
@@ -55,6 +56,8 @@ pub(super) struct Arguments {
     /// Also write a line per mode to this file, as `parity/node-errors.json` holds them; with --node, only its lines change.
     #[arg(long, value_name = "FILE", conflicts_with_all = ["graphs", "jumping"])]
     summary: Option<PathBuf>,
+    #[command(flatten)]
+    resume: ResumeArguments,
 }
 
 pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
@@ -86,7 +89,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
         let found = NodeErrors::of_rows(&outcome.rows, &outcome.blender, arguments.points, adapter);
         let summary = if arguments.node.is_some() && path.exists() {
             let mut known = NodeErrors::load(path)?;
-            known.replace(found, &path.display().to_string())?;
+            known.replace(found, &path.display().to_string(), &arguments.resume.resume())?;
             known
         } else {
             found

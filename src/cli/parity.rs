@@ -1,6 +1,7 @@
 //! `cloudparity parity`: a suite of scenes against Cycles, judged by statistics.
 
 use crate::base::error::Result;
+use crate::cli::resume::ResumeArguments;
 use crate::measure::parity;
 use crate::measure::pictures::Verdict;
 use std::path::PathBuf;
@@ -18,6 +19,8 @@ pub(super) struct Arguments {
     /// The folder for the results.
     #[arg(short, long, default_value = "out/parity")]
     output: PathBuf,
+    #[command(flatten)]
+    resume: ResumeArguments,
 }
 
 /// Which entries of which suite.
@@ -46,7 +49,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
         bar.suspend(|| eprintln!("{line}"));
     };
     let SuiteArguments { suite, only } = &arguments.suite;
-    let rows = parity::run(suite, only, &arguments.output, &report, told)?;
+    let rows = parity::run(suite, only, &arguments.output, &arguments.resume.resume(), &report, told)?;
     bar.finish_and_clear();
     super::print(&parity::table(&rows))?;
     let worst = Verdict::worst(rows.iter().map(|row| row.verdict)).unwrap_or(Verdict::CouldNotTell);

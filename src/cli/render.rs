@@ -4,12 +4,12 @@ use super::choice::choice;
 use crate::base::error::{Error, Result};
 use crate::cli::march::MarchArguments;
 use crate::cli::picture::{Filter, PictureArguments};
+use crate::cli::resume::ResumeArguments;
 use crate::gpu::Backend;
 use crate::integrators;
 use crate::integrators::MarchSettings;
 use crate::integrators::path;
-use crate::integrators::path::{PathSettings, Tracking};
-use crate::measure::tuning::preset::Preset;
+use crate::integrators::path::{PathSettings, State, Tracking};
 use crate::media::density_cache::CacheReport;
 use crate::scene::Scene;
 use crate::scene::image::Image;
@@ -65,6 +65,8 @@ struct PathArguments {
     /// path: how rays find their collisions [default: proven].
     #[arg(long, value_parser = choice::<Tracking>())]
     tracking: Option<Tracking>,
+    #[command(flatten)]
+    resume: ResumeArguments,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
@@ -92,10 +94,18 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
         refuse("path", &arguments.path.given())?;
         refuse("march", &arguments.march.given())?;
         let is_gpu = matches!(arguments.backend, BackendName::Gpu);
-        let (scene, engine, combination) = Preset::load(path)?.build(&scene)?;
+        let preset = super::engine::preset(path)?;
+        let (scene, engine, combination) = preset.build(&scene)?;
         let settings = combination.picture_settings();
         let output = &arguments.picture.output;
-        return super::engine::write(&scene, &engine, &settings, is_gpu, output, arguments.allow_nonfinite);
+        return super::engine::write(
+            (&scene, &engine),
+            &settings,
+            is_gpu,
+            Some(&preset),
+            output,
+            arguments.allow_nonfinite,
+        );
     }
     let bar = super::progress_bar(1000);
     let report = |done: f64, what: &str| {
@@ -119,7 +129,8 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
             }
             let mut state = arguments.picture.output.clone().into_os_string();
             state.push(".state");
-            path::render(&scene, &arguments.path.settings(arguments.seed), backend, Some(state.as_ref()), &report)?
+            let state = State { path: state.as_ref(), resume: arguments.path.resume.resume() };
+            path::render(&scene, &arguments.path.settings(arguments.seed), backend, Some(&state), &report)?
         }
     };
     bar.finish_and_clear();
@@ -166,13 +177,14 @@ fn refuse(integrator: &str, options: &[(&str, bool)]) -> Result<()> {
 }
 
 impl PathArguments {
-    fn given(&self) -> [(&'static str, bool); 5] {
+    fn given(&self) -> [(&'static str, bool); 6] {
         [
             ("--replicas", self.replicas.is_some()),
             ("--samples", self.samples.is_some()),
             ("--time", self.time.is_some()),
             ("--error", self.error.is_some()),
             ("--tracking", self.tracking.is_some()),
+            ("--mix-builds", self.resume.given()),
         ]
     }
 

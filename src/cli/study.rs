@@ -3,6 +3,8 @@
 use super::choice::choice;
 use crate::base::error::Result;
 use crate::base::files;
+use crate::base::identity::{Identity, listed};
+use crate::cli::resume::ResumeArguments;
 use crate::measure::study::front;
 use crate::measure::study::front::{Budget, Metric};
 use crate::measure::study::{Results, Study};
@@ -32,6 +34,8 @@ pub(super) struct Arguments {
     /// Only render what takes longest and is not timed: the truths, and Cycles' pictures for its curves.
     #[arg(long, conflicts_with_all = ["list", "verify"])]
     prepare: bool,
+    #[command(flatten)]
+    resume: ResumeArguments,
 }
 
 pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
@@ -48,13 +52,14 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
         super::print(&text)?;
         return Ok(ExitCode::SUCCESS);
     }
+    let resume = arguments.resume.resume();
     let bar = super::progress_bar(1000);
     let progress = |done: f64, what: &str| {
         bar.set_position((done * 1000.0) as u64);
         bar.set_message(what.to_owned());
     };
     if arguments.prepare {
-        let records = study.prepare(&arguments.output, &progress)?;
+        let records = study.prepare(&arguments.output, &resume, &progress)?;
         bar.finish_and_clear();
         let mut text = String::new();
         for record in &records {
@@ -71,7 +76,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
     }
     if arguments.verify {
         let results = Results::load(&arguments.output)?;
-        let found = study.verify(&results, &arguments.output, &progress)?;
+        let found = study.verify(&results, &arguments.output, &resume, &progress)?;
         bar.finish_and_clear();
         let text = serde_json::to_string_pretty(&found).expect("figures serialise") + "\n";
         files::write_atomically(&arguments.output.join("verified.json"), text.as_bytes())?;
@@ -96,7 +101,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
         super::print(&text)?;
         return Ok(if agree == found.len() { ExitCode::SUCCESS } else { ExitCode::FAILURE });
     }
-    let results = study.run(&arguments.output, &progress)?;
+    let results = study.run(&arguments.output, &resume, &progress)?;
     bar.finish_and_clear();
     super::print(&summary(&results))?;
     results.draw(&arguments.output)?;
@@ -162,6 +167,10 @@ pub(super) struct RecommendArguments {
 
 pub(super) fn recommend(arguments: &RecommendArguments) -> Result<ExitCode> {
     let results = Results::load(&arguments.directory)?;
+    if results.builds != [Identity::current().clone()] {
+        let builds = listed(&results.builds, ToString::to_string);
+        eprintln!("note: measured by another build ({builds}) than this one, {}", Identity::current());
+    }
     let (metric, budget) = match (arguments.max_ms, arguments.max_relmse, arguments.max_flip) {
         (Some(time), ..) => (arguments.metric, Budget::Seconds(time / 1e3)),
         (_, Some(error), _) => (Metric::Relmse, Budget::Error(error)),

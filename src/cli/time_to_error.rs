@@ -3,6 +3,7 @@
 use super::choice::choice;
 use crate::base::error::Result;
 use crate::cli::parity::SuiteArguments;
+use crate::cli::resume::ResumeArguments;
 use crate::integrators::path::Tracking;
 use crate::measure::time_to_error::{TimeSettings, run as measure};
 use std::path::PathBuf;
@@ -35,6 +36,8 @@ pub(super) struct Arguments {
     /// The folder for the results.
     #[arg(short, long, default_value = "out/time-to-error")]
     output: PathBuf,
+    #[command(flatten)]
+    resume: ResumeArguments,
 }
 
 fn rate(text: &str) -> std::result::Result<f64, String> {
@@ -51,7 +54,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
     };
     let bar = super::progress_bar(1);
     let SuiteArguments { suite, only } = &arguments.suite;
-    let found = measure(suite, only, &arguments.output, &settings, &|what| {
+    let found = measure(suite, only, &arguments.output, &arguments.resume.resume(), &settings, &|what| {
         bar.set_message(what.to_owned());
     })?;
     bar.finish_and_clear();

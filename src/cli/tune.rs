@@ -1,6 +1,7 @@
 //! `cloudparity tune`: an engine's parameters fitted to path tracing.
 
 use crate::base::error::Result;
+use crate::cli::resume::ResumeArguments;
 use crate::measure::tuning::{Outcome, Scored, Tuning};
 use std::fmt::Write as _;
 use std::path::PathBuf;
@@ -18,6 +19,8 @@ pub(super) struct Arguments {
     /// The folder for the results.
     #[arg(short, long, value_name = "DIR")]
     output: PathBuf,
+    #[command(flatten)]
+    resume: ResumeArguments,
 }
 
 pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
@@ -27,7 +30,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
         bar.set_position((done * 1000.0) as u64);
         bar.set_message(what.to_owned());
     };
-    let outcome = tuning.run(&arguments.output, &progress)?;
+    let outcome = tuning.run(&arguments.output, &arguments.resume.resume(), &progress)?;
     bar.finish_and_clear();
     super::print(&summary(&outcome))?;
     outcome.draw(&arguments.output)?;

@@ -7,6 +7,8 @@
 
 use crate::base::error::{Error, Result};
 use crate::base::files::json;
+use crate::base::identity;
+use crate::base::identity::Identity;
 use crate::base::progress::Progress;
 use crate::engines::Engine;
 use crate::engines::light::{LightModel, Sun};
@@ -336,6 +338,7 @@ impl<'a> EngineRenderer<'a> {
         for (name, value) in [
             ("renderer", format!("cloudparity {} engine {}", env!("CARGO_PKG_VERSION"), engine.model)),
             ("domain", engine.container.domain.to_string()),
+            (identity::ATTRIBUTE, Identity::current().full().to_owned()),
             ("defects", engine.defects.to_string()),
             ("parameters", json(&engine.values)),
             ("light", json(light)),

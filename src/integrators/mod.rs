@@ -8,6 +8,8 @@ pub mod path;
 
 use crate::base::error::{Error, Result};
 use crate::base::files::json;
+use crate::base::identity;
+use crate::base::identity::Identity;
 use crate::base::progress::Progress;
 use crate::gpu::{Backend, worker};
 use crate::media::density_cache::CacheSettings;
@@ -184,6 +186,7 @@ pub fn render(scene: &Scene, settings: &MarchSettings, backend: Backend, progres
     let mut image = march::render(scene, &settings, gpu.as_ref(), progress)?;
     for (name, value) in [
         ("renderer", format!("cloudparity {} march", env!("CARGO_PKG_VERSION"))),
+        (identity::ATTRIBUTE, Identity::current().full().to_owned()),
         ("scene", scene.name.clone()),
         ("scene_sha256", scene.content_hash()),
         ("settings", json(&settings)),

@@ -13,6 +13,7 @@
 //! log(steps). It is fitted over the asymptotic part ([`fit`]).
 
 use crate::base::error::{Error, Result};
+use crate::base::identity::Identity;
 use crate::base::progress::Progress;
 use crate::integrators::march::render_each;
 use crate::integrators::{MarchSettings, mean_world_side};
@@ -129,6 +130,9 @@ pub struct Convergence {
     pub format: String,
     /// Version of the program.
     pub version: String,
+    /// The builds that measured it; none in a file from before builds had an identity.
+    #[serde(default)]
+    pub builds: Vec<Identity>,
     /// Name of the scene.
     pub scene: String,
     /// Hash of its content.
@@ -230,6 +234,7 @@ pub fn measure(scene: &Scene, settings: &ConvergenceSettings, progress: Progress
     Ok(Convergence {
         format: "cloudparity-convergence/1".into(),
         version: env!("CARGO_PKG_VERSION").into(),
+        builds: vec![Identity::current().clone()],
         scene: scene.name.clone(),
         scene_sha256: scene.content_hash(),
         resolution: scene.image_size(),

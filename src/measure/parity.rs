@@ -5,6 +5,8 @@
 
 use crate::base::error::{Error, Result};
 use crate::base::files;
+use crate::base::identity::{Identity, Resume};
+use crate::base::ledger::{Ledger, Purpose, Sharing};
 use crate::base::numbers::signed_percent;
 use crate::base::progress::Progress as Report;
 use crate::bridge;
@@ -14,7 +16,7 @@ use crate::bridge::reference::{
 };
 use crate::gpu::Backend;
 use crate::integrators::path;
-use crate::integrators::path::PathSettings;
+use crate::integrators::path::{PathSettings, State};
 use crate::measure::pictures::{DiffRequest, DiffResult, DisplaySettings, StatisticsSettings, Tolerances, Verdict};
 use crate::scene::image::Image;
 use crate::scene::{self, Scene};
@@ -107,6 +109,8 @@ pub struct Row {
     pub debiased_relmse: Option<f64>,
     /// What identifies the entry's inputs; a row with another identity is made anew.
     pub identity: String,
+    /// The builds that rendered and judged it.
+    pub builds: Vec<Identity>,
 }
 
 /// Difference of the image mean of one channel, as shares of the reference.
@@ -216,15 +220,23 @@ impl Entry {
     }
 }
 
+/// The ledger of a folder of results: `name` is that of the file with its mark.
+pub(crate) fn open(output: &Path, resume: &Resume) -> Result<Ledger> {
+    let purpose = Purpose { mark: "experiment.json", format: FORMAT, of: serde_json::Value::Null };
+    Ledger::open(output, purpose, resume, Sharing::Alone)
+}
+
 /// Runs the entries of a suite file, all or those named, into folders of `output`. Rows come in the order of the
 /// suite; `done` hears of each as soon as it is there.
 pub fn run(
     file: &Path,
     only: &[String],
     output: &Path,
+    resume: &Resume,
     progress: Report<'_>,
     mut done: impl FnMut(&Row),
 ) -> Result<Vec<Row>> {
+    let ledger = open(output, resume)?;
     let suite = Suite::load(file)?;
     let folder = file.parent().unwrap_or(Path::new("."));
     let chosen = suite.chosen(only)?;
@@ -233,7 +245,7 @@ pub fn run(
         let report = |share: f64, what: &str| {
             progress((number as f64 + share) / chosen.len() as f64, &format!("{}: {what}", entry.name));
         };
-        let row = run_entry(entry, folder, &output.join(&entry.name), &report)?;
+        let row = run_entry(entry, folder, &ledger, resume, &report)?;
         done(&row);
         rows.push(row);
         files::write_atomically(&output.join("parity.json"), pretty(&rows)?.as_bytes())?;
@@ -253,7 +265,14 @@ pub(crate) struct Pictures {
 
 /// Cycles' pictures from the cache, rendered where it lacks them, and ours in `output`, which are rendered where others
 /// or none lie there.
-pub(crate) fn pictures(entry: &Entry, folder: &Path, output: &Path, report: Report<'_>) -> Result<Pictures> {
+pub(crate) fn pictures(
+    entry: &Entry,
+    folder: &Path,
+    ledger: &Ledger,
+    resume: &Resume,
+    report: Report<'_>,
+) -> Result<Pictures> {
+    let output = &ledger.folder().expect("pictures are kept").join(&entry.name);
     let scene = entry.load(folder)?;
     let settings = entry.reference_settings();
     let seeds: Vec<u32> = match entry.replicas {
@@ -264,25 +283,22 @@ pub(crate) fn pictures(entry: &Entry, folder: &Path, output: &Path, report: Repo
         report(0.5 * message.done, &message.what);
     })?;
     let keys: Vec<&str> = references.iter().map(|reference| reference.key.as_str()).collect();
-    let inputs = json!({"version": env!("CARGO_PKG_VERSION"), "entry": entry, "references": keys, "scene": scene});
-    let identity = files::sha256(inputs.to_string().as_bytes());
+    let identity = ledger.key(&json!({"entry": entry, "references": keys, "scene": scene}));
     let ours = our_files(entry, output);
     let note = output.join("ours.sha256");
     let there = std::fs::read_to_string(&note).is_ok_and(|noted| noted == identity);
     if !(there && ours.iter().all(|file| file.exists())) {
         std::fs::create_dir_all(output).map_err(|cause| Error::io(output, "a folder for the results", &cause))?;
-        render(entry, &scene, output, &|share, what| report(0.5 + 0.4 * share, what))?;
+        render(entry, &scene, output, resume, &|share, what| report(0.5 + 0.4 * share, what))?;
         files::write_atomically(&note, identity.as_bytes())?;
     }
     Ok(Pictures { scene, references, ours, identity })
 }
 
-fn run_entry(entry: &Entry, folder: &Path, output: &Path, report: Report<'_>) -> Result<Row> {
-    let Pictures { scene, references, ours, identity } = pictures(entry, folder, output, report)?;
-    let row_file = output.join("row.json");
-    if let Some(row) = std::fs::read(&row_file).ok().and_then(|bytes| serde_json::from_slice::<Row>(&bytes).ok())
-        && row.identity == identity
-    {
+fn run_entry(entry: &Entry, folder: &Path, ledger: &Ledger, resume: &Resume, report: Report<'_>) -> Result<Row> {
+    let Pictures { scene, references, ours, identity } = pictures(entry, folder, ledger, resume, report)?;
+    let output = &ledger.folder().expect("rows are kept").join(&entry.name);
+    if let Some(row) = ledger.read("rows", &identity)? {
         return Ok(row);
     }
     report(0.9, "comparison");
@@ -294,8 +310,8 @@ fn run_entry(entry: &Entry, folder: &Path, output: &Path, report: Report<'_>) ->
         ..DiffRequest::new(ours, references, Tolerances::default())
     };
     let result = request.run(|script, request| bridge::run_script(script, request, Kernel::Default, |_| ()))?;
-    let row = row(entry, &result, identity);
-    files::write_atomically(&row_file, pretty(&row)?.as_bytes())?;
+    let row = row(entry, &result, identity, ledger.builds());
+    ledger.write("rows", &row.identity, &row)?;
     Ok(row)
 }
 
@@ -309,12 +325,13 @@ fn our_seeds(entry: &Entry) -> std::ops::Range<u32> {
 }
 
 /// Our replicas, written beside each other.
-fn render(entry: &Entry, scene: &Scene, output: &Path, report: Report<'_>) -> Result<()> {
+fn render(entry: &Entry, scene: &Scene, output: &Path, resume: &Resume, report: Report<'_>) -> Result<()> {
     let settings = PathSettings { samples: entry.samples, seed: FIRST_SEED, ..PathSettings::default() };
     let seeds: Vec<u32> = our_seeds(entry).collect();
     let images: Vec<Image> = match seeds.as_slice() {
         [_] => {
             let state = output.join("ours.state");
+            let state = State { path: &state, resume: resume.clone() };
             vec![path::render(scene, &settings, Backend::Cpu, Some(&state), report)?]
         }
         seeds => path::render_replicas(scene, &settings, Backend::Cpu, seeds, report)?,
@@ -322,7 +339,7 @@ fn render(entry: &Entry, scene: &Scene, output: &Path, report: Report<'_>) -> Re
     images.iter().zip(our_files(entry, output)).try_for_each(|(image, file)| image.write_exr(&file, false))
 }
 
-fn row(entry: &Entry, result: &DiffResult, identity: String) -> Row {
+fn row(entry: &Entry, result: &DiffResult, identity: String, builds: Vec<Identity>) -> Row {
     let statistics = result.statistics.as_ref();
     let bias = statistics.map_or_else(Vec::new, |statistics| {
         statistics
@@ -349,6 +366,7 @@ fn row(entry: &Entry, result: &DiffResult, identity: String) -> Row {
         checks: [agreeing, result.checks.len()],
         debiased_relmse: statistics.and_then(|statistics| statistics.relmse.debiased),
         identity,
+        builds,
     }
 }
 

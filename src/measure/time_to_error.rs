@@ -12,6 +12,8 @@
 
 use crate::base::error::{Error, Result};
 use crate::base::files;
+use crate::base::identity::{Identity, Resume};
+use crate::base::ledger::Ledger;
 use crate::bridge;
 use crate::bridge::Kernel;
 use crate::bridge::reference::{ReferenceSettings, cache_folder, reference};
@@ -118,6 +120,8 @@ pub struct Row {
 /// What was measured.
 #[derive(Debug, Clone, Serialize)]
 pub struct TimeToError {
+    /// The builds that measured it.
+    pub builds: Vec<Identity>,
     /// Cycles' modes by entry.
     pub cycles: Vec<(String, Vec<Cycles>)>,
     /// The races.
@@ -137,18 +141,20 @@ pub fn run(
     file: &Path,
     only: &[String],
     output: &Path,
+    resume: &Resume,
     settings: &TimeSettings,
     progress: &(dyn Fn(&str) + Sync),
 ) -> Result<TimeToError> {
     let suite = Suite::load(file)?;
+    let ledger = parity::open(output, resume)?;
     let folder = file.parent().unwrap_or(Path::new("."));
     let chosen = suite.chosen(only)?;
-    let mut found = TimeToError { cycles: Vec::new(), rows: Vec::new() };
+    let mut found = TimeToError { builds: Vec::new(), cycles: Vec::new(), rows: Vec::new() };
     for entry in chosen {
         let Some(cells) = entry.sub_pixels() else { continue };
         let report = |what: &str| progress(&format!("{}: {what}", entry.name));
-        let place = output.join(&entry.name);
-        let (modes, rows) = measure(entry, cells, folder, &place, settings, &report)?;
+        let (modes, rows) = measure((entry, cells), folder, (&ledger, resume), settings, &report)?;
+        found.builds = ledger.builds();
         found.cycles.push((entry.name.clone(), modes));
         found.rows.extend(rows);
         let document = serde_json::to_string_pretty(&found).expect("figures serialise") + "\n";
@@ -168,15 +174,15 @@ pub fn run(
 }
 
 fn measure(
-    entry: &Entry,
-    cells: u32,
+    (entry, cells): (&Entry, u32),
     folder: &Path,
-    output: &Path,
+    (ledger, resume): (&Ledger, &Resume),
     settings: &TimeSettings,
     report: &(dyn Fn(&str) + Sync),
 ) -> Result<(Vec<Cycles>, Vec<Row>)> {
     let parity::Pictures { scene: large, references, ours, .. } =
-        parity::pictures(entry, folder, output, &|_, what| report(what))?;
+        parity::pictures(entry, folder, ledger, resume, &|_, what| report(what))?;
+    let output = &ledger.folder().expect("times are kept").join(&entry.name);
     let mut scene = large.clone();
     scene.film.resolution = large.film.resolution.map(|side| side / cells);
     let (cycles_file, our_file) = (&references[0].path, &ours[0]);

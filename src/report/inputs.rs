@@ -5,6 +5,7 @@
 
 use crate::base::error::{Error, Result};
 use crate::base::files;
+use crate::base::identity::Identity;
 use crate::base::numbers::capitalised;
 use crate::measure::densities::comparison::{Comparison, FIGURE};
 use crate::measure::pictures::{DiffResult, Verdict};
@@ -247,6 +248,9 @@ pub struct Mode {
 /// `bench.json`: rates on one machine in one run.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Bench {
+    /// The builds that were measured; none in a file from before builds had an identity.
+    #[serde(default)]
+    pub builds: Vec<Identity>,
     /// GPU adapter.
     #[serde(default)]
     pub adapter: Value,

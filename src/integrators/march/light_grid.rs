@@ -510,7 +510,7 @@ mod tests {
         }
     }
 
-    const CUBE: crate::media::region::Region = crate::media::medium::Region { low: DVec3::ZERO, high: DVec3::ONE };
+    const CUBE: crate::media::region::Region = crate::media::region::Region { low: DVec3::ZERO, high: DVec3::ONE };
 
     /// Length from a vertex to where a ray leaves the cube, and the axis of the face there.
     fn way_out(place: DVec3, direction: DVec3) -> (f64, usize) {

@@ -2,12 +2,13 @@
 
 use crate::base::error::{Error, Result};
 use crate::base::files;
+use crate::base::identity::{Identity, Resume};
 use crate::integrators::path::Counters;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
 /// First bytes of a state file.
-const MAGIC: &[u8] = b"cloudparity path state 1\n";
+const MAGIC: &[u8] = b"cloudparity path state 2\n";
 
 /// Sums over the passes of one replica.
 #[derive(Debug, Clone, PartialEq)]
@@ -24,6 +25,8 @@ pub(crate) struct Accumulation {
 pub(crate) struct Progress {
     /// What is rendered and how: a state of another picture is of no use.
     pub(crate) identity: String,
+    /// The builds that took the samples.
+    pub(crate) builds: Vec<Identity>,
     /// Samples per pixel.
     pub(crate) samples: u32,
     /// Passes in which they were taken.
@@ -36,8 +39,8 @@ pub(crate) struct Progress {
 
 impl Accumulation {
     /// Nothing yet, of so many pixels.
-    pub(crate) fn new(identity: String, pixels: usize) -> Self {
-        let progress = Progress { identity, ..Progress::default() };
+    pub(crate) fn new(identity: String, build: &Identity, pixels: usize) -> Self {
+        let progress = Progress { identity, builds: vec![build.clone()], ..Progress::default() };
         Self { progress, sums: vec![[0.0; 4]; pixels], squares: vec![[0.0; 3]; pixels] }
     }
 
@@ -92,8 +95,8 @@ impl Accumulation {
         files::write_atomically(path, &bytes)
     }
 
-    /// Goes on from a state file, if there is one; one of another picture is an error.
-    pub(crate) fn load(path: &Path, fresh: Self) -> Result<Self> {
+    /// Goes on from a state file, if there is one; one of another picture is an error, and one of another build, unless these may be mixed.
+    pub(crate) fn load(path: &Path, fresh: Self, resume: &Resume) -> Result<Self> {
         let bytes = match std::fs::read(path) {
             Ok(bytes) => bytes,
             Err(cause) if cause.kind() == std::io::ErrorKind::NotFound => return Ok(fresh),
@@ -109,10 +112,11 @@ impl Accumulation {
         };
         let rest = bytes.strip_prefix(MAGIC).ok_or_else(|| wrong("something else"))?;
         let end = rest.iter().position(|&byte| byte == b'\n').ok_or_else(|| wrong("a cut file"))?;
-        let progress: Progress = serde_json::from_slice(&rest[..end]).map_err(|_| wrong("a damaged head"))?;
+        let mut progress: Progress = serde_json::from_slice(&rest[..end]).map_err(|_| wrong("a damaged head"))?;
         if progress.identity != fresh.progress.identity {
             return Err(wrong("the state of another picture"));
         }
+        progress.builds = resume.join(&path.display().to_string(), &progress.builds)?;
         let pixels = fresh.sums.len();
         if rest.len() - end - 1 != pixels * 7 * 8 {
             return Err(wrong("a cut file"));
@@ -130,8 +134,12 @@ impl Accumulation {
 mod tests {
     use super::*;
 
+    fn build(hash: &str) -> Identity {
+        Identity::of("0.1.0", hash)
+    }
+
     fn passes() -> Accumulation {
-        let mut sums = Accumulation::new("a picture".into(), 2);
+        let mut sums = Accumulation::new("a picture".into(), &build("aa"), 2);
         for pass in [1.0, 2.0, 4.0] {
             sums.add(&[[4.0 * pass, 8.0, 0.0, 1.0], [4.0, 4.0, 4.0, 0.0]], 4);
         }
@@ -146,21 +154,40 @@ mod tests {
         let expected = 7.0 / 9.0 / (49.0 / 9.0 + (0.01_f64 * mean).powi(2)) / 6.0;
         let found = passes().relative_error().expect("three passes");
         assert!((found - expected).abs() < 1e-12, "{found} is not {expected}");
-        assert_eq!(Accumulation::new(String::new(), 2).relative_error(), None);
+        assert_eq!(Accumulation::new(String::new(), &build("aa"), 2).relative_error(), None);
     }
 
     #[test]
     fn a_state_goes_on_where_it_was_and_one_of_another_picture_is_refused() {
         let folder = tempfile::tempdir().expect("a folder");
         let path = folder.path().join("a.exr.state");
-        let fresh = |identity: &str| Accumulation::new(identity.into(), 2);
-        assert_eq!(Accumulation::load(&path, fresh("a picture")).expect("nothing there"), fresh("a picture"));
+        let fresh = |identity: &str| Accumulation::new(identity.into(), &build("aa"), 2);
+        let load = |identity: &str| {
+            Accumulation::load(&path, fresh(identity), &Resume { build: build("aa"), mix_builds: false })
+        };
+        assert_eq!(load("a picture").expect("nothing there"), fresh("a picture"));
         passes().save(&path).expect("it is written");
-        assert_eq!(Accumulation::load(&path, fresh("a picture")).expect("it is read"), passes());
-        let error = Accumulation::load(&path, fresh("another")).expect_err("it is refused");
+        assert_eq!(load("a picture").expect("it is read"), passes());
+        let error = load("another").expect_err("it is refused");
         assert!(error.found.contains("another picture"), "{error}");
         let bytes = std::fs::read(&path).expect("it is there");
         std::fs::write(&path, &bytes[..bytes.len() - 8]).expect("it is written");
-        assert!(Accumulation::load(&path, fresh("a picture")).is_err(), "a cut file is refused");
+        assert!(load("a picture").is_err(), "a cut file is refused");
+    }
+
+    #[test]
+    fn the_state_of_another_build_is_refused_or_gone_on_with_under_both_names() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("a.exr.state");
+        passes().save(&path).expect("it is written");
+        let load = |mix_builds| {
+            let fresh = Accumulation::new("a picture".into(), &build("bb"), 2);
+            Accumulation::load(&path, fresh, &Resume { build: build("bb"), mix_builds })
+        };
+        let error = load(false).expect_err("it is refused").to_string();
+        assert!(error.contains("0.1.0+aa") && error.contains("0.1.0+bb") && error.contains("a.exr.state"), "{error}");
+        let mixed = load(true).expect("knowingly");
+        assert_eq!(mixed.progress.builds, [build("aa"), build("bb")]);
+        assert_eq!(mixed.sums, passes().sums);
     }
 }

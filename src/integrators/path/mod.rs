@@ -21,6 +21,8 @@ pub use tracer::Counters;
 
 use crate::base::error::{Error, Result};
 use crate::base::files::{json, sha256};
+use crate::base::identity;
+use crate::base::identity::{Identity, Resume};
 use crate::base::progress::Progress as Report;
 use crate::gpu::Backend;
 use crate::gpu::Gpu;
@@ -114,12 +116,11 @@ impl PathSettings {
         Ok(())
     }
 
-    /// What the samples depend on: renders that agree in it may go on from each other's state. The
+    /// What the samples depend on besides the build: renders that agree in it may go on from each other's state. The
     /// number of samples decides how far majorants are refined, and so belongs to it.
     fn identity(&self, subject: Subject<'_>, engine: &Engine<'_>) -> String {
-        let version = env!("CARGO_PKG_VERSION");
         let Self { samples, seed, tracking, .. } = self;
-        format!("{version} {} {samples} {seed} {tracking:?} {}", subject.content_hash(), engine.name())
+        format!("{} {samples} {seed} {tracking:?} {}", subject.content_hash(), engine.name())
     }
 }
 
@@ -160,6 +161,22 @@ impl Subject<'_> {
             None => self.scene.content_hash(),
             Some(given) => sha256(format!("{} {}", self.scene.content_hash(), given.identity).as_bytes()),
         }
+    }
+}
+
+/// Where an interrupted render keeps what it has.
+#[derive(Debug, Clone)]
+pub struct State<'a> {
+    /// The file.
+    pub path: &'a Path,
+    /// Whose state it may go on from.
+    pub resume: Resume,
+}
+
+impl<'a> State<'a> {
+    /// A state that only this build goes on from.
+    pub fn at(path: &'a Path) -> Self {
+        Self { path, resume: Resume::default() }
     }
 }
 
@@ -211,13 +228,13 @@ pub fn render<'a>(
     subject: impl Into<Subject<'a>>,
     settings: &PathSettings,
     backend: Backend,
-    state: Option<&Path>,
+    state: Option<&State<'_>>,
     progress: Report<'_>,
 ) -> Result<Image> {
     let subject = subject.into();
     let prepared = Prepared::new(subject, settings, backend, progress)?;
     let image = prepared.render(subject, settings, state, progress)?;
-    if let Some(path) = state {
+    if let Some(State { path, .. }) = state {
         match std::fs::remove_file(path) {
             Err(cause) if cause.kind() != std::io::ErrorKind::NotFound => {
                 return Err(Error::io(path, "a file that can be removed", &cause));
@@ -288,7 +305,7 @@ impl Prepared {
         &self,
         subject: Subject<'_>,
         settings: &PathSettings,
-        state: Option<&Path>,
+        state: Option<&State<'_>>,
         progress: Report<'_>,
     ) -> Result<Image> {
         let engine = Engine::new(&self.tracer, self.gpu.as_ref())?;
@@ -344,17 +361,19 @@ impl Tracer {
         subject: Subject<'_>,
         settings: &PathSettings,
         engine: &Engine<'_>,
-        state: Option<&Path>,
+        state: Option<&State<'_>>,
         preparation: f64,
         progress: Report<'_>,
     ) -> Result<Image> {
         let begin = Instant::now();
         let pixels = self.size.iter().map(|&side| u64::from(side)).product::<u64>();
         let per_pass = (engine.pass_paths() / pixels).clamp(1, MOST_SAMPLES as u64) as u32;
-        let mut sums = Accumulation::new(settings.identity(subject, engine), pixels as usize);
-        if let Some(path) = state {
-            sums = Accumulation::load(path, sums)?;
+        let build = state.map_or(Identity::current(), |state| &state.resume.build);
+        let mut sums = Accumulation::new(settings.identity(subject, engine), build, pixels as usize);
+        if let Some(State { path, resume }) = state {
+            sums = Accumulation::load(path, sums, resume)?;
         }
+        let state = state.map(|state| state.path);
         let before = sums.progress.seconds;
         let mut saved = 0.0;
         while sums.progress.samples < settings.samples {
@@ -436,6 +455,7 @@ impl Tracer {
         let [boxes, leaves] = self.tree();
         for (name, value) in [
             ("renderer", format!("cloudparity {} path", env!("CARGO_PKG_VERSION"))),
+            (identity::ATTRIBUTE, identity::listed(&sums.progress.builds, |build| build.full().to_owned())),
             ("scene", scene.name.clone()),
             ("scene_sha256", scene.content_hash()),
             ("settings", json(settings)),
@@ -493,14 +513,15 @@ mod tests {
         // The device goes away at the first report, which is after the first pass.
         let report = |_: f64, _: &str| gpu.device().destroy();
         let error = tracer
-            .render(Subject::from(&scene), &settings, &engine, Some(&state), 0.0, &report)
+            .render(Subject::from(&scene), &settings, &engine, Some(&State::at(&state)), 0.0, &report)
             .expect_err("it is lost");
         assert!(error.place.contains("adapter"), "{error}");
         let fresh = Accumulation::new(
             settings.identity(Subject::from(&scene), &engine),
+            Identity::current(),
             tracer.size.iter().product::<u32>() as usize,
         );
-        let kept = Accumulation::load(&state, fresh).expect("the state is whole");
+        let kept = Accumulation::load(&state, fresh, &Resume::default()).expect("the state is whole");
         assert_eq!(kept.progress.passes, 1);
         assert!(kept.progress.samples > 0 && kept.progress.samples < settings.samples);
     }
@@ -513,13 +534,24 @@ mod tests {
         let settings = PathSettings { samples: 8, seed: 3, ..PathSettings::default() };
         let tracer = Tracer::new(Subject::from(&scene), &settings).expect("a tracer");
         let (pass, counters) = tracer.pass(0, 4, settings.seed).expect("a pass");
-        let mut sums = Accumulation::new(settings.identity(Subject::from(&scene), &Engine::Cpu(&tracer)), pass.len());
+        let identity = settings.identity(Subject::from(&scene), &Engine::Cpu(&tracer));
+        let mut sums = Accumulation::new(identity, Identity::current(), pass.len());
         sums.add(&pass, 4);
         sums.progress.counters.add(&counters);
         let folder = tempfile::tempdir().expect("a folder");
         let state = folder.path().join("a.exr.state");
         sums.save(&state).expect("it is written");
-        let resumed = render(&scene, &settings, Backend::Cpu, Some(&state), &|_, _| {}).expect("it goes on");
+        let go_on = |resume| render(&scene, &settings, Backend::Cpu, Some(&State { path: &state, resume }), &|_, _| {});
+        let other = Identity::of("0.1.0", "another");
+        let error = go_on(Resume { build: other.clone(), mix_builds: false }).expect_err("another build");
+        assert!(error.found.contains(&Identity::current().to_string()), "{error}");
+        assert!(error.expected.contains("0.1.0+another"), "{error}");
+        let kept = std::fs::read(&state).expect("it is kept");
+        let mixed = go_on(Resume { build: other.clone(), mix_builds: true }).expect("it goes on knowingly");
+        assert_eq!(mixed.provenance["build"], format!("{}, {}", Identity::current().full(), other.full()));
+        std::fs::write(&state, kept).expect("it is written");
+        let resumed = go_on(Resume::default()).expect("it goes on");
+        assert_eq!(resumed.provenance["build"], Identity::current().full());
         let whole = render(&scene, &settings, Backend::Cpu, None, &|_, _| {}).expect("it renders");
         assert_eq!(resumed.pixels, whole.pixels);
         assert_eq!(resumed.provenance["collisions"], whole.provenance["collisions"]);

@@ -7,6 +7,7 @@
 
 use crate::base::error::{Error, Result};
 use crate::base::files;
+use crate::base::identity::Identity;
 use crate::base::progress::Progress;
 use crate::bridge;
 use crate::bridge::Kernel;
@@ -59,6 +60,9 @@ pub struct Settings {
 /// What was found: `models.json`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Comparison {
+    /// The builds that measured it; none in a file from before builds had an identity.
+    #[serde(default)]
+    pub builds: Vec<Identity>,
     /// Name of the scene with camera, light and graph.
     pub scene: String,
     /// Its hash.
@@ -249,6 +253,7 @@ pub fn run(
         done += 0.17;
     }
     Ok(Comparison {
+        builds: vec![Identity::current().clone()],
         scene: scene.name.clone(),
         scene_sha256: scene.content_hash(),
         model: model.id.to_owned(),

@@ -5,6 +5,7 @@
 
 use crate::base::error::{Error, Result};
 use crate::base::files;
+use crate::base::identity::{Identity, Resume};
 use crate::measure::nodes::costs::Costs;
 use crate::measure::nodes::suite::Row;
 use serde::{Deserialize, Serialize};
@@ -22,6 +23,8 @@ pub const COSTS_FORMAT: &str = "cloudparity-node-costs/1";
 pub struct NodeErrors {
     /// [`ERRORS_FORMAT`].
     pub format: String,
+    /// The builds that measured the rows.
+    pub builds: Vec<Identity>,
     /// Blender's version.
     pub blender: String,
     /// Points per mode that were asked for.
@@ -104,6 +107,7 @@ impl NodeErrors {
     pub fn of_rows(rows: &[Row], blender: &str, points: usize, adapter: Option<String>) -> Self {
         let mut summary = Self {
             format: ERRORS_FORMAT.to_owned(),
+            builds: vec![Identity::current().clone()],
             blender: blender.to_owned(),
             points,
             adapter,
@@ -140,8 +144,9 @@ impl NodeErrors {
         if read.format == ERRORS_FORMAT { Ok(read) } else { Err(wrong(format!("the format {}", read.format))) }
     }
 
-    /// Puts the rows of the nodes that `newer` holds into their places; refuses rows that were measured otherwise.
-    pub fn replace(&mut self, newer: Self, place: &str) -> Result<()> {
+    /// Puts the rows of the nodes that `newer` holds into their places; refuses rows that were measured otherwise, or by another build
+    /// unless these may be mixed.
+    pub fn replace(&mut self, newer: Self, place: &str, resume: &Resume) -> Result<()> {
         let measured_with = |summary: &Self| {
             let adapter = summary.adapter.as_deref().unwrap_or("no adapter");
             format!("{} points, Blender {}, {adapter}", summary.points, summary.blender)
@@ -155,6 +160,7 @@ impl NodeErrors {
             )
             .with_setting("node"));
         }
+        self.builds = resume.join(place, &self.builds)?;
         self.rows.retain(|row| !newer.rows.iter().any(|new| new.node == row.node));
         self.rows.extend(newer.rows);
         Ok(())
@@ -164,8 +170,9 @@ impl NodeErrors {
     pub fn to_text(&self) -> String {
         let rows: Vec<String> = self.rows.iter().map(|row| format!("\n  {}", line(row))).collect();
         format!(
-            "{{\n \"format\": {},\n \"blender\": {},\n \"points\": {},\n \"adapter\": {},\n \"rows\": [{}\n ]\n}}\n",
+            "{{\n \"format\": {},\n \"builds\": {},\n \"blender\": {},\n \"points\": {},\n \"adapter\": {},\n \"rows\": [{}\n ]\n}}\n",
             line(&self.format),
+            line(&self.builds),
             line(&self.blender),
             self.points,
             line(&self.adapter),
@@ -256,11 +263,18 @@ mod tests {
     fn the_text_is_read_back_and_rows_of_one_node_are_replaced() {
         let mut known = summary(&[row("A", "x", "One", 0, 1e-7), row("B", "x", "One", 0, 2e-7)]);
         assert_eq!(serde_json::from_str::<NodeErrors>(&known.to_text()).expect("JSON"), known);
-        known.replace(summary(&[row("A", "x", "One", 0, 3e-7)]), "here").expect("measured alike");
+        let resume = Resume::default();
+        known.replace(summary(&[row("A", "x", "One", 0, 3e-7)]), "here", &resume).expect("measured alike");
         assert_eq!(known.find("A", "x").and_then(|row| row.wgsl_max_error), Some(3e-7));
         assert_eq!(known.find("B", "x").and_then(|row| row.wgsl_max_error), Some(2e-7));
         let other = NodeErrors { adapter: None, ..summary(&[]) };
-        assert!(known.replace(other, "here").is_err());
+        assert!(known.replace(other, "here", &resume).is_err());
+        // Rows of another build beside which new ones would stand.
+        known.builds = vec![Identity::of("0.1.0", "another")];
+        let error = known.replace(summary(&[]), "here", &resume).expect_err("another build").to_string();
+        assert!(error.contains("0.1.0+another") && error.contains(&Identity::current().to_string()), "{error}");
+        known.replace(summary(&[]), "here", &Resume::mixing()).expect("knowingly");
+        assert_eq!(known.builds.len(), 2);
     }
 
     #[test]

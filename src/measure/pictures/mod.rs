@@ -26,6 +26,7 @@ mod statistics;
 pub use statistics::{Statistics, StatisticsSettings};
 
 use crate::base::error::{Error, Result};
+use crate::base::identity::Identity;
 use crate::scene::Display;
 use indexmap::IndexMap;
 use serde::{Deserialize, Serialize};
@@ -190,14 +191,16 @@ impl DiffRequest {
         })?;
         request["op"] = "diff".into();
         let result = run(SCRIPT, &request)?;
-        serde_path_to_error::deserialize(&result).map_err(|cause| {
+        let mut found: DiffResult = serde_path_to_error::deserialize(&result).map_err(|cause| {
             Error::new(
                 format!("{SCRIPT}, result.{}", cause.path()),
                 cause.inner().to_string(),
                 "the result of this version's script",
                 "Use the scripts that came with this program.",
             )
-        })
+        })?;
+        found.versions.insert("cloudparity".into(), Identity::current().full().into());
+        Ok(found)
     }
 }
 

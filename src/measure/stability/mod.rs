@@ -18,6 +18,7 @@ mod text;
 
 use crate::base::error::{Error, Result};
 use crate::base::files;
+use crate::base::identity::Identity;
 use crate::base::progress::Progress;
 use crate::gpu::Gpu;
 use crate::scene::Scene;
@@ -99,6 +100,9 @@ pub struct Table {
     pub pictures_of: String,
     /// Hash of its content.
     pub scene_sha256: String,
+    /// The builds that measured it; none in a file from before builds had an identity.
+    #[serde(default)]
+    pub builds: Vec<Identity>,
     /// The adapter that ran the WGSL; none: rows of WGSL are missing.
     pub adapter: Option<String>,
     /// Seconds of the suite.
@@ -212,6 +216,7 @@ pub fn run(scene: &Scene, pictures_of: &Scene, gpu: Option<&Gpu>, progress: Prog
         scene: scene.name.clone(),
         pictures_of: pictures_of.name.clone(),
         scene_sha256: scene.content_hash(),
+        builds: vec![Identity::current().clone()],
         adapter: gpu.map(|gpu| format!("{} ({})", gpu.adapter().name, gpu.adapter().backend)),
         seconds: begin.elapsed().as_secs_f64(),
         left_out,

@@ -10,16 +10,19 @@
 
 use crate::base::error::{Error, Result};
 use crate::base::files;
+use crate::base::identity;
+use crate::base::identity::Identity;
+use crate::base::ledger::Ledger;
 use crate::base::progress::Progress;
 use crate::bridge::reference::{ReferenceSettings, cache_folder, references};
 use crate::engines;
 use crate::engines::defects::Defects;
 use crate::integrators::path::{PathSettings, Subject};
+use crate::measure::study::Study;
 use crate::measure::study::errors;
 use crate::measure::study::errors::{Errors, Uncertain};
 use crate::measure::study::file::Truth;
 use crate::measure::study::truth::TruthRecord;
-use crate::measure::study::{Study, hash, read_record, to_json};
 use crate::measure::time_to_error::{cycles_seconds, timed_picture};
 use crate::measure::voxels;
 use crate::scene::image::Image;
@@ -29,6 +32,9 @@ use rand::{SeedableRng as _, seq::SliceRandom as _};
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 use std::path::{Path, PathBuf};
+
+/// Part of a ledger that holds the points of curves.
+const PART: &str = "curves";
 
 /// Parts of a pixel per axis, of which each is a pixel of Cycles' render.
 pub const CELLS: u32 = 4;
@@ -121,13 +127,13 @@ impl Study {
     pub(super) fn path_curve(
         &self,
         place: &Place<'_>,
-        folder: &Path,
+        ledger: &Ledger,
         truth: &mut dyn FnMut() -> Result<Vec<Image>>,
     ) -> Result<Vec<CurvePoint>> {
         let mut points = Vec::new();
         for &samples in &self.file.curves.path {
-            let id = hash(&json!({"renderer": Renderer::Path, "samples": samples, "truth": place.truth.id}));
-            if let Some(found) = read_record::<CurvePoint>(&record_path(folder, &id))? {
+            let id = ledger.key(&json!({"renderer": Renderer::Path, "samples": samples, "truth": place.truth.id}));
+            if let Some(found) = ledger.read::<CurvePoint>(PART, &id)? {
                 points.push(found);
                 continue;
             }
@@ -142,7 +148,7 @@ impl Study {
                 errors: errors::measure(&image, &truth()?)?,
                 pictures: 1,
             };
-            points.push(keep(folder, id, Renderer::Path, place, &made, &image)?);
+            points.push(keep(ledger, id, Renderer::Path, place, &made, &image)?);
         }
         Ok(points)
     }
@@ -151,18 +157,18 @@ impl Study {
     pub(super) fn cycles_curve(
         &self,
         place: &Place<'_>,
-        folder: &Path,
+        ledger: &Ledger,
         truth: &mut dyn FnMut() -> Result<Vec<Image>>,
         progress: Progress<'_>,
     ) -> Result<Vec<CurvePoint>> {
         let Some(&most) = self.file.curves.cycles.get(place.density) else { return Ok(Vec::new()) };
         let levels: Vec<u32> = (0..=PARTS.ilog2()).map(|power| (most / PARTS) << power).collect();
         let id_of = |samples: u32| {
-            hash(&json!({"renderer": Renderer::Cycles, "samples": samples, "of": most, "truth": place.truth.id}))
+            ledger.key(&json!({"renderer": Renderer::Cycles, "samples": samples, "of": most, "truth": place.truth.id}))
         };
         let known: Vec<CurvePoint> = levels
             .iter()
-            .filter_map(|&samples| read_record::<CurvePoint>(&record_path(folder, &id_of(samples))).transpose())
+            .filter_map(|&samples| ledger.read::<CurvePoint>(PART, &id_of(samples)).transpose())
             .collect::<Result<_>>()?;
         if known.len() == levels.len() {
             return Ok(known);
@@ -185,7 +191,7 @@ impl Study {
                 errors: mean_of(&found),
                 pictures: pictures.len() as u32,
             };
-            points.push(keep(folder, id_of(samples), Renderer::Cycles, place, &made, &pictures[0])?);
+            points.push(keep(ledger, id_of(samples), Renderer::Cycles, place, &made, &pictures[0])?);
         }
         Ok(points)
     }
@@ -282,7 +288,7 @@ struct Made {
 
 /// Writes a point and its picture.
 fn keep(
-    folder: &Path,
+    ledger: &Ledger,
     id: String,
     renderer: Renderer,
     place: &Place<'_>,
@@ -290,7 +296,10 @@ fn keep(
     image: &Image,
 ) -> Result<CurvePoint> {
     let picture = format!("pictures/{id}.exr");
-    image.write_exr(&folder.join(&picture), false)?;
+    let mut image = image.clone();
+    // A picture that was drawn from Cycles' is this build's, too.
+    image.provenance.entry(identity::ATTRIBUTE.to_owned()).or_insert_with(|| Identity::current().full().to_owned());
+    image.write_exr(&ledger.folder().expect("curves are kept").join(&picture), false)?;
     let point = CurvePoint {
         renderer,
         scene: place.scene.name.clone(),
@@ -306,7 +315,7 @@ fn keep(
         truth: place.truth.id.clone(),
         id,
     };
-    point.write(folder)?;
+    point.write(ledger)?;
     Ok(point)
 }
 
@@ -327,13 +336,9 @@ impl CurvePoint {
         )
     }
 
-    pub(super) fn write(&self, folder: &Path) -> Result<()> {
-        files::write_atomically(&record_path(folder, &self.id), to_json(self).as_bytes())
+    pub(super) fn write(&self, ledger: &Ledger) -> Result<()> {
+        ledger.write(PART, &self.id, self)
     }
-}
-
-fn record_path(folder: &Path, id: &str) -> PathBuf {
-    folder.join("curves").join(format!("{id}.json"))
 }
 
 #[cfg(test)]

@@ -14,6 +14,8 @@ pub mod truth;
 
 use crate::base::error::{Error, Result};
 use crate::base::files;
+use crate::base::identity::{Identity, Resume};
+use crate::base::ledger::{Ledger, Purpose, Sharing, read_record, to_json};
 use crate::base::progress::Progress;
 use crate::bridge;
 use crate::bridge::Kernel;
@@ -42,6 +44,9 @@ pub const FORMAT: &str = "cloudparity-study-results/1";
 /// The figures of a study: name and file without its extension.
 pub const FIGURES: [(&str, &str); 3] =
     [("time", "study"), ("convergence", "study_convergence"), ("pictures", "study_pictures")];
+
+/// Part of a ledger that holds runs.
+const RUNS: &str = "runs";
 
 /// Seeds of the truth count on from it.
 const SEED: u32 = 7000;
@@ -160,6 +165,9 @@ pub struct Results {
     pub format: String,
     /// The program's version.
     pub version: String,
+    /// The builds that measured it; none in a file from before builds had an identity.
+    #[serde(default)]
+    pub builds: Vec<Identity>,
     /// The study.
     pub study: StudyFile,
     /// What did the work.
@@ -204,9 +212,8 @@ impl Study {
 
     /// Renders what errors are measured against, and what takes longest: truths, and Cycles' pictures. What is there already is left
     /// alone; an interrupted truth goes on with the replicas that are missing. Says how long each truth took.
-    pub fn prepare(&self, folder: &Path, progress: Progress<'_>) -> Result<Vec<TruthRecord>> {
-        open_folder(folder)?;
-        let _lock = files::Lock::take(folder)?;
+    pub fn prepare(&self, folder: &Path, resume: &Resume, progress: Progress<'_>) -> Result<Vec<TruthRecord>> {
+        let ledger = open(folder, resume)?;
         let places = self.places();
         let mut records = Vec::new();
         for (index, combination) in places.iter().enumerate() {
@@ -217,8 +224,8 @@ impl Study {
                 continue;
             }
             let report = |done: f64, what: &str| progress((index as f64 + done) / places.len() as f64, what);
-            let id = self.file.truth.id(scene, density, SEED);
-            records.push(self.file.truth.replicas(scene, density, &id, SEED, folder, &report)?.0);
+            let id = self.file.truth.id(&ledger, scene, density, SEED);
+            records.push(self.file.truth.replicas(scene, density, &id, SEED, &ledger, &report)?.0);
             if self.file.curves.cycles.contains_key(density)
                 && let Err(error) = self.cycles_picture(scene, density, &report)
             {
@@ -241,9 +248,8 @@ impl Study {
     }
 
     /// Measures what is missing in a folder, and sums up.
-    pub fn run(&self, folder: &Path, progress: Progress<'_>) -> Result<Results> {
-        open_folder(folder)?;
-        let _lock = files::Lock::take(folder)?;
+    pub fn run(&self, folder: &Path, resume: &Resume, progress: Progress<'_>) -> Result<Results> {
+        let ledger = open(folder, resume)?;
         let gpu = self.adapter()?;
         let mut truths: HashMap<String, (TruthRecord, Option<Vec<Image>>)> = HashMap::new();
         let mut runs = Vec::with_capacity(self.wanted.len());
@@ -251,13 +257,12 @@ impl Study {
         for (index, combination) in self.wanted.iter().enumerate() {
             let done = index as f64 / self.wanted.len() as f64;
             let scene = self.scene(&combination.scene);
-            let truth_id = self.file.truth.id(scene, &combination.density, SEED);
-            let id = self.run_id(combination, &truth_id, gpu.as_ref());
-            let record = folder.join("runs").join(format!("{id}.json"));
-            if let Some(found) = read_record::<Measured>(&record)? {
+            let truth_id = self.file.truth.id(&ledger, scene, &combination.density, SEED);
+            let id = self.run_id(&ledger, combination, &truth_id, gpu.as_ref());
+            if let Some(found) = ledger.read::<Measured>(RUNS, &id)? {
                 let is_known = truths.contains_key(&truth_id);
                 if !is_known {
-                    let entry = match truth::record(scene, &combination.density, &truth_id, folder)? {
+                    let entry = match truth::record(scene, &combination.density, &truth_id, &ledger)? {
                         Some(record) => (record, None),
                         None => {
                             let (record, images) = self.file.truth.replicas(
@@ -265,7 +270,7 @@ impl Study {
                                 &combination.density,
                                 &truth_id,
                                 SEED,
-                                folder,
+                                &ledger,
                                 progress,
                             )?;
                             (record, Some(images))
@@ -299,7 +304,7 @@ impl Study {
                 Some((record, Some(images))) => (record, images),
                 _ => {
                     let report = |_: f64, what: &str| progress(done, what);
-                    self.file.truth.replicas(scene, &combination.density, &truth_id, SEED, folder, &report)?
+                    self.file.truth.replicas(scene, &combination.density, &truth_id, SEED, &ledger, &report)?
                 }
             };
             progress(done, &format!("run {} of {}", index + 1, self.wanted.len()));
@@ -320,15 +325,16 @@ impl Study {
                 truth: truth_id.clone(),
             };
             truths.insert(truth_id, (entry.0, Some(entry.1)));
-            files::write_atomically(&record, to_json(&found).as_bytes())?;
+            ledger.write(RUNS, &found.id, &found)?;
             runs.push(found);
         }
         let mut truths: Vec<TruthRecord> = truths.into_values().map(|(record, _)| record).collect();
         truths.sort_by(|a, b| (&a.scene, &a.density).cmp(&(&b.scene, &b.density)));
-        let (curves, missing_curves) = self.curves(&truths, folder, progress)?;
+        let (curves, missing_curves) = self.curves(&truths, &ledger, progress)?;
         let mut results = Results {
             format: FORMAT.into(),
             version: env!("CARGO_PKG_VERSION").into(),
+            builds: ledger.builds(),
             study: self.file.clone(),
             machine: match &gpu {
                 Some(gpu) => format!("{}; adapter {} ({})", machine(), gpu.adapter().name, gpu.adapter().driver),
@@ -344,7 +350,7 @@ impl Study {
         };
         results.front = results.fronts().into_iter().flat_map(|(_, _, runs)| runs).map(|run| run.id.clone()).collect();
         results.write(folder)?;
-        if let Err(error) = results.add_flip(folder) {
+        if let Err(error) = results.add_flip(&ledger) {
             log::warn!("HDR-FLIP is left out: {error}");
         }
         results.write(folder)?;
@@ -355,10 +361,11 @@ impl Study {
     fn curves(
         &self,
         truths: &[TruthRecord],
-        folder: &Path,
+        ledger: &Ledger,
         progress: Progress<'_>,
     ) -> Result<(Vec<CurvePoint>, Vec<MissingCurve>)> {
         let (mut points, mut missing) = (Vec::new(), Vec::new());
+        let folder = ledger.folder().expect("a study is kept");
         for record in truths {
             let scene = self.scene(&record.scene);
             let place = curves::Place { scene, density: &record.density, truth: record };
@@ -370,8 +377,8 @@ impl Study {
                 Ok(images.clone().unwrap_or_default())
             };
             progress(1.0, &format!("path tracing of {} in {}", record.density, record.scene));
-            points.extend(self.path_curve(&place, folder, &mut truth)?);
-            match self.cycles_curve(&place, folder, &mut truth, progress) {
+            points.extend(self.path_curve(&place, ledger, &mut truth)?);
+            match self.cycles_curve(&place, ledger, &mut truth, progress) {
                 Ok(found) => points.extend(found),
                 Err(error) => missing.push(MissingCurve {
                     renderer: Renderer::Cycles,
@@ -422,18 +429,24 @@ impl Study {
         Ok((image, Seconds { median, smallest: times[0].0, largest: times[times.len() - 1].0 }, wall_seconds))
     }
 
-    fn run_id(&self, combination: &Combination, truth_id: &str, gpu: Option<&Gpu>) -> String {
+    fn run_id(&self, ledger: &Ledger, combination: &Combination, truth_id: &str, gpu: Option<&Gpu>) -> String {
         let mut key = json!({"combination": combination, "truth": truth_id, "timing": self.file.timing});
         if let Some(gpu) = gpu {
             key["adapter"] = json!(gpu.adapter());
         }
-        hash(&key)
+        ledger.key(&key)
     }
 
     /// Measures the front of an earlier run again from scratch: new truths, new renders. Each pair of errors has to agree within the
     /// uncertainty that both state.
-    pub fn verify(&self, results: &Results, folder: &Path, progress: Progress<'_>) -> Result<Vec<Verified>> {
-        let _lock = files::Lock::take(folder)?;
+    pub fn verify(
+        &self,
+        results: &Results,
+        folder: &Path,
+        resume: &Resume,
+        progress: Progress<'_>,
+    ) -> Result<Vec<Verified>> {
+        let ledger = open(folder, resume)?;
         let gpu = self.adapter()?;
         let mut found = Vec::new();
         let fronts: Vec<&Measured> = results.fronts().into_iter().flat_map(|(_, _, runs)| runs).collect();
@@ -441,7 +454,7 @@ impl Study {
         for (index, run) in fronts.iter().enumerate() {
             progress(index as f64 / fronts.len() as f64, "front");
             let scene = self.scene(&run.combination.scene);
-            let truth_id = self.file.truth.id(scene, &run.combination.density, VERIFYING_SEED);
+            let truth_id = self.file.truth.id(&ledger, scene, &run.combination.density, VERIFYING_SEED);
             if !truths.contains_key(&truth_id) {
                 let report = |_: f64, what: &str| progress(index as f64 / fronts.len() as f64, what);
                 let (_, images) = self.file.truth.replicas(
@@ -449,7 +462,7 @@ impl Study {
                     &run.combination.density,
                     &truth_id,
                     VERIFYING_SEED,
-                    folder,
+                    &ledger,
                     &report,
                 )?;
                 truths.insert(truth_id.clone(), images);
@@ -605,7 +618,8 @@ impl Results {
     }
 
     /// Computes HDR-FLIP where it is missing, in one run of the script, and keeps it in the files of runs and curves.
-    fn add_flip(&mut self, folder: &Path) -> Result<()> {
+    fn add_flip(&mut self, ledger: &Ledger) -> Result<()> {
+        let folder = ledger.folder().expect("a study is kept");
         let truths: HashMap<&str, &TruthRecord> =
             self.truths.iter().map(|record| (record.id.as_str(), record)).collect();
         let runs = self.runs.iter_mut().map(|run| (&run.picture, &run.truth, &mut run.flip));
@@ -629,68 +643,23 @@ impl Results {
             *flip = found["means"][position].as_f64();
         }
         for run in self.runs.iter().filter(|run| changed.contains(&run.picture)) {
-            let path = folder.join("runs").join(format!("{}.json", run.id));
-            files::write_atomically(&path, to_json(run).as_bytes())?;
+            ledger.write(RUNS, &run.id, run)?;
         }
-        self.curves.iter().filter(|point| changed.contains(&point.picture)).try_for_each(|point| point.write(folder))
+        self.curves.iter().filter(|point| changed.contains(&point.picture)).try_for_each(|point| point.write(ledger))
     }
 }
 
-/// Makes a study's folders, or refuses one that another version or another program made.
-fn open_folder(folder: &Path) -> Result<()> {
-    let ours = json!({"format": FORMAT, "version": env!("CARGO_PKG_VERSION")});
-    claim_folder(folder, "study.json", &ours, &["runs", "curves", "truth", "pictures"])
+/// What the folder of a study is for.
+const PURPOSE: Purpose = Purpose { mark: "study.json", format: FORMAT, of: serde_json::Value::Null };
+
+/// The ledger of a study.
+fn open(folder: &Path, resume: &Resume) -> Result<Ledger> {
+    Ledger::open(folder, PURPOSE, resume, Sharing::Alone)
 }
 
-/// Makes a folder with its parts and with a mark that says whose it is, or refuses one with another mark.
-pub(crate) fn claim_folder(folder: &Path, mark: &str, ours: &serde_json::Value, parts: &[&str]) -> Result<()> {
-    let path = folder.join(mark);
-    let Some(found) = read_record::<serde_json::Value>(&path)? else {
-        for part in parts {
-            let path = folder.join(part);
-            std::fs::create_dir_all(&path).map_err(|cause| Error::io(&path, "a folder for results", &cause))?;
-        }
-        return files::write_atomically(&path, to_json(ours).as_bytes());
-    };
-    if found == *ours {
-        return Ok(());
-    }
-    let named = |value: &serde_json::Value| format!("format {}, version {}", value["format"], value["version"]);
-    let (found, ours) = match (named(&found), named(ours)) {
-        (found, ours) if found == ours => (format!("{found}, of another file"), format!("{ours}, of this file")),
-        both => both,
-    };
-    Err(Error::new(
-        path.display().to_string(),
-        found,
-        ours,
-        "Take another folder; results of two versions, or of two files, are not mixed.",
-    ))
-}
-
-/// A file that this program wrote; `None` where it is not there.
-pub(crate) fn read_record<T: serde::de::DeserializeOwned>(path: &Path) -> Result<Option<T>> {
-    if !path.exists() {
-        return Ok(None);
-    }
-    let text = files::read_text(path, "JSON")?;
-    serde_json::from_str(&text).map(Some).map_err(|cause| {
-        Error::new(
-            format!("{}, line {}", path.display(), cause.line()),
-            cause.to_string(),
-            "what this version writes",
-            "Remove the file: it is made again.",
-        )
-    })
-}
-
-pub(crate) fn to_json(value: &impl Serialize) -> String {
-    serde_json::to_string_pretty(value).expect("records serialise") + "\n"
-}
-
-/// A short name for a value.
-pub(crate) fn hash(value: &serde_json::Value) -> String {
-    files::sha256(value.to_string().as_bytes())[..16].to_owned()
+/// Whether the study in a folder is not, or not only, of this build.
+pub fn is_of_another_build(folder: &Path) -> Result<bool> {
+    Ok(PURPOSE.builds(folder)?.is_none_or(|builds| builds != [Identity::current().clone()]))
 }
 
 /// What does the work.

@@ -1,7 +1,7 @@
 //! What errors are measured against: path tracing of the same medium, in independent replicas that a folder keeps.
 
 use crate::base::error::{Error, Result};
-use crate::base::files;
+use crate::base::ledger::Ledger;
 use crate::base::progress::Progress;
 use crate::engines;
 use crate::engines::defects::Defects;
@@ -9,14 +9,16 @@ use crate::gpu::Backend;
 use crate::integrators::path;
 use crate::integrators::path::{GivenMedium, PathSettings, Subject};
 use crate::measure::study::file::Truth;
-use crate::measure::study::{hash, read_record, to_json};
 use crate::scene::Scene;
 use crate::scene::image::Image;
 use cpu_time::ProcessTime;
 use serde::{Deserialize, Serialize};
 use serde_json::json;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::Arc;
+
+/// Part of a ledger that holds truths.
+const PART: &str = "truth";
 
 /// Attribute of a replica: processor seconds that it took, preparation included in the first.
 const PROCESSOR_SECONDS: &str = "processor_seconds";
@@ -46,28 +48,23 @@ impl TruthRecord {
 }
 
 impl Truth {
-    /// Hash of all that the truth of a density in a scene depends on, for seeds that count on from `seed`.
-    pub fn id(&self, scene: &Scene, density: &str, seed: u32) -> String {
-        hash(&json!({
-            "version": env!("CARGO_PKG_VERSION"),
-            "scene": scene.content_hash(),
-            "density": density,
-            "truth": self,
-            "seed": seed,
-        }))
+    /// Key of the truth of a density in a scene, for seeds that count on from `seed`.
+    pub fn id(&self, ledger: &Ledger, scene: &Scene, density: &str, seed: u32) -> String {
+        ledger.key(&json!({"scene": scene.content_hash(), "density": density, "truth": self, "seed": seed}))
     }
 
-    /// The truth of that id from its files in `folder`, or rendered there: the replicas that are missing.
+    /// The truth of that id from its files in a ledger, or rendered there: the replicas that are missing.
     pub fn replicas(
         &self,
         scene: &Scene,
         density: &str,
         id: &str,
         seed: u32,
-        folder: &Path,
+        ledger: &Ledger,
         progress: Progress<'_>,
     ) -> Result<(TruthRecord, Vec<Image>)> {
-        if let Some(record) = record(scene, density, id, folder)? {
+        let folder = ledger.folder().expect("truths are kept");
+        if let Some(record) = record(scene, density, id, ledger)? {
             let images = record.read(folder)?;
             return Ok((record, images));
         }
@@ -98,7 +95,7 @@ impl Truth {
         let images = record.read(folder)?;
         let seconds = |image: &Image| image.provenance.get(PROCESSOR_SECONDS).and_then(|text| text.parse::<f64>().ok());
         record.seconds = images.iter().filter_map(seconds).sum();
-        files::write_atomically(&record_path(folder, id), to_json(&record).as_bytes())?;
+        ledger.write(PART, id, &record)?;
         Ok((record, images))
     }
 
@@ -115,20 +112,15 @@ impl Truth {
 }
 
 /// The record of a truth, if it is there. One of another scene or density is refused.
-pub(super) fn record(scene: &Scene, density: &str, id: &str, folder: &Path) -> Result<Option<TruthRecord>> {
-    let path = record_path(folder, id);
-    let Some(record) = read_record::<TruthRecord>(&path)? else { return Ok(None) };
+pub(super) fn record(scene: &Scene, density: &str, id: &str, ledger: &Ledger) -> Result<Option<TruthRecord>> {
+    let Some(record) = ledger.read::<TruthRecord>(PART, id)? else { return Ok(None) };
     if record.scene_sha256 != scene.content_hash() || record.density != density {
         return Err(Error::new(
-            path.display().to_string(),
+            ledger.file(PART, id).unwrap_or_default().display().to_string(),
             format!("the truth of {} in a scene with the hash {}", record.density, record.scene_sha256),
             format!("that of {density} in {}, {}", scene.name, scene.content_hash()),
             "Remove the file: the truth is rendered again.",
         ));
     }
     Ok(Some(record))
-}
-
-fn record_path(folder: &Path, id: &str) -> PathBuf {
-    folder.join("truth").join(format!("{id}.json"))
 }

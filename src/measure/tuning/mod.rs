@@ -11,6 +11,8 @@ pub mod preset;
 
 use crate::base::error::{Error, Result};
 use crate::base::files;
+use crate::base::identity::{Identity, Resume};
+use crate::base::ledger::{Ledger, Purpose, Sharing, read_record, to_json};
 use crate::base::progress::Progress;
 use crate::bridge;
 use crate::bridge::{Conversation, Kernel};
@@ -21,8 +23,8 @@ use crate::engines::render::{EngineJitter, EngineRenderer};
 use crate::measure::study::errors;
 use crate::measure::study::errors::Errors;
 use crate::measure::study::file::{Combination, load_scenes};
+use crate::measure::study::machine;
 use crate::measure::study::truth::TruthRecord;
-use crate::measure::study::{claim_folder, machine, read_record, to_json};
 use crate::scene::Scene;
 use crate::scene::image::Image;
 use cpu_time::ProcessTime;
@@ -35,6 +37,9 @@ use std::path::{Path, PathBuf};
 
 /// Format of a tuning's folder.
 pub const FORMAT: &str = "cloudparity-tuning/1";
+
+/// Part of a ledger that holds generations, by their number: that a search is the same is checked with its candidates.
+const SEARCH: &str = "search";
 
 /// Seeds of the truths count on from it.
 const SEED: u32 = 9000;
@@ -111,6 +116,9 @@ pub struct Outcome {
     pub format: String,
     /// The program's version.
     pub version: String,
+    /// The builds that rendered and judged; none in a file from before builds had an identity.
+    #[serde(default)]
+    pub builds: Vec<Identity>,
     /// The tuning file.
     pub file: TuningFile,
     /// What did the work.
@@ -179,20 +187,19 @@ impl Tuning {
     }
 
     /// Renders truths, searches, and judges; what is in the folder already is not made again.
-    pub fn run(&self, folder: &Path, progress: Progress<'_>) -> Result<Outcome> {
-        open_folder(folder, &self.file)?;
-        let _lock = files::Lock::take(folder)?;
+    pub fn run(&self, folder: &Path, resume: &Resume, progress: Progress<'_>) -> Result<Outcome> {
+        let ledger = open(folder, &self.file, resume)?;
         let count = self.train.len() + self.held_out.len();
         let mut views = Vec::with_capacity(count);
         for (index, scene) in self.train.iter().chain(&self.held_out).enumerate() {
             let report = |done: f64, what: &str| progress((index as f64 + done) / count as f64, what);
-            views.push(self.view(scene, folder, &report)?);
+            views.push(self.view(scene, &ledger, &report)?);
         }
         let mut conversation = Conversation::start("optimiser.py", Kernel::Default)?;
         let files: Vec<Vec<PathBuf>> =
             views.iter().map(|view| view.record.replicas.iter().map(|name| folder.join(name)).collect()).collect();
         conversation.ask(&json!({"op": "truths", "views": files}), |_| ())?;
-        let (best, found) = self.search(folder, &mut views, &mut conversation, progress)?;
+        let (best, found) = self.search(&ledger, &mut views, &mut conversation, progress)?;
         progress(1.0, "published light models");
         let noise_flip = noise_flip(folder, &views, &mut conversation)?;
         let mut published = Vec::new();
@@ -207,6 +214,7 @@ impl Tuning {
         let outcome = Outcome {
             format: FORMAT.into(),
             version: env!("CARGO_PKG_VERSION").into(),
+            builds: ledger.builds(),
             file: self.file.clone(),
             machine: machine(),
             optimiser: found.library,
@@ -226,10 +234,10 @@ impl Tuning {
         Ok(outcome)
     }
 
-    fn view(&self, scene: &Scene, folder: &Path, progress: Progress<'_>) -> Result<View> {
+    fn view(&self, scene: &Scene, ledger: &Ledger, progress: Progress<'_>) -> Result<View> {
         let density = &self.file.engine.density;
-        let id = self.file.truth.id(scene, density, SEED);
-        let (record, truth) = self.file.truth.replicas(scene, density, &id, SEED, folder, progress)?;
+        let id = self.file.truth.id(ledger, scene, density, SEED);
+        let (record, truth) = self.file.truth.replicas(scene, density, &id, SEED, ledger, progress)?;
         let engine = self.combination(scene).engine(scene, &[])?;
         let own_light = engine.light.clone();
         Ok(View { scene: scene.clone(), engine, own_light, record, truth })
@@ -303,11 +311,12 @@ impl Tuning {
     /// Lowers the objective; the best parameters, and how they were found.
     fn search(
         &self,
-        folder: &Path,
+        ledger: &Ledger,
         views: &mut [View],
         conversation: &mut Conversation,
         progress: Progress<'_>,
     ) -> Result<(IndexMap<String, f64>, Found)> {
+        let folder = ledger.folder().expect("a search is kept");
         let search = &self.file.search;
         let initial: Vec<f64> = self.file.parameters.values().map(file::Searched::begin).collect();
         let started = conversation.ask(
@@ -323,10 +332,10 @@ impl Tuning {
         for number in 0..search.generations {
             let asked = conversation.ask(&json!({"op": "ask"}), |_| ())?;
             let candidates: Vec<Vec<f64>> = answer(&asked["candidates"])?;
-            let path = folder.join("search").join(format!("{number:04}.json"));
-            let generation = match read_record::<Generation>(&path)? {
+            let name = format!("{number:04}");
+            let generation = match ledger.read::<Generation>(SEARCH, &name)? {
                 Some(kept) => {
-                    check_same(&kept, &candidates, &path)?;
+                    check_same(&kept, &candidates, &ledger.file(SEARCH, &name).unwrap_or_default())?;
                     kept
                 }
                 None => {
@@ -335,7 +344,7 @@ impl Tuning {
                     };
                     let objectives = self.objectives(folder, views, &candidates, conversation, &report)?;
                     let generation = Generation { candidates, objectives };
-                    files::write_atomically(&path, to_json(&generation).as_bytes())?;
+                    ledger.write(SEARCH, &name, &generation)?;
                     generation
                 }
             };
@@ -539,10 +548,10 @@ fn check_same(kept: &Generation, candidates: &[Vec<f64>], path: &Path) -> Result
     ))
 }
 
-/// Makes a tuning's folders, or refuses one that belongs to another tuning.
-fn open_folder(folder: &Path, file: &TuningFile) -> Result<()> {
-    let ours = json!({"format": FORMAT, "version": env!("CARGO_PKG_VERSION"), "file": file});
-    claim_folder(folder, "tune.json", &ours, &["search", "truth", "pictures"])
+/// The ledger of a tuning, whose generations follow from its file.
+fn open(folder: &Path, file: &TuningFile, resume: &Resume) -> Result<Ledger> {
+    let purpose = Purpose { mark: "tune.json", format: FORMAT, of: json!(file) };
+    Ledger::open(folder, purpose, resume, Sharing::Alone)
 }
 
 impl file::TunedEngine {

@@ -1,7 +1,11 @@
 //! Presets (`*.preset.json`): an engine's settings as a tuning found them, to be used in other scenes.
+//!
+//! A preset is settings, which another build may use: it is not refused. Its errors are results of the builds that it names; whoever uses
+//! it under another one is told so, and a picture names them all.
 
 use crate::base::error::{Error, Result};
 use crate::base::files;
+use crate::base::identity::Identity;
 use crate::engines::Engine;
 use crate::engines::light::{LightModel, models};
 use crate::measure::study::file::{Combination, remedy};
@@ -22,6 +26,9 @@ pub const FORMAT: &str = "cloudparity-preset/1";
 pub struct Preset {
     /// [`FORMAT`].
     pub format: String,
+    /// The builds that had part in the search; none in a file that names none.
+    #[serde(default)]
+    pub builds: Vec<Identity>,
     /// What it is for.
     pub title: String,
     /// Density model, light model and quality.
@@ -39,11 +46,11 @@ impl Preset {
         let best = &outcome.published[0];
         Self {
             format: FORMAT.into(),
+            builds: outcome.builds.clone(),
             title: outcome.file.title.clone(),
             engine: outcome.file.engine.clone(),
             parameters: outcome.parameters.clone(),
             provenance: json!({
-                "cloudparity": outcome.version,
                 "optimiser": outcome.optimiser,
                 "seed": outcome.file.search.seed,
                 "evaluations": outcome.evaluations,

@@ -14,6 +14,7 @@ mod renders;
 
 use crate::base::error::{Error, Result};
 use crate::base::files;
+use crate::base::identity::{Identity, Resume};
 use crate::bridge::{Kernel, probe};
 use crate::gpu::{FieldKernel, Gpu};
 use crate::graph::evaluate::{Evaluation, Points};
@@ -68,6 +69,8 @@ pub struct Settings {
     pub mode: Option<String>,
     /// Ask Cycles, too.
     pub with_cycles: bool,
+    /// Whose rows are gone on with.
+    pub resume: Resume,
 }
 
 /// `node-costs.json`.
@@ -75,6 +78,8 @@ pub struct Settings {
 pub struct Costs {
     /// [`COSTS_FORMAT`].
     pub format: String,
+    /// The builds that measured the rows.
+    pub builds: Vec<Identity>,
     /// Processor and adapter in words.
     pub machine: String,
     /// What Cycles' times are.
@@ -186,6 +191,7 @@ fn begin(settings: &Settings, gpu: Option<&Gpu>, path: Option<&Path>) -> Result<
         gpu.map_or("no adapter".to_owned(), |gpu| format!("adapter {} ({})", gpu.adapter().name, gpu.adapter().driver));
     let new = Costs {
         format: COSTS_FORMAT.to_owned(),
+        builds: vec![settings.resume.build.clone()],
         machine: format!("{processor}, {}; {adapter}", crate::measure::study::machine()),
         cycles: "the kernel that it chooses by itself, one thread".to_owned(),
         points: settings.points,
@@ -216,7 +222,8 @@ fn begin(settings: &Settings, gpu: Option<&Gpu>, path: Option<&Path>) -> Result<
             format!("those of this run: {}", conditions(&new)),
         ));
     }
-    Ok(known)
+    let builds = settings.resume.join(&path.display().to_string(), &known.builds)?;
+    Ok(Costs { builds, ..known })
 }
 
 fn write(costs: &Costs, path: &Path) -> Result<()> {
@@ -540,8 +547,14 @@ mod tests {
     fn rows_are_kept_and_other_conditions_are_refused() {
         let folder = tempfile::tempdir().expect("a folder");
         let path = folder.path().join("costs.json");
-        let settings =
-            |points| Settings { points, repeats: 1, node: Some("Clamp".to_owned()), mode: None, with_cycles: false };
+        let settings = |points| Settings {
+            points,
+            repeats: 1,
+            node: Some("Clamp".to_owned()),
+            mode: None,
+            with_cycles: false,
+            resume: Resume::default(),
+        };
         let first = run(&settings(4096), None, Some(&path), |_, _| ()).expect("costs");
         assert_eq!(first.rows.len(), 2);
         assert!(first.rows.iter().all(|row| row.cycles_ns.is_none() && row.ratio.is_none()));
@@ -550,5 +563,14 @@ mod tests {
         assert_eq!(again, first);
         let error = run(&settings(5000), None, Some(&path), |_, _| ()).expect_err("other conditions");
         assert!(error.to_string().contains("other conditions"), "{error}");
+        // Rows of another build are neither taken for ours nor measured again.
+        let by = |mix_builds| Settings {
+            resume: Resume { build: Identity::of("0.1.0", "bb"), mix_builds },
+            ..settings(4096)
+        };
+        let error = run(&by(false), None, Some(&path), |_, _| ()).expect_err("another build").to_string();
+        assert!(error.contains("0.1.0+bb") && error.contains(&Identity::current().to_string()), "{error}");
+        let mixed = run(&by(true), None, Some(&path), |_, _| ()).expect("knowingly");
+        assert_eq!((&mixed.rows, mixed.builds.len()), (&first.rows, 2));
     }
 }

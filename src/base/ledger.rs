@@ -1,0 +1,351 @@
+//! The ledger of an experiment: a folder of records, each a file of its own, named by the hash of all that it depends on.
+//!
+//! A record is written whole or not at all, as soon as it is there, so that an experiment that was killed at any moment loses no more than
+//! what was in work, and does nothing twice. The folder has a mark that says what it is for and which builds worked in it; one of another
+//! experiment or another build is refused ([`Resume`] may go on with it).
+//!
+//! Keys hold the build that began the folder, and every record names the one that made it. Where builds are mixed knowingly, records are
+//! therefore found by whoever goes on, and say whose they are.
+//!
+//! One process at a time works in a folder, or several *shards* of one plan: these have distinct jobs, and whatever two of them need is
+//! made by one while the other waits for it. The locks are the operating system's: they end with the process, whatever ends it.
+
+use crate::base::error::{Error, Result};
+use crate::base::files;
+use crate::base::identity::{Identity, Resume};
+use serde::de::DeserializeOwned;
+use serde::{Deserialize, Serialize};
+use serde_json::{Value as Json, json};
+use std::path::{Path, PathBuf};
+use std::sync::Mutex;
+
+/// Format of marks and records.
+const FORMAT: &str = "cloudparity-ledger/1";
+
+/// Folder of the locks of records that several processes may need.
+const LOCKS: &str = "locks";
+
+/// What a folder is for: the content of its mark, but for the builds.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Purpose {
+    /// Name of the file with the mark.
+    pub mark: &'static str,
+    /// Format of the experiment's results.
+    pub format: &'static str,
+    /// What all records of the folder belong to; null where records of different plans may lie side by side.
+    pub of: Json,
+}
+
+impl Purpose {
+    /// The builds that worked in a folder; none where it has no mark of this purpose.
+    pub fn builds(&self, folder: &Path) -> Result<Option<Vec<Identity>>> {
+        let path = folder.join(self.mark);
+        Ok(if path.exists() { known_builds(&path, self).ok() } else { None })
+    }
+}
+
+/// Whether other processes may work in the folder meanwhile.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Sharing {
+    /// None.
+    Alone,
+    /// Other shards.
+    Shared,
+}
+
+/// An open folder of records, or a memory of them where nothing is kept.
+pub struct Ledger {
+    folder: Option<PathBuf>,
+    purpose: Purpose,
+    /// The build that is part of the keys: that which began the folder.
+    first: Identity,
+    own: Identity,
+    sharing: Sharing,
+    builds: Mutex<Vec<Identity>>,
+    _lock: Option<files::Lock>,
+}
+
+/// The mark of a folder.
+#[derive(Serialize, Deserialize)]
+struct Mark {
+    ledger: String,
+    format: String,
+    builds: Vec<Identity>,
+    #[serde(default, skip_serializing_if = "Json::is_null")]
+    of: Json,
+}
+
+/// A record with the build that made it.
+#[derive(Serialize, Deserialize)]
+struct Made<T> {
+    build: Identity,
+    record: T,
+}
+
+impl Ledger {
+    /// Opens a folder, or makes it; refuses one with another purpose or of another build.
+    pub fn open(folder: &Path, purpose: Purpose, resume: &Resume, sharing: Sharing) -> Result<Self> {
+        std::fs::create_dir_all(folder).map_err(|cause| Error::io(folder, "a folder for results", &cause))?;
+        let lock = match sharing {
+            Sharing::Alone => files::Lock::take(folder)?,
+            Sharing::Shared => files::Lock::share(folder)?,
+        };
+        // Shards that begin together read and write the mark one after another.
+        let _turn = files::Lock::wait(&folder.join(LOCKS), "mark")?;
+        let path = folder.join(purpose.mark);
+        let found = match path.exists() {
+            true => known_builds(&path, &purpose)?,
+            false => Vec::new(),
+        };
+        let builds = resume.join(&path.display().to_string(), &found)?;
+        if builds != found {
+            let mark = Mark {
+                ledger: FORMAT.into(),
+                format: purpose.format.into(),
+                builds: builds.clone(),
+                of: purpose.of.clone(),
+            };
+            files::write_atomically(&path, to_json(&mark).as_bytes())?;
+        }
+        Ok(Self {
+            folder: Some(folder.to_owned()),
+            purpose,
+            first: builds[0].clone(),
+            own: resume.build.clone(),
+            sharing,
+            builds: Mutex::default(),
+            _lock: Some(lock),
+        })
+    }
+
+    /// A ledger that keeps nothing.
+    pub fn in_memory(purpose: Purpose, resume: &Resume) -> Self {
+        let own = resume.build.clone();
+        let builds = Mutex::default();
+        Self { folder: None, purpose, first: own.clone(), own, sharing: Sharing::Alone, builds, _lock: None }
+    }
+
+    /// The folder; none where nothing is kept.
+    pub fn folder(&self) -> Option<&Path> {
+        self.folder.as_deref()
+    }
+
+    /// The builds whose records were read or made so far, in order of their names.
+    pub fn builds(&self) -> Vec<Identity> {
+        let mut all = self.builds.lock().expect("no holder panics").clone();
+        all.sort();
+        all
+    }
+
+    /// The key of a record that depends on `inputs`, and on the build.
+    pub fn key(&self, inputs: &Json) -> String {
+        let all = json!({"build": self.first, "format": self.purpose.format, "inputs": inputs});
+        files::sha256(all.to_string().as_bytes())[..16].to_owned()
+    }
+
+    /// The file of a record.
+    pub fn file(&self, part: &str, key: &str) -> Option<PathBuf> {
+        self.folder.as_ref().map(|folder| folder.join(part).join(format!("{key}.json")))
+    }
+
+    /// A record, if it is there.
+    pub fn read<T: DeserializeOwned>(&self, part: &str, key: &str) -> Result<Option<T>> {
+        let Some(path) = self.file(part, key) else { return Ok(None) };
+        let Some(made) = read_record::<Made<T>>(&path)? else { return Ok(None) };
+        self.note(made.build);
+        Ok(Some(made.record))
+    }
+
+    /// Writes a record of this build.
+    pub fn write(&self, part: &str, key: &str, record: &impl Serialize) -> Result<()> {
+        self.note(self.own.clone());
+        let Some(path) = self.file(part, key) else { return Ok(()) };
+        files::write_atomically(&path, to_json(&Made { build: self.own.clone(), record }).as_bytes())
+    }
+
+    /// A record that is there, or is made now; where another shard is at it, its end is waited for.
+    pub fn obtain<T: Serialize + DeserializeOwned>(
+        &self,
+        part: &str,
+        key: &str,
+        make: impl FnOnce() -> Result<T>,
+    ) -> Result<T> {
+        if let Some(found) = self.read(part, key)? {
+            return Ok(found);
+        }
+        let _claim = self.claim(part, key)?;
+        if let Some(found) = self.read(part, key)? {
+            return Ok(found);
+        }
+        let made = make()?;
+        self.write(part, key, &made)?;
+        Ok(made)
+    }
+
+    /// Waits until no other shard makes this record.
+    pub fn claim(&self, part: &str, key: &str) -> Result<Option<files::Lock>> {
+        match (&self.folder, self.sharing) {
+            (Some(folder), Sharing::Shared) => {
+                files::Lock::wait(&folder.join(LOCKS), &format!("{part}-{key}")).map(Some)
+            }
+            _ => Ok(None),
+        }
+    }
+
+    fn note(&self, build: Identity) {
+        let mut builds = self.builds.lock().expect("no holder panics");
+        if !builds.contains(&build) {
+            builds.push(build);
+        }
+    }
+}
+
+/// The builds that a mark names; a mark of another purpose is refused.
+fn known_builds(path: &Path, purpose: &Purpose) -> Result<Vec<Identity>> {
+    let refused = |found: String, expected: String| {
+        Error::new(
+            path.display().to_string(),
+            found,
+            expected,
+            "Take another folder; results of two formats, or of two files, are not mixed.",
+        )
+    };
+    let text = files::read_text(path, "the mark of a folder of results")?;
+    let mark: Mark = serde_json::from_str(&text)
+        .map_err(|_| refused("no mark of this format".into(), format!("{FORMAT}, {}", purpose.format)))?;
+    if (mark.ledger.as_str(), mark.format.as_str()) != (FORMAT, purpose.format) {
+        return Err(refused(format!("{}, {}", mark.ledger, mark.format), format!("{FORMAT}, {}", purpose.format)));
+    }
+    if mark.of != purpose.of {
+        return Err(refused("results of another file".into(), "those of this file".into()));
+    }
+    Ok(mark.builds)
+}
+
+/// A file that this program wrote; `None` where it is not there.
+pub fn read_record<T: DeserializeOwned>(path: &Path) -> Result<Option<T>> {
+    if !path.exists() {
+        return Ok(None);
+    }
+    let text = files::read_text(path, "JSON")?;
+    serde_json::from_str(&text).map(Some).map_err(|cause| {
+        Error::new(
+            format!("{}, line {}", path.display(), cause.line()),
+            cause.to_string(),
+            "what this version writes",
+            "Remove the file: it is made again.",
+        )
+    })
+}
+
+/// A document as files hold it.
+pub fn to_json(value: &impl Serialize) -> String {
+    serde_json::to_string_pretty(value).expect("records serialise") + "\n"
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn purpose(of: Json) -> Purpose {
+        Purpose { mark: "test.json", format: "cloudparity-test/1", of }
+    }
+
+    fn build(hash: &str, mix_builds: bool) -> Resume {
+        Resume { build: Identity::of("0.1.0", hash), mix_builds }
+    }
+
+    fn open(folder: &Path, resume: &Resume) -> Result<Ledger> {
+        Ledger::open(folder, purpose(Json::Null), resume, Sharing::Alone)
+    }
+
+    #[test]
+    fn a_record_is_made_once_and_its_key_holds_the_build() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let first = build("aa", false);
+        let key = {
+            let ledger = open(folder.path(), &first).expect("a new folder");
+            let key = ledger.key(&json!({"number": 3}));
+            assert_ne!(key, ledger.key(&json!({"number": 4})));
+            assert_eq!(ledger.obtain("squares", &key, || Ok(9)).expect("it is made"), 9);
+            key
+        };
+        let ledger = open(folder.path(), &first).expect("the same build");
+        let never = || -> Result<i32> { panic!("it is there") };
+        assert_eq!(ledger.obtain("squares", &key, never).expect("it is read"), 9);
+        assert_eq!(ledger.builds(), [Identity::of("0.1.0", "aa")]);
+        let other = tempfile::tempdir().expect("a folder");
+        let elsewhere = open(other.path(), &build("bb", false)).expect("a new folder");
+        assert_ne!(elsewhere.key(&json!({"number": 3})), key);
+    }
+
+    #[test]
+    fn a_folder_of_another_build_is_refused_or_gone_on_with_and_names_both() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let [a, b] = ["aa", "bb"].map(|hash| Identity::of("0.1.0", hash));
+        let key = {
+            let ledger = open(folder.path(), &build("aa", false)).expect("a new folder");
+            let key = ledger.key(&json!(1));
+            ledger.write("x", &key, &1).expect("written");
+            key
+        };
+        let error = open(folder.path(), &build("bb", false)).err().expect("refused").to_string();
+        assert!(error.contains("0.1.0+aa") && error.contains("0.1.0+bb") && error.contains("test.json"), "{error}");
+        {
+            let ledger = open(folder.path(), &build("bb", true)).expect("knowingly");
+            assert_eq!(ledger.key(&json!(1)), key, "what is there is found");
+            assert_eq!(ledger.read::<i32>("x", &key).expect("read"), Some(1));
+            assert_eq!(ledger.builds(), [a.clone()]);
+            ledger.write("x", &ledger.key(&json!(2)), &2).expect("written");
+            assert_eq!(ledger.builds(), [a, b]);
+        }
+        // A folder in which both worked is neither's.
+        for hash in ["aa", "bb"] {
+            assert!(open(folder.path(), &build(hash, false)).is_err(), "{hash}");
+        }
+    }
+
+    #[test]
+    fn another_purpose_a_damaged_mark_and_a_second_process_are_refused() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let resume = build("aa", false);
+        let open = |of: Json, sharing| Ledger::open(folder.path(), purpose(of), &resume, sharing);
+        let kept = open(json!("one"), Sharing::Shared).expect("a new folder");
+        let second = open(json!("one"), Sharing::Shared).expect("shards share it");
+        let error = open(json!("one"), Sharing::Alone).err().expect("it is in use").to_string();
+        assert!(error.contains("another process"), "{error}");
+        drop((kept, second));
+        let alone = open(json!("one"), Sharing::Alone).expect("it is free");
+        assert!(open(json!("one"), Sharing::Shared).is_err());
+        drop(alone);
+        let error = open(json!("two"), Sharing::Alone).err().expect("another file").to_string();
+        assert!(error.contains("another file"), "{error}");
+        std::fs::write(folder.path().join("test.json"), "{}").expect("written");
+        let error = open(json!("one"), Sharing::Alone).err().expect("damaged").to_string();
+        assert!(error.contains("another folder"), "{error}");
+    }
+
+    #[test]
+    fn what_two_shards_need_is_made_by_one() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let made = std::sync::atomic::AtomicUsize::new(0);
+        std::thread::scope(|scope| {
+            for _ in 0..2 {
+                scope.spawn(|| {
+                    let resume = build("aa", false);
+                    let ledger =
+                        Ledger::open(folder.path(), purpose(Json::Null), &resume, Sharing::Shared).expect("a shard");
+                    for number in 0..20 {
+                        let slow = || {
+                            made.fetch_add(1, std::sync::atomic::Ordering::SeqCst);
+                            std::thread::sleep(std::time::Duration::from_millis(2));
+                            Ok(number)
+                        };
+                        assert_eq!(ledger.obtain("x", &ledger.key(&json!(number)), slow).expect("a record"), number);
+                    }
+                });
+            }
+        });
+        assert_eq!(made.into_inner(), 20);
+    }
+}
