@@ -7,6 +7,7 @@ use crate::base::identity::Identity;
 use crate::cli::picture::PictureArguments;
 use crate::engines;
 use crate::engines::defects::Defects;
+use crate::engines::domain::Domain;
 use crate::engines::light::models;
 use crate::engines::render;
 use crate::engines::render::{EngineJitter, EngineSettings};
@@ -17,50 +18,31 @@ use crate::scene::Scene;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-/// Render a published cloud engine in the box of a scene, with the scene's camera, sun and world.
+/// Render a cloud system as its engine does in a scene: with the scene's camera, suns and world.
 #[derive(clap::Args)]
 pub(super) struct Arguments {
     #[command(flatten)]
     picture: PictureArguments,
-    /// The density model; `cloudparity models` lists them.
-    #[arg(long, default_value = "perlin-fbm")]
-    model: String,
     #[command(flatten)]
-    defects: DefectsArgument,
-    /// A level of quality of the engine.
-    #[arg(long)]
-    quality: Option<String>,
-    /// A parameter of the model. May be given several times.
-    #[arg(short, long = "parameter", value_name = "NAME=VALUE")]
-    parameters: Vec<String>,
+    engine: EngineArguments,
     /// A light model in the place of the engine's; `cloudparity lights` lists them.
     #[arg(long)]
     light: Option<String>,
-    /// A parameter of the light model. May be given several times.
-    #[arg(long = "light-parameter", value_name = "NAME=VALUE")]
-    light_parameters: Vec<String>,
     /// Engine, light model, quality and parameters of a tuned preset (*.preset.json).
     #[arg(
         long,
         value_name = "FILE",
-        conflicts_with_all = ["model", "defects", "quality", "parameters", "light", "light_parameters", "seconds", "sub_pixels"]
+        conflicts_with_all = [
+            "model", "defects", "quality", "engine_parameters", "light", "light_parameters", "seconds", "sub_pixels", "domain"
+        ]
     )]
     preset: Option<PathBuf>,
-    /// Seconds of animation.
-    #[arg(long, default_value_t = 0.0)]
-    seconds: f64,
     /// Where in its steps a ray takes its samples.
     #[arg(long, value_parser = choice::<EngineJitter>(), default_value_t = EngineJitter::None)]
     jitter: EngineJitter,
-    /// Frame of the jitter.
-    #[arg(long, default_value_t = 0)]
-    frame: u32,
     /// Rays per pixel and axis.
     #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=64))]
     sub_pixels: u32,
-    /// Add the engine's god rays.
-    #[arg(long)]
-    god_rays: bool,
     /// Run on the adapter instead of all cores.
     #[arg(long)]
     gpu: bool,
@@ -69,19 +51,97 @@ pub(super) struct Arguments {
     allow_nonfinite: bool,
 }
 
+/// What says which engine it is.
+#[derive(clap::Args)]
+pub(super) struct EngineArguments {
+    /// engine: the cloud system; `cloudparity models` lists them [default of engine: perlin-fbm, of render: graph].
+    #[arg(long)]
+    model: Option<String>,
+    #[command(flatten)]
+    defects: DefectsArgument,
+    /// engine: a level of quality of the system.
+    #[arg(long)]
+    quality: Option<String>,
+    /// engine: a parameter of the system. May be given several times.
+    #[arg(short = 'p', long = "parameter", id = "engine_parameters", value_name = "NAME=VALUE")]
+    parameters: Vec<String>,
+    /// engine: a parameter of the light model. May be given several times.
+    #[arg(long = "light-parameter", value_name = "NAME=VALUE")]
+    light_parameters: Vec<String>,
+    /// engine: seconds of animation; of a scene's own graph every number called Time is moved by them [default: 0].
+    #[arg(long)]
+    seconds: Option<f64>,
+    /// engine: where the density is: object (the scene's box), slab:BOTTOM,TOP, or shell:X,Y,Z,INNER,OUTER, in metres [default: the system's].
+    #[arg(long)]
+    domain: Option<String>,
+    /// engine: frame of the jitter [default: 0].
+    #[arg(long)]
+    frame: Option<u32>,
+    /// engine: add the system's god rays.
+    #[arg(long)]
+    god_rays: bool,
+}
+
+impl EngineArguments {
+    /// Options by name, and whether each is given.
+    pub(super) fn given(&self) -> [(&'static str, bool); 9] {
+        [
+            ("--model", self.model.is_some()),
+            ("--defects", self.defects.given()),
+            ("--quality", self.quality.is_some()),
+            ("--parameter", !self.parameters.is_empty()),
+            ("--light-parameter", !self.light_parameters.is_empty()),
+            ("--seconds", self.seconds.is_some()),
+            ("--domain", self.domain.is_some()),
+            ("--frame", self.frame.is_some()),
+            ("--god-rays", self.god_rays),
+        ]
+    }
+
+    /// The engine under a light model, of `model` where no other is given.
+    pub(super) fn engine(&self, scene: &Scene, model: &str, light: Option<&str>) -> Result<Engine> {
+        let domain = self.domain.as_deref().map(str::parse::<Domain>).transpose();
+        let domain = domain.map_err(|error| Error { place: "--domain".into(), ..error })?;
+        let model = engines::find(self.model.as_deref().unwrap_or(model))?;
+        let values = model.values(self.quality.as_deref(), &self.parameters)?;
+        let seconds = self.seconds.unwrap_or(0.0);
+        if !seconds.is_finite() {
+            return Err(Error::new("--seconds", seconds.to_string(), "a finite number", "Correct the option."));
+        }
+        let mut engine = warned(model.engine_in(domain, scene, &values, &self.defects.read()?, seconds)?);
+        if let Some(light) = light {
+            models::find(light)?.apply(&mut engine.light)?;
+        }
+        for text in &self.light_parameters {
+            let (name, value) = parameters::assignment(text)?;
+            models::set(&mut engine.light, name, value, text)?;
+        }
+        Ok(engine)
+    }
+
+    /// How its picture is made.
+    pub(super) fn settings(&self, jitter: EngineJitter, sub_pixels: u32) -> EngineSettings {
+        EngineSettings { jitter, frame: self.frame.unwrap_or(0), sub_pixels, god_rays: self.god_rays }
+    }
+}
+
 /// Which defects an engine keeps.
 #[derive(clap::Args)]
 pub(super) struct DefectsArgument {
     /// Defects of the original that are kept: all (as published), none (mended), or some, such as PF-4,PF-6; `cloudparity models` says
-    /// what each is.
-    #[arg(long, default_value = "none")]
-    defects: String,
+    /// what each is [default: none].
+    #[arg(long)]
+    defects: Option<String>,
     /// The option that `--defects` took the place of.
     #[arg(long, hide = true)]
     variant: Option<String>,
 }
 
 impl DefectsArgument {
+    fn given(&self) -> bool {
+        self.defects.is_some() || self.variant.is_some()
+    }
+
     /// The set, or an error with what is known.
     pub fn read(&self) -> Result<Defects> {
         if let Some(variant) = &self.variant {
@@ -92,40 +152,27 @@ impl DefectsArgument {
                 "Give --defects all for as-published, --defects none for fixed.",
             ));
         }
-        self.defects.parse().map_err(|error| Error { place: "--defects".into(), ..error })
+        let defects = self.defects.as_deref().unwrap_or("none");
+        defects.parse().map_err(|error| Error { place: "--defects".into(), ..error })
     }
 }
 
 pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
     let scene = arguments.picture.load()?;
+    let output = &arguments.picture.output;
     if let Some(path) = &arguments.preset {
         let preset = preset(path)?;
         let (scene, engine, combination) = preset.build(&scene)?;
+        let settings = combination.picture_settings();
         let settings = EngineSettings {
-            jitter: arguments.jitter,
-            frame: arguments.frame,
-            god_rays: arguments.god_rays,
-            ..combination.picture_settings()
+            sub_pixels: settings.sub_pixels,
+            ..arguments.engine.settings(arguments.jitter, arguments.sub_pixels)
         };
-        let output = &arguments.picture.output;
         return write((&scene, &engine), &settings, arguments.gpu, Some(&preset), output, arguments.allow_nonfinite);
     }
-    let values = (arguments.quality.as_deref(), arguments.parameters.as_slice());
-    let mut engine = build(&scene, &arguments.model, &arguments.defects.read()?, values, arguments.seconds)?;
-    if let Some(light) = &arguments.light {
-        models::find(light)?.apply(&mut engine.light)?;
-    }
-    for text in &arguments.light_parameters {
-        let (name, value) = parameters::assignment(text)?;
-        models::set(&mut engine.light, name, value, text)?;
-    }
-    let settings = EngineSettings {
-        jitter: arguments.jitter,
-        frame: arguments.frame,
-        sub_pixels: arguments.sub_pixels,
-        god_rays: arguments.god_rays,
-    };
-    write((&scene, &engine), &settings, arguments.gpu, None, &arguments.picture.output, arguments.allow_nonfinite)
+    let engine = arguments.engine.engine(&scene, "perlin-fbm", arguments.light.as_deref())?;
+    let settings = arguments.engine.settings(arguments.jitter, arguments.sub_pixels);
+    write((&scene, &engine), &settings, arguments.gpu, None, output, arguments.allow_nonfinite)
 }
 
 /// A preset; says so where another build found it.
@@ -178,9 +225,13 @@ pub(super) fn build(
     seconds: f64,
 ) -> Result<Engine> {
     let model = engines::find(model)?;
-    let engine = model.engine(scene, &model.values(quality, parameters)?, defects, seconds)?;
+    Ok(warned(model.engine(scene, &model.values(quality, parameters)?, defects, seconds)?))
+}
+
+/// An engine whose warnings went to stderr.
+fn warned(engine: Engine) -> Engine {
     for warning in &engine.warnings {
         eprintln!("warning: {warning}");
     }
-    Ok(engine)
+    engine
 }

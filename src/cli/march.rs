@@ -1,8 +1,9 @@
 //! The options of the deterministic integrator, for every command that marches.
 
 use super::choice::choice;
+use crate::base::choice::Choice;
 use crate::base::error::{Error, Result};
-use crate::integrators::{Jitter, LightMode, MarchSettings};
+use crate::integrators::{Jitter, MarchSettings};
 use crate::media::density_cache::{CacheFilter, CacheFormat, CacheSettings};
 use crate::media::transfer::Integration;
 
@@ -18,24 +19,26 @@ pub(super) struct MarchArguments {
     /// march: how a step adds up [default: energy-conserving].
     #[arg(long, value_parser = choice::<Integration>())]
     integration: Option<Integration>,
-    /// march: where within its steps a ray evaluates the medium; with --seed [default: none].
-    #[arg(long, value_parser = choice::<Jitter>())]
-    jitter: Option<Jitter>,
+    /// march: where within its steps a ray evaluates the medium, none or pixel, with --seed; engine: none, table or blue-noise
+    /// [default: none].
+    #[arg(long)]
+    pub(super) jitter: Option<String>,
     /// march: directions of the quadrature over the world [default: 64].
     #[arg(long)]
     world_directions: Option<u32>,
     /// march: bands of spherical harmonics for the world in anisotropic media, with --light grid [default: 2].
     #[arg(long)]
     world_bands: Option<u32>,
-    /// march: rays per pixel and axis [default: 3].
+    /// march, engine: rays per pixel and axis [default: 3; of engine: 1].
     #[arg(long)]
-    sub_pixels: Option<u32>,
+    pub(super) sub_pixels: Option<u32>,
     /// march: view rays end below this transmittance [default: 0.0001].
     #[arg(long)]
     exit_transmittance: Option<f64>,
-    /// march: how light reaches the samples [default: grid].
-    #[arg(long, value_parser = choice::<LightMode>())]
-    light: Option<LightMode>,
+    /// march: how light reaches the samples, grid or exact [default: grid]; engine: a light model in the place of the system's
+    /// (`cloudparity lights` lists them).
+    #[arg(long)]
+    pub(super) light: Option<String>,
     /// march: cells along the longest side of the light grid [default: 192].
     #[arg(long)]
     grid_cells: Option<u32>,
@@ -51,6 +54,20 @@ pub(super) struct MarchArguments {
     /// march: leave nothing out that the scene does not need; slower, the same picture.
     #[arg(long)]
     generic: bool,
+}
+
+/// The value of an option that several integrators have, each with names of its own.
+pub(super) fn named<T: Choice>(option: &str, name: Option<&str>) -> Result<Option<T>> {
+    let Some(name) = name else { return Ok(None) };
+    T::named(name).map(Some).ok_or_else(|| {
+        let known: Vec<&str> = T::VARIANTS.iter().map(|value| value.name()).collect();
+        Error::new(
+            option,
+            format!("\"{name}\""),
+            format!("one of {} with this integrator", known.join(", ")),
+            "Correct the option, or give another --integrator.",
+        )
+    })
 }
 
 impl MarchArguments {
@@ -76,7 +93,7 @@ impl MarchArguments {
 
     /// The settings, those without an option as in `default`.
     pub(super) fn settings(&self, default: MarchSettings, seed: Option<u32>) -> Result<MarchSettings> {
-        let jitter = self.jitter.unwrap_or(default.jitter);
+        let jitter = named("--jitter", self.jitter.as_deref())?.unwrap_or(default.jitter);
         if seed.is_some() && jitter == Jitter::None {
             return Err(Error::new(
                 "--seed",
@@ -93,7 +110,7 @@ impl MarchArguments {
             world_bands: self.world_bands.unwrap_or(default.world_bands),
             sub_pixels: self.sub_pixels.unwrap_or(default.sub_pixels),
             exit_transmittance: self.exit_transmittance.unwrap_or(default.exit_transmittance),
-            light: self.light.unwrap_or(default.light),
+            light: named("--light", self.light.as_deref())?.unwrap_or(default.light),
             grid_cells: self.grid_cells.unwrap_or(default.grid_cells),
             integration: self.integration.unwrap_or(default.integration),
             jitter,

@@ -7,6 +7,7 @@ mod bench;
 mod bench_bake;
 mod bench_compile;
 mod bench_nodes;
+mod bench_voxels;
 mod bounds;
 mod build;
 mod choice;
@@ -62,6 +63,7 @@ enum Command {
     BenchBake(bench_bake::Arguments),
     BenchCompile(bench_compile::Arguments),
     BenchNodes(bench_nodes::Arguments),
+    BenchVoxels(Box<bench_voxels::Arguments>),
     Bounds(bounds::Arguments),
     Build(build::Arguments),
     CompareModels(Box<compare_models::Arguments>),
@@ -111,6 +113,7 @@ pub fn run() -> ExitCode {
         Command::BenchBake(arguments) => bench_bake::run(&arguments),
         Command::BenchCompile(arguments) => bench_compile::run(&arguments),
         Command::BenchNodes(arguments) => bench_nodes::run(&arguments),
+        Command::BenchVoxels(arguments) => bench_voxels::run(&arguments),
         Command::Bounds(arguments) => bounds::run(&arguments),
         Command::Build(arguments) => build::run(&arguments),
         Command::CompareModels(arguments) => compare_models::run(&arguments),

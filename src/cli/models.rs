@@ -83,13 +83,15 @@ fn document(model: &Model) -> serde_json::Value {
         "title": model.title,
         "about": model.about,
         "parameters": parameter_documents(model.parameters),
+        "domains": model.domains,
         "qualities": qualities,
         "defects": model.defects,
     })
 }
 
 fn describe(model: &Model) -> String {
-    let mut text = format!("{}: {}\n{}\n\n", model.id, model.title, model.about);
+    let domains: Vec<String> = model.domains.iter().map(crate::base::files::word).collect();
+    let mut text = format!("{}: {}\n{}\ndomains: {}\n\n", model.id, model.title, model.about, domains.join(", "));
     text += &parameter_lines(model.parameters);
     for (name, settings) in model.qualities {
         text += &format!("quality {name}: {}\n", assignments(settings));

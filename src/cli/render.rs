@@ -2,9 +2,11 @@
 
 use super::choice::choice;
 use crate::base::error::{Error, Result};
-use crate::cli::march::MarchArguments;
+use crate::cli::engine::EngineArguments;
+use crate::cli::march::{MarchArguments, named};
 use crate::cli::picture::{Filter, PictureArguments};
 use crate::cli::resume::ResumeArguments;
+use crate::engines::render::EngineJitter;
 use crate::gpu::Backend;
 use crate::integrators;
 use crate::integrators::MarchSettings;
@@ -41,6 +43,8 @@ pub(super) struct Arguments {
     march: MarchArguments,
     #[command(flatten)]
     path: PathArguments,
+    #[command(flatten)]
+    engine: EngineArguments,
     /// Write pixels that are NaN or infinite, too.
     #[arg(long)]
     allow_nonfinite: bool,
@@ -75,6 +79,8 @@ enum Integrator {
     March,
     /// Path tracing without bias.
     Path,
+    /// The march of a cloud system's engine: the scene's own graph, or a published system.
+    Engine,
 }
 
 #[derive(Debug, Clone, Copy, clap::ValueEnum)]
@@ -93,6 +99,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
     if let Some(path) = &arguments.preset {
         refuse("path", &arguments.path.given())?;
         refuse("march", &arguments.march.given())?;
+        refuse("engine", &arguments.engine.given())?;
         let is_gpu = matches!(arguments.backend, BackendName::Gpu);
         let preset = super::engine::preset(path)?;
         let (scene, engine, combination) = preset.build(&scene)?;
@@ -107,6 +114,10 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
             arguments.allow_nonfinite,
         );
     }
+    if arguments.integrator == Integrator::Engine {
+        return engine(arguments, &scene);
+    }
+    refuse("engine", &arguments.engine.given())?;
     let bar = super::progress_bar(1000);
     let report = |done: f64, what: &str| {
         bar.set_position((done * 1000.0) as u64);
@@ -132,6 +143,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
             let state = State { path: state.as_ref(), resume: arguments.path.resume.resume() };
             path::render(&scene, &arguments.path.settings(arguments.seed), backend, Some(&state), &report)?
         }
+        Integrator::Engine => unreachable!("it has returned"),
     };
     bar.finish_and_clear();
     image.write_exr(&arguments.picture.output, arguments.allow_nonfinite)?;
@@ -139,6 +151,26 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
         super::print(&format!("{report}\n"))?;
     }
     Ok(ExitCode::SUCCESS)
+}
+
+/// Renders by the march of an engine.
+fn engine(arguments: &Arguments, scene: &Scene) -> Result<ExitCode> {
+    refuse("path", &arguments.path.given())?;
+    let shared = ["--jitter", "--sub-pixels", "--light"];
+    let of_march: Vec<(&str, bool)> =
+        arguments.march.given().into_iter().filter(|(name, _)| !shared.contains(name)).collect();
+    refuse("march", &of_march)?;
+    refuse("path", &[("--seed", arguments.seed.is_some())])?;
+    let engine = arguments.engine.engine(scene, "graph", arguments.march.light.as_deref())?;
+    let jitter = named("--jitter", arguments.march.jitter.as_deref())?.unwrap_or(EngineJitter::None);
+    let sub_pixels = arguments.march.sub_pixels.unwrap_or(1);
+    if !(1..=64).contains(&sub_pixels) {
+        return Err(Error::new("--sub-pixels", sub_pixels.to_string(), "1 to 64", "Correct the option."));
+    }
+    let settings = arguments.engine.settings(jitter, sub_pixels);
+    let is_gpu = matches!(arguments.backend, BackendName::Gpu);
+    let output = &arguments.picture.output;
+    super::engine::write((scene, &engine), &settings, is_gpu, None, output, arguments.allow_nonfinite)
 }
 
 /// Renders and writes several pictures and their mean.

@@ -8,6 +8,7 @@
 pub mod compile_times;
 pub mod leaving_out;
 pub mod perlin_fbm;
+pub mod voxels;
 
 use crate::base::error::{Error, Result};
 use crate::bridge;
