@@ -4,7 +4,7 @@ use crate::base::numbers::{capitalised, count, figure, percent, plain, rate, rat
 use crate::measure::densities::comparison::{Comparison, FIGURE};
 use crate::measure::study::curves::CurvePoint;
 use crate::measure::study::{FIGURES, Measured, Results};
-use crate::measure::tuning::{Outcome, Scored};
+use crate::measure::tuning::{Scored, TuningResults};
 use crate::report::document::Document;
 use crate::report::inputs::{Inputs, Picture, TUNING_FIGURE, study_figure};
 use crate::report::summary::{Summary, evaluator_name};
@@ -101,7 +101,7 @@ fn curve_row(point: &CurvePoint) -> CurveRow {
 #[derive(Debug, Serialize)]
 pub struct TuningTable<'a> {
     /// All figures.
-    pub found: &'a Outcome,
+    pub found: &'a TuningResults,
     /// Before and after.
     pub figure: Option<&'a Picture>,
     /// Light models, exposure matched, then the tuned one: name, exposure, HDR-FLIP in training and held out, relMSE held out, milliseconds.
@@ -115,7 +115,7 @@ pub type TuningRow = (String, f64, f64, f64, f64, f64);
 
 impl<'a> TuningTable<'a> {
     /// Arranges a tuning.
-    pub fn of(found: &'a Outcome, pictures: &'a IndexMap<String, Picture>) -> Self {
+    pub fn of(found: &'a TuningResults, pictures: &'a IndexMap<String, Picture>) -> Self {
         let row = |scored: &Scored| {
             (
                 scored.name.clone(),
