@@ -140,7 +140,7 @@ fn a_study_that_is_killed_at_ten_random_moments_loses_nothing_and_makes_nothing_
 
     let output = folder.path().join("out");
     let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(1);
-    let mut before = BTreeMap::new();
+    let mut before: BTreeMap<PathBuf, (SystemTime, Vec<u8>)> = BTreeMap::new();
     let mut grown = 0;
     for _ in 0..10 {
         let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_cloudparity"));

@@ -117,7 +117,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
 
 fn summary(results: &Results) -> String {
     let mut text = String::new();
-    for (scene, density, front) in results.fronts() {
+    for (scene, density, front) in results.pareto_fronts() {
         line(&mut text, format_args!("{density} in {scene}: nothing beats"));
         for run in front {
             line(&mut text, format_args!("  {}", run.describe()));

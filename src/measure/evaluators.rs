@@ -123,7 +123,7 @@ pub fn compare(requests: &[Request<'_>], receive: impl FnMut(Message)) -> Result
     let mut jobs = Vec::new();
     for request in requests {
         if request.positions.is_empty() {
-            return Err(Error::new("--points", "0", "at least one point", "Ask for more points."));
+            return Err(Error::new("points", "0", "at least one point", "Ask for more points."));
         }
         for positions in request.positions.chunks(CHUNK) {
             let targets = vec![request.target.clone()];

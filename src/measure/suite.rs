@@ -120,7 +120,7 @@ impl Suite {
         if let Some(name) = only.iter().find(|name| self.entries.iter().all(|entry| entry.name != **name)) {
             let known: Vec<&str> = self.entries.iter().map(|entry| entry.name.as_str()).collect();
             return Err(Error::new(
-                format!("--only {name}"),
+                format!("entry {name}"),
                 "no such entry",
                 known.join(", "),
                 "Give the name of an entry of the suite.",

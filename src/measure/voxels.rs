@@ -59,7 +59,7 @@ pub fn path_scene(scene: &Scene, engine: &Engine, voxels: usize) -> Result<Scene
             format!("density model {}", engine.model),
             "a source that is no albedo times extinction",
             "one that has an albedo",
-            "Leave out the defect that takes it away, or give --defects none.",
+            "Leave out the defect that takes it away, or all of them.",
         ));
     };
     let densities = sample(scene, engine.density.as_ref(), voxels)?;

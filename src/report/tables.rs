@@ -151,7 +151,7 @@ impl<'a> StudyTable<'a> {
             machine: &found.machine,
             clock: found.clock.label(),
             figures: FIGURES.map(|(_, stem)| pictures.get(&study_figure(stem))),
-            fronts: found.fronts().into_iter().map(front).collect(),
+            fronts: found.pareto_fronts().into_iter().map(front).collect(),
             truths: found
                 .truths
                 .iter()
@@ -552,7 +552,7 @@ pub fn document(inputs: &Inputs, summary: &Summary) -> Document {
         });
         document.table(&["Work", "Points", "Cycles", "CPU", "GPU"], rows);
     }
-    for (scene, density, runs) in inputs.study.iter().flat_map(Results::fronts) {
+    for (scene, density, runs) in inputs.study.iter().flat_map(Results::pareto_fronts) {
         document.heading(&format!("Error against time: {density} in {scene}"));
         let rows = runs.into_iter().map(|run| {
             let errors = [Some(run.errors.relmse.value), Some(run.errors.relmse.standard_error)].map(figure);

@@ -182,7 +182,7 @@ impl Results {
     }
 
     /// The runs that nothing beats in time and relMSE, by scene and density.
-    pub fn fronts(&self) -> Vec<Group<'_>> {
+    pub fn pareto_fronts(&self) -> Vec<Group<'_>> {
         let groups = self.groups().into_iter();
         groups
             .map(|(scene, density, runs)| (scene, density, pareto_front::pareto_front(runs, Metric::Relmse)))

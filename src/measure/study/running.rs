@@ -134,12 +134,9 @@ impl Running<'_> {
         self.study.file.truth.obtain(self.scene(combination), &combination.density, TRUTHS, desk.ledger, &report)
     }
 
-    /// The replicas of a truth, which are kept in memory.
+    /// The replicas of a truth.
     pub(super) fn replicas(&mut self, truth: &TruthRecord, desk: &Desk<'_>) -> Result<&[Image]> {
-        if !self.truths.contains_key(&truth.id) {
-            self.truths.insert(truth.id.clone(), truth.read(desk.folder()?)?);
-        }
-        Ok(&self.truths[&truth.id])
+        keep_replicas(&mut self.truths, truth, desk)
     }
 
     /// Renders, times and judges a combination.
@@ -150,8 +147,6 @@ impl Running<'_> {
             Ok(found) => found,
             Err(error) => return Ok(Found::LeftOut(error.to_string())),
         };
-        let truth = self.truth(combination, desk)?;
-        self.replicas(&truth, desk)?;
         let begin = ProcessTime::now();
         let gpu = self.gpu.as_ref();
         let renderer = match EngineRenderer::new(scene, &engine, gpu) {
@@ -159,6 +154,8 @@ impl Running<'_> {
             Err(error) => return Ok(Found::LeftOut(error.to_string())),
         };
         let prepare_seconds = engine_seconds + begin.elapsed().as_secs_f64();
+        let truth = self.truth(combination, desk)?;
+        let replicas = keep_replicas(&mut self.truths, &truth, desk)?;
         let settings = combination.picture_settings();
         let render = || renderer.picture(&settings, &|_, _| ());
         // The first does not count: memory and caches are cold.
@@ -167,7 +164,7 @@ impl Running<'_> {
         let (seconds, wall_seconds) = repeated(repeats, gpu, || render().map(drop))?;
         let picture = format!("pictures/{}.exr", desk.key);
         image.write_exr(&desk.folder()?.join(&picture), false)?;
-        let errors = errors::measure(&image, &self.truths[&truth.id])?;
+        let errors = errors::measure(&image, replicas)?;
         Ok(Found::Record(Record::Run(Box::new(Measured {
             id: desk.key.to_owned(),
             combination: combination.clone(),
@@ -181,6 +178,18 @@ impl Running<'_> {
             truth: truth.id,
         }))))
     }
+}
+
+/// The replicas of a truth, which stay in memory.
+fn keep_replicas<'a>(
+    truths: &'a mut HashMap<String, Vec<Image>>,
+    truth: &TruthRecord,
+    desk: &Desk<'_>,
+) -> Result<&'a [Image]> {
+    if !truths.contains_key(&truth.id) {
+        truths.insert(truth.id.clone(), truth.read(desk.folder()?)?);
+    }
+    Ok(&truths[&truth.id])
 }
 
 impl Experiment for Running<'_> {
@@ -322,7 +331,8 @@ impl Experiment for Running<'_> {
         }
         results.truths.sort_by(|a, b| (&a.scene, &a.density).cmp(&(&b.scene, &b.density)));
         results.curves.sort_by(|a, b| (&a.scene, &a.density).cmp(&(&b.scene, &b.density)));
-        results.front = results.fronts().into_iter().flat_map(|(_, _, runs)| runs).map(|run| run.id.clone()).collect();
+        results.front =
+            results.pareto_fronts().into_iter().flat_map(|(_, _, runs)| runs).map(|run| run.id.clone()).collect();
         results.builds = desk.ledger.builds();
         if self.only_preparation {
             return Ok(results);

@@ -69,7 +69,7 @@ impl Study {
         settings: &Settings,
         progress: Progress<'_>,
     ) -> Result<Outcome<Vec<Verified>>> {
-        let runs = results.fronts().into_iter().flat_map(|(_, _, runs)| runs).collect();
+        let runs = results.pareto_fronts().into_iter().flat_map(|(_, _, runs)| runs).collect();
         let mut verification = Verification { study: self, runs, gpu: self.adapter()?, truths: HashMap::new() };
         experiment::run(&mut verification, Some(folder), settings, progress)
     }
