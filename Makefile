@@ -52,9 +52,10 @@ test: setup ## lints, all tests of Rust and Python, doc tests
 	cargo test $(CARGO_FLAGS) --doc
 	.venv/bin/python -m pytest --quiet tests/python
 
-lint: setup ## format, clippy, documentation, ruff; warnings are errors
+lint: setup ## format, clippy, the core alone, documentation, ruff; warnings are errors
 	cargo fmt --check
 	cargo clippy $(CARGO_FLAGS) --all-targets -- -D warnings
+	cargo clippy $(CARGO_FLAGS) --lib --no-default-features -- -D warnings
 	RUSTDOCFLAGS="-D warnings" cargo doc $(CARGO_FLAGS) --no-deps
 	.venv/bin/python -m ruff check .
 	.venv/bin/python -m ruff format --check .

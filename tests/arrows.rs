@@ -2,6 +2,7 @@
 //!
 //! Every path that begins with `crate` or climbs with `super` is an arrow from the folder that it stands in to the folder that it names.
 //! An arrow that is not in the table of the design runs back, and fails. Comments and strings are no paths: the sources are read as tokens.
+//! So is what belongs to the command line alone: flags, the parser of arguments, printing.
 
 use proc_macro2::{Delimiter, TokenStream, TokenTree};
 use std::collections::{BTreeMap, BTreeSet};
@@ -192,6 +193,33 @@ fn circles(arrows: &[Arrow]) -> BTreeSet<String> {
     uses.keys().filter(|folder| reaches(folder)).map(|folder| (*folder).to_owned()).collect()
 }
 
+/// What a source holds that belongs to the command line alone, as tokens: flags in strings and comments, the parser, printing.
+fn of_the_command_line(tokens: TokenStream, found: &mut Vec<String>) {
+    let tokens: Vec<TokenTree> = tokens.into_iter().collect();
+    for (number, token) in tokens.iter().enumerate() {
+        match token {
+            // A comment of documentation is a literal, too.
+            TokenTree::Literal(literal) => {
+                let text = literal.to_string();
+                let is_flag = |at: usize| text[at + 2..].starts_with(|letter: char| letter.is_ascii_lowercase());
+                if text.match_indices("--").any(|(at, _)| is_flag(at)) {
+                    found.push(text);
+                }
+            }
+            TokenTree::Ident(word) if word == "clap" => found.push(word.to_string()),
+            TokenTree::Ident(word) => {
+                let is_macro = matches!(tokens.get(number + 1), Some(TokenTree::Punct(mark)) if mark.as_char() == '!');
+                let word = word.to_string();
+                if is_macro && ["print", "println", "eprint", "eprintln", "dbg"].contains(&word.as_str()) {
+                    found.push(format!("{word}!"));
+                }
+            }
+            TokenTree::Group(group) => of_the_command_line(group.stream(), found),
+            TokenTree::Punct(_) => {}
+        }
+    }
+}
+
 fn sources(folder: &Path) -> Vec<PathBuf> {
     let mut found = Vec::new();
     for entry in std::fs::read_dir(folder).expect("a folder of sources") {
@@ -321,4 +349,50 @@ fn a_planted_arrow_that_runs_back_is_found() {
     let arrow = |from: &str, to: &str| -> Arrow { (vec![from.to_owned()], text(to)[0].1.clone()) };
     assert_eq!(circles(&[arrow("media", "view::camera"), arrow("view", "media::phase")]).len(), 2);
     assert!(circles(&[arrow("media", "view::camera"), arrow("integrators", "media::phase")]).is_empty());
+}
+
+#[test]
+fn the_library_knows_no_flag_and_no_parser_of_arguments_and_prints_nothing() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
+    let mut wrong = Vec::new();
+    let (mut library, mut command_line) = (0, 0);
+    for path in sources(&root) {
+        let mut found = Vec::new();
+        of_the_command_line(std::fs::read_to_string(&path).expect("a source").parse().expect("tokens"), &mut found);
+        if matches!(module_of(&path, &root)[0].as_str(), "cli" | "main") {
+            command_line += found.len();
+            continue;
+        }
+        library += 1;
+        wrong.extend(found.into_iter().map(|text| format!("{}: {text}", path.display())));
+    }
+    assert!(library > 100 && command_line > 100, "the sources were read: {library} files, {command_line} finds");
+    assert_eq!(wrong, Vec::<String>::new(), "what belongs to src/cli");
+}
+
+#[test]
+fn a_planted_flag_or_parser_or_print_is_found() {
+    let found = |text: &str| {
+        let mut found = Vec::new();
+        of_the_command_line(text.parse().expect("tokens"), &mut found);
+        found.len()
+    };
+    for text in [
+        r#"fn f() -> Error { Error::new(place, "0", "1", "Give --backend cpu.") }"#,
+        "/// What `--set` takes.\nfn f() {}",
+        r##"const TEXT: &str = r#"a "--json" inside"#;"##,
+        "#[derive(Debug, clap::ValueEnum)] enum A { B }",
+        "use clap::Parser;",
+        "mod a { fn f() { if true { eprintln!(\"warning\"); } } }",
+        "fn f() { dbg!(1); }",
+    ] {
+        assert_eq!(found(text), 1, "{text}");
+    }
+    for text in [
+        "// --set is an option\nfn f(n: i32) -> i32 { n - -1 }",
+        r#"const RULE: &str = "-- a dash --"; const TABLE: &str = "| --- |";"#,
+        "fn println() { writeln!(text, \"a\"); print(text); }",
+    ] {
+        assert_eq!(found(text), 0, "{text}");
+    }
 }

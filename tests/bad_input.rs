@@ -401,7 +401,7 @@ fn materials_without_a_volume() {
     explained(&scene).is_refused("missing closure", &["node Material Output", "\"Nobody\", which does not exist"]);
     let mut scene = cloud();
     scene["graph"]["nodes"][1]["type"] = "ShaderNodeAddShader".into();
-    explained(&scene).is_refused("other closure", &["node Principled Volume", "ShaderNodeAddShader", "--output"]);
+    explained(&scene).is_refused("other closure", &["node Principled Volume", "ShaderNodeAddShader", "NODE.SOCKET"]);
     let mut scene = cloud();
     scene["graph"]["nodes"][1]["muted"] = true.into();
     explained(&scene).is_refused("muted closure", &["a muted ShaderNodeVolumePrincipled"]);
@@ -646,15 +646,18 @@ fn names_that_eval_does_not_find() {
     let scene = cloud();
     let points = [[0.1, 0.2, 0.3]];
     for (more, parts) in [
-        (["--output", "Nobody.Value"], vec!["--output Nobody.Value", "no node of that name", "NODE.SOCKET"]),
-        (["--output", "Math"], vec!["--output Math", "no node of that name"]),
-        (["--output", ""], vec!["--output", "no node of that name"]),
+        (
+            ["--output", "Nobody.Value"],
+            vec!["target Nobody.Value", "no node of that name", "NODE.SOCKET", "(--output)"],
+        ),
+        (["--output", "Math"], vec!["target Math", "no node of that name"]),
+        (["--output", ""], vec!["target ", "no node of that name"]),
         (["--output", "Math.016.Nothing"], vec!["node Group.001/Math.016", "output \"Nothing\"", "Value"]),
         (["--output", "Principled Volume.Volume"], vec!["node Principled Volume", "a closure"]),
         (["--output", "Material Output.Volume"], vec!["node Material Output", "ShaderNodeOutputMaterial"]),
-        (["--set", "Scale=2"], vec!["--set Scale=2", "3 inputs", "Large Noise/Scale"]),
-        (["--set", "Nothing=2"], vec!["--set Nothing=2", "no input called", "Altitude"]),
-        (["--set", "Altitude=NaN"], vec!["--set Altitude=NaN", "a finite number"]),
+        (["--set", "Scale=2"], vec!["value Scale=2", "3 inputs", "Large Noise/Scale", "(--set)"]),
+        (["--set", "Nothing=2"], vec!["value Nothing=2", "no input called", "Altitude"]),
+        (["--set", "Altitude=NaN"], vec!["value Altitude=NaN", "a finite number"]),
         (["--set", "Altitude=inf"], vec!["a finite number"]),
         (["--set", "Altitude=1e39"], vec!["a finite number"]),
         (["--set", "Altitude=-1"], vec!["0 to 10000", "limits"]),
@@ -732,7 +735,7 @@ fn settings_of_ray_marching_that_make_no_sense() {
         // The memory that it would need, and how many cells fit.
         (
             &["--density-cache", "100000"],
-            &["density_cache", "100000 cells", "GiB", "at most 4 GiB", "--density-cache "],
+            &["density_cache", "100000 cells", "GiB", "at most 4 GiB", "(--density-cache)"],
         ),
         (&["--density-cache", "4294967295", "--cache-format", "f32"], &["4294967295 cells", "GiB"]),
         (&["--seed", "3"], &["--seed", "--jitter pixel"]),

@@ -54,7 +54,7 @@ fn the_suite_holds_on_the_committed_cloud() {
     let read: Table = serde_json::from_str(&text).expect("a table");
     assert_eq!(read.rows.len(), table.rows.len());
     assert_eq!(table.csv().lines().count(), 1 + table.rows.len());
-    let page = cloudparity::report::write_report(folder.path()).expect("a report");
+    let page = cloudparity::report::write_report(folder.path(), &[]).expect("a report");
     let page = std::fs::read_to_string(page).expect("a page");
     assert!(page.contains("id=\"stability\"") && page.contains("field-density=1e8&#x2f;cpu"));
 }

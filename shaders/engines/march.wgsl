@@ -1,10 +1,15 @@
 // The march of a real-time engine: twin of src/engines/march/mod.rs, one invocation per ray.
 //
 // Conditions: PLAIN (else energy-conserving), EXIT_FADE, SHADOW_TO_EXIT (else of fixed length), SHADOW_VIEW (dimmed as the view
-// ray, else by the density), SOURCE_DENSITY (else extinction times albedo), and the terms of src/engines/light/terms.rs: OCTAVES (else one),
-// COMPRESSION, SILVER, POWDER, AMBIENT_GRADIENT, BODY, COARSE_SHADOW (both read averages of the density).
-#import cloudparity::density_model
-#import cloudparity::coarse
+// ray, else by the density), SOURCE_DENSITY (else extinction times albedo), EMPTY_CELLS (the table of what is provably empty is read),
+// NO_SUN, SEVERAL_SUNS, SHELL (the domain lies between spheres, else in a box), TERMS (those of a system's own), and the terms of
+// src/engines/light/terms.rs: OCTAVES (else one), COMPRESSION, SILVER, POWDER, AMBIENT_GRADIENT, BODY, COARSE_SHADOW (both read averages of
+// the density).
+#import cloudparity::graph
+#import cloudparity::averages::along
+#import cloudparity::averages::around
+#import cloudparity::engines::constants
+#import cloudparity::engines::own_terms
 #import cloudparity::phase
 #import cloudparity::terms
 #import cloudparity::transfer
@@ -12,13 +17,15 @@
 struct March {
     extinction: vec3f,
     steps: u32,
-    // Colour times intensity.
-    sun: vec3f,
-    shadow_steps: u32,
     ambient: vec3f,
+    shadow_steps: u32,
+    // The box of the density in its frame.
+    low: vec3f,
     shadow_length: f32,
-    to_sun: vec3f,
+    high: vec3f,
     depth_compression: f32,
+    albedo: vec3f,
+    powder_ambient: f32,
     anisotropy: vec2f,
     second: f32,
     least_density: f32,
@@ -39,20 +46,40 @@ struct March {
     ambient_top: f32,
     body_strength: f32,
     body_length: f32,
-    albedo: vec3f,
-    powder_ambient: f32,
+    // Radii of a shell.
+    inner: f32,
+    outer: f32,
+    suns: u32,
+    end_padding: u32,
 }
 
-// From where a ray enters the box on, so that a start far from it costs no accuracy; the camera has no second implementation.
+struct Sun {
+    // Displacement in the density's frame per unit of length towards it.
+    way: vec3f,
+    padding: f32,
+    // Unit vector towards it in the world.
+    direction: vec3f,
+    more_padding: f32,
+    irradiance: vec3f,
+    end_padding: f32,
+}
+
+// From where a ray enters the domain on, so that a start far from it costs no accuracy; the camera has no second implementation.
 struct Ray {
     origin: vec3f,
-    // Part of the ray in the box; 0: nothing to march.
+    // Of the parts of the ray in the domain together; 0: nothing to march.
     length: f32,
-    direction: vec3f,
+    // Displacement in the density's frame per unit of length.
+    way: vec3f,
     jitter: f32,
+    // Unit direction in the world.
+    direction: vec3f,
     // Beyond it something opaque hides the cloud.
     farthest: f32,
-    padding: vec3f,
+    // Length of the first part, and of what lies between it and the second.
+    first: f32,
+    gap: f32,
+    end_padding: vec2f,
 }
 
 struct Pixel {
@@ -65,42 +92,93 @@ struct Pixel {
 @group(0) @binding(0) var<uniform> march: March;
 @group(0) @binding(1) var<storage, read> rays: array<Ray>;
 @group(0) @binding(2) var<storage, read_write> pixels: array<Pixel>;
+@group(0) @binding(3) var<storage, read> suns: array<Sun>;
+// Whether each cell of the box may hold something, x fastest.
+@group(0) @binding(4) var<storage, read> occupied: array<u32>;
 
 const LARGEST = 3.40282347e38;
 
-// Where a ray enters and leaves the box; leaves before it enters where it misses.
-fn crossing(origin: vec3f, direction: vec3f) -> vec2f {
+#ifdef SHELL
+// Where a ray meets a sphere around the origin; both 0 where it misses.
+fn sphere(origin: vec3f, way: vec3f, radius: f32) -> vec2f {
+    let square = dot(way, way);
+    let middle = -dot(origin, way) / square;
+    let nearest = length(origin + way * middle);
+    let half = (radius - nearest) * (radius + nearest) / square;
+    if half <= 0.0 { return vec2f(0.0); }
+    return middle + sqrt(half) * vec2f(-1.0, 1.0);
+}
+#endif
+
+// Length of a ray from a place inside until it leaves the domain.
+fn exit(place: vec3f, way: vec3f) -> f32 {
+#ifdef SHELL
+    let ground = sphere(place, way, march.inner);
+    let leave = sphere(place, way, march.outer).y;
+    return select(max(leave, 0.0), ground.x, ground.x > 0.0);
+#else
     var enter = -LARGEST;
     var leave = LARGEST;
     for (var axis = 0u; axis < 3u; axis++) {
         // A ray that runs in a face is inside.
-        if direction[axis] == 0.0 {
-            if abs(origin[axis]) <= 0.5 { continue; }
-            return vec2f(0.0);
+        if way[axis] == 0.0 {
+            if place[axis] >= march.low[axis] && place[axis] <= march.high[axis] { continue; }
+            return 0.0;
         }
-        let first = (-0.5 - origin[axis]) / direction[axis];
-        let second = (0.5 - origin[axis]) / direction[axis];
+        let first = (march.low[axis] - place[axis]) / way[axis];
+        let second = (march.high[axis] - place[axis]) / way[axis];
         enter = max(enter, min(first, second));
         leave = min(leave, max(first, second));
     }
-    return vec2f(enter, leave);
+    return select(0.0, max(leave, 0.0), enter < leave);
+#endif
 }
 
-// Optical depth towards the sun.
-fn shadow_depth(place: vec3f) -> vec3f {
+// Whether a place is inside; on a face is outside.
+fn holds(place: vec3f) -> bool {
+#ifdef SHELL
+    let radius = length(place);
+    return march.inner < radius && radius < march.outer;
+#else
+    return all(place > march.low) && all(place < march.high);
+#endif
+}
+
+// The height of a place as a part of the domain's.
+fn height_of(place: vec3f) -> f32 {
+#ifdef SHELL
+    return (length(place) - march.inner) / (march.outer - march.inner);
+#else
+    return (place.z - march.low.z) / (march.high.z - march.low.z);
+#endif
+}
+
+// The density, not negative; NaN stays.
+fn density_at(place: vec3f) -> f32 {
+#ifdef EMPTY_CELLS
+    let part = (place - march.low) / (march.high - march.low) * f32(constants::CELLS);
+    let cell = min(vec3u(max(part, vec3f(0.0))), vec3u(constants::CELLS - 1u));
+    if occupied[(cell.z * constants::CELLS + cell.y) * constants::CELLS + cell.x] == 0u { return 0.0; }
+#endif
+    let value = graph::evaluate(place);
+    return select(value, 0.0, value < 0.0);
+}
+
+// Optical depth towards a sun.
+fn shadow_depth(place: vec3f, way: vec3f) -> vec3f {
 #ifdef SHADOW_TO_EXIT
-    let length = max(crossing(place, march.to_sun).y, 0.0);
+    let length = exit(place, way);
 #else
     let length = march.shadow_length;
 #endif
     let step = length / f32(march.shadow_steps);
     var sum = 0.0;
     for (var number = 0u; number < march.shadow_steps; number++) {
-        let at = place + march.to_sun * (step * (f32(number) + 0.5));
+        let at = place + way * (step * (f32(number) + 0.5));
 #ifdef COARSE_SHADOW
-        if all(abs(at) < vec3f(0.5)) { sum += coarse::along(at); }
+        if holds(at) { sum += along::evaluate(at); }
 #else
-        if all(abs(at) < vec3f(0.5)) { sum += density_model::density(at); }
+        if holds(at) { sum += density_at(at); }
 #endif
     }
 #ifdef SHADOW_VIEW
@@ -115,23 +193,21 @@ fn shadow_depth(place: vec3f) -> vec3f {
 #endif
 }
 
-fn two_lobes(anisotropy: vec2f, direction: vec3f) -> f32 {
-    return phase::henyey_greenstein(anisotropy.x, direction, march.to_sun) * (1.0 - march.second)
-        + phase::henyey_greenstein(anisotropy.y, direction, march.to_sun) * march.second;
+fn two_lobes(anisotropy: vec2f, direction: vec3f, to_sun: vec3f) -> f32 {
+    return phase::henyey_greenstein(anisotropy.x, direction, to_sun) * (1.0 - march.second)
+        + phase::henyey_greenstein(anisotropy.y, direction, to_sun) * march.second;
 }
 
-#ifdef OCTAVES
-// Of the octaves, phase functions included; as many as MOST_OCTAVES.
+// Of the octaves, phase functions included; as many as MOST_OCTAVES. Of the sun at work, and of all of them.
 var<private> weights: array<f32, 16>;
-#else
-var<private> weight: f32;
+#ifdef SEVERAL_SUNS
+var<private> all_weights: array<f32, constants::MOST_SUNS * 16u>;
 #endif
 
-// Prepares a ray.
-fn prepare(direction: vec3f) {
+// Prepares the weights of a sun.
+fn weigh(direction: vec3f, to_sun: vec3f) {
 #ifdef SILVER
-    let cosine = dot(direction, march.to_sun);
-    let silver = terms::silver(march.silver_strength, march.silver_exponent, cosine);
+    let silver = terms::silver(march.silver_strength, march.silver_exponent, dot(direction, to_sun));
 #else
     let silver = 0.0;
 #endif
@@ -139,22 +215,51 @@ fn prepare(direction: vec3f) {
     var share = 1.0;
     var anisotropy = march.anisotropy;
     for (var octave = 0u; octave < march.octaves; octave++) {
-        weights[octave] = share * two_lobes(anisotropy, direction);
+        weights[octave] = share * two_lobes(anisotropy, direction, to_sun);
         share *= march.contribution;
         anisotropy *= march.eccentricity;
     }
     weights[0] += silver;
 #else
-    weight = two_lobes(march.anisotropy, direction) + silver;
+    weights[0] = two_lobes(march.anisotropy, direction, to_sun) + silver;
 #endif
 }
 
-// What the sun sends towards the camera per unit of its irradiance and of scattering.
+// What the sun at work sends towards the camera per unit of its irradiance and of scattering.
 fn scattered(depth: vec3f) -> vec3f {
 #ifdef OCTAVES
     return terms::octaves(&weights, march.octaves, march.attenuation, depth);
 #else
-    return weight * transfer::transmittance(depth);
+    return weights[0] * transfer::transmittance(depth);
+#endif
+}
+
+// Prepares a ray.
+fn prepare(direction: vec3f) {
+#ifdef SEVERAL_SUNS
+    for (var sun = 0u; sun < march.suns; sun++) {
+        weigh(direction, suns[sun].direction);
+        for (var octave = 0u; octave < march.octaves; octave++) { all_weights[16u * sun + octave] = weights[octave]; }
+    }
+#else ifdef NO_SUN
+#else
+    weigh(direction, suns[0].direction);
+#endif
+}
+
+// What all suns send towards the camera per unit of scattering.
+fn from_suns(place: vec3f) -> vec3f {
+#ifdef SEVERAL_SUNS
+    var sum = vec3f(0.0);
+    for (var sun = 0u; sun < march.suns; sun++) {
+        for (var octave = 0u; octave < march.octaves; octave++) { weights[octave] = all_weights[16u * sun + octave]; }
+        sum += suns[sun].irradiance * scattered(shadow_depth(place, suns[sun].way));
+    }
+    return sum;
+#else ifdef NO_SUN
+    return vec3f(0.0);
+#else
+    return suns[0].irradiance * scattered(shadow_depth(place, suns[0].way));
 #endif
 }
 
@@ -176,36 +281,39 @@ fn main(@builtin(global_invocation_id) invocation: vec3u) {
         for (var number = march.first_step; number < min(march.steps, march.end_step); number++) {
             let passed = (f32(number) + ray.jitter) * step;
             let left = ray.length - passed;
-            if passed > ray.farthest || left < 0.0 { break; }
+            let distance = select(passed, passed + ray.gap, passed > ray.first);
+            if distance > ray.farthest || left < 0.0 { break; }
             pixel.samples++;
-            let place = ray.origin + ray.direction * passed;
-            let found = density_model::density(place);
+            let place = ray.origin + ray.way * distance;
+            let found = density_at(place);
             if found <= march.least_density { continue; }
             pixel.dense++;
             let extinct = found * march.extinction;
+            let mean_extinction = (extinct.x + extinct.y + extinct.z) / 3.0;
 #ifdef SOURCE_DENSITY
             let factor = vec3f(found);
 #else
             let factor = march.albedo * extinct;
 #endif
 #ifdef AMBIENT_GRADIENT
-            let ambient = march.ambient * mix(march.ambient_bottom, march.ambient_top, place.y + 0.5);
+            var from_world = march.ambient * mix(march.ambient_bottom, march.ambient_top, height_of(place));
 #else
-            let ambient = march.ambient;
+            var from_world = march.ambient;
 #endif
-            var from_sun = march.sun * scattered(shadow_depth(place));
-            var from_world = ambient;
+            var lit = from_suns(place);
 #ifdef POWDER
-            let mean_extinction = (extinct.x + extinct.y + extinct.z) / 3.0;
             let powder = terms::powder(march.powder_strength, march.powder_length, mean_extinction);
-            from_sun *= powder;
+            lit *= powder;
             from_world *= 1.0 + (powder - 1.0) * march.powder_ambient;
 #endif
 #ifdef BODY
-            let around = coarse::around(place) * (march.extinction.x + march.extinction.y + march.extinction.z) / 3.0;
-            from_sun *= terms::powder(march.body_strength, march.body_length, around);
+            let body = around::evaluate(place) * (march.extinction.x + march.extinction.y + march.extinction.z) / 3.0;
+            lit *= terms::powder(march.body_strength, march.body_length, body);
 #endif
-            var source = factor * (from_sun + from_world);
+#ifdef TERMS
+            from_world += own_terms::source(place, height_of(place), mean_extinction);
+#endif
+            var source = factor * (lit + from_world);
 #ifdef EXIT_FADE
             let t = clamp(left / (2.0 * step), 0.0, 1.0);
             source *= t * t * (3.0 - 2.0 * t);

@@ -15,6 +15,9 @@ pub struct Error {
     pub expected: String,
     /// The next step for the user.
     pub remedy: String,
+    /// Names of the settings that the remedy speaks of, such as `density_cache`: whoever asked knows how they are given, the command line
+    /// by its options, a window by its sliders.
+    pub settings: Vec<&'static str>,
 }
 
 /// The result type of the whole library.
@@ -28,7 +31,20 @@ impl Error {
         expected: impl Into<String>,
         remedy: impl Into<String>,
     ) -> Self {
-        Self { place: place.into(), found: found.into(), expected: expected.into(), remedy: remedy.into() }
+        Self {
+            place: place.into(),
+            found: found.into(),
+            expected: expected.into(),
+            remedy: remedy.into(),
+            settings: Vec::new(),
+        }
+    }
+
+    /// Names a setting that the remedy speaks of.
+    #[must_use]
+    pub fn with_setting(mut self, setting: &'static str) -> Self {
+        self.settings.push(setting);
+        self
     }
 
     /// An operating system failure on a file.

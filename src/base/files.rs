@@ -2,7 +2,9 @@
 
 use crate::base::error::{Error, Result};
 use sha2::{Digest, Sha256};
-use std::io::{Read, Write};
+#[cfg(feature = "tools")]
+use std::io::Read;
+use std::io::Write;
 use std::path::Path;
 
 /// Writes `bytes` to `path` through a temporary file in the same folder and a rename, so that a
@@ -13,7 +15,15 @@ pub fn write_atomically(path: &Path, bytes: &[u8]) -> Result<()> {
     })
 }
 
+/// Says that files are not written without the feature `tools`.
+#[cfg(not(feature = "tools"))]
+pub fn replace_atomically(path: &Path, _write: impl FnOnce(&Path) -> std::io::Result<()>) -> Result<()> {
+    let cause = std::io::Error::from(std::io::ErrorKind::Unsupported);
+    Err(Error::io(path, "a library with the feature tools, which writes files", &cause))
+}
+
 /// Lets `write` fill a temporary file beside `path`, then renames it to `path`.
+#[cfg(feature = "tools")]
 pub fn replace_atomically(path: &Path, write: impl FnOnce(&Path) -> std::io::Result<()>) -> Result<()> {
     let folder = match path.parent() {
         Some(parent) if !parent.as_os_str().is_empty() => parent,
@@ -74,6 +84,7 @@ pub fn sha256(bytes: &[u8]) -> String {
 
 /// Refuses a `.npy` file whose header announces more values than the file has bytes for: the reader
 /// would ask for the memory first, and not getting it ends the program.
+#[cfg(feature = "tools")]
 fn check_announced_size(path: &Path) -> Result<()> {
     let fail = |cause: &std::io::Error| Error::io(path, "a float32 .npy file", cause);
     let mut file = std::fs::File::open(path).map_err(|cause| fail(&cause))?;
@@ -98,6 +109,7 @@ fn check_announced_size(path: &Path) -> Result<()> {
 }
 
 /// Reads a float32 `.npy` file of shape `[n, 3]`.
+#[cfg(feature = "tools")]
 pub fn read_points(path: &Path) -> Result<Vec<[f32; 3]>> {
     check_announced_size(path)?;
     let array: ndarray::Array2<f32> = ndarray_npy::read_npy(path).map_err(|cause| {
@@ -120,6 +132,7 @@ pub fn read_points(path: &Path) -> Result<Vec<[f32; 3]>> {
 }
 
 /// Writes float32 values as `.npy`: shape `[n]` for one component, else `[n, components]`.
+#[cfg(feature = "tools")]
 pub fn write_values(path: &Path, values: &[f32], components: usize) -> Result<()> {
     let count = values.len() / components;
     let shape: Vec<usize> = if components == 1 { vec![count] } else { vec![count, components] };
@@ -129,11 +142,13 @@ pub fn write_values(path: &Path, values: &[f32], components: usize) -> Result<()
 }
 
 /// Writes a float32 array as `.npy`.
+#[cfg(feature = "tools")]
 pub fn write_array<D: ndarray::Dimension>(path: &Path, array: &ndarray::Array<f32, D>) -> Result<()> {
     replace_atomically(path, |temporary| ndarray_npy::write_npy(temporary, array).map_err(std::io::Error::other))
 }
 
 /// Reads any float32 `.npy` file as its flat values and shape.
+#[cfg(feature = "tools")]
 pub fn read_values(path: &Path) -> Result<(Vec<f32>, Vec<usize>)> {
     check_announced_size(path)?;
     let array: ndarray::ArrayD<f32> = ndarray_npy::read_npy(path).map_err(|cause| {

@@ -1,10 +1,15 @@
-//! What everything else stands on: the error type, files, the identity of builds, the ledger of records, numbers as text, progress.
+//! What everything else stands on: the error type, named choices, files, the identity of builds, the ledger of records, numbers as text,
+//! progress, textures.
 
+pub mod choice;
 pub mod error;
 pub mod files;
 pub mod identity;
+pub mod interpolation;
+#[cfg(feature = "tools")]
 pub mod ledger;
 pub mod numbers;
 pub mod progress;
 #[cfg(test)]
 mod source_hash;
+pub mod texture;

@@ -84,13 +84,13 @@ impl Kernel {
     }
 }
 
-/// A message of a running script.
+/// Progress of a running script. What it leaves out or changes is a warning of [`log`].
 #[derive(Debug, Clone)]
-pub enum Message {
-    /// Fraction done, and of what.
-    Progress(f64, String),
-    /// Something left out or changed.
-    Warning(String, String),
+pub struct Message {
+    /// Fraction done.
+    pub done: f64,
+    /// Of what.
+    pub what: String,
 }
 
 /// The interpreter: `CLOUDPARITY_PYTHON`, else `.venv` in this folder or one above, else beside the
@@ -189,8 +189,10 @@ impl Conversation {
             let Ok(message) = serde_json::from_str::<Json>(&line) else { continue };
             let text = |key: &str| message[key].as_str().unwrap_or_default().to_owned();
             match message["event"].as_str() {
-                Some("progress") => receive(Message::Progress(message["done"].as_f64().unwrap_or(0.0), text("what"))),
-                Some("warning") => receive(Message::Warning(text("place"), text("message"))),
+                Some("progress") => {
+                    receive(Message { done: message["done"].as_f64().unwrap_or(0.0), what: text("what") });
+                }
+                Some("warning") => log::warn!("{}: {}", text("place"), text("message")),
                 Some("done") => return Ok(message["result"].clone()),
                 Some("error") => {
                     return Err(Error::new(text("place"), text("found"), text("expected"), text("remedy")));
@@ -214,18 +216,6 @@ impl Drop for Conversation {
         // The end of its input is the end of the script.
         self.requests = None;
         let _ = self.child.wait();
-    }
-}
-
-/// Prints warnings to stderr and shows progress there when it is a terminal.
-pub fn report_to(bar: &indicatif::ProgressBar) -> impl FnMut(Message) + '_ {
-    bar.set_length(1000);
-    move |message| match message {
-        Message::Progress(done, what) => {
-            bar.set_position((done * 1000.0) as u64);
-            bar.set_message(what);
-        }
-        Message::Warning(place, text) => bar.suspend(|| eprintln!("warning: {place}: {text}")),
     }
 }
 

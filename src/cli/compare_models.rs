@@ -83,7 +83,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
     let text = serde_json::to_string_pretty(&run).expect("a run serialises") + "\n";
     files::write_atomically(&arguments.output.join("run.json"), text.as_bytes())?;
     comparison::show(&mut found, &scene.display, &arguments.output)?;
-    let page = report::write_report(&arguments.output)?;
+    let page = report::write_report(&arguments.output, super::report::MAKERS)?;
     super::print(&format!("{}{}\n", summary(&found), page.display()))?;
     Ok(ExitCode::SUCCESS)
 }

@@ -164,11 +164,7 @@ impl Demo<'_> {
 
     /// A receiver of script messages that passes progress on.
     fn messages(&self, what: &'static str) -> impl FnMut(Message) + use<'_> {
-        move |message| {
-            if let Message::Progress(done, _) = message {
-                (self.receive)(done, what);
-            }
-        }
+        move |message| (self.receive)(message.done, what)
     }
 
     /// Scene, explanation, versions and adapter.
@@ -411,7 +407,7 @@ impl Demo<'_> {
 
     fn finish(self) -> Result<PathBuf> {
         self.write_json("run.json", &self.run)?;
-        report::write_report(&self.settings.output)
+        report::write_report(&self.settings.output, super::report::MAKERS)
     }
 }
 

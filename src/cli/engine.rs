@@ -1,5 +1,6 @@
 //! `cloudparity engine`: a picture as a published cloud engine makes it.
 
+use super::choice::choice;
 use crate::base::error::{Error, Result};
 use crate::base::identity;
 use crate::base::identity::Identity;
@@ -49,7 +50,7 @@ pub(super) struct Arguments {
     #[arg(long, default_value_t = 0.0)]
     seconds: f64,
     /// Where in its steps a ray takes its samples.
-    #[arg(long, value_enum, default_value_t = EngineJitter::None)]
+    #[arg(long, value_parser = choice::<EngineJitter>(), default_value_t = EngineJitter::None)]
     jitter: EngineJitter,
     /// Frame of the jitter.
     #[arg(long, default_value_t = 0)]

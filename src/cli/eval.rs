@@ -1,5 +1,6 @@
 //! `cloudparity eval`: values of the field, or of an inner output, at given points.
 
+use super::choice::choice;
 use crate::base::error::{Error, Result};
 use crate::base::files;
 use crate::graph::evaluate::{Arithmetic, Points};
@@ -22,7 +23,7 @@ pub(super) struct Arguments {
     #[arg(short, long)]
     output_file: PathBuf,
     /// The arithmetic.
-    #[arg(long, value_enum, default_value_t = Evaluator::Cpu)]
+    #[arg(long, value_parser = choice::<Evaluator>(), default_value_t = Evaluator::Cpu)]
     evaluator: Evaluator,
     /// With --evaluator oracle: f64 throughout, without the f32 coordinates that define the field.
     #[arg(long)]

@@ -34,7 +34,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
         true => error,
         false => Error { place: format!("{place}: {}", error.place), ..error },
     };
-    let result = bridge::run_script("export_scene.py", &request, Kernel::Default, bridge::report_to(&bar));
+    let result = bridge::run_script("export_scene.py", &request, Kernel::Default, super::report_to(&bar));
     let result = result.map_err(in_file)?;
     bar.finish_and_clear();
     let scene = Scene::from_value(result["scene"].clone(), &place)?;

@@ -4,7 +4,6 @@ use crate::base::error::{Error, Result};
 use crate::base::files;
 use crate::bridge;
 use crate::cli::engine::DefectsArgument;
-use crate::engines::render::box_of;
 use crate::graph::Program;
 use crate::graph::evaluate::Points;
 use crate::scene::Scene;
@@ -64,10 +63,9 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
         Some(id) => {
             let engine =
                 super::engine::build(&scene, id, &arguments.defects.read()?, (None, &arguments.parameters), 0.0)?;
-            let to_box = box_of(&scene.volume.bounds);
             VolumeGrid::sample(low, high, arguments.voxels, |places| {
-                let places: Vec<DVec3> = places.iter().map(|&place| to_box.transform_point3(place)).collect();
-                Ok(engine.density.densities(&places).into_iter().map(|density| density as f32).collect())
+                let places: Vec<[f32; 3]> = places.iter().map(|place| place.as_vec3().to_array()).collect();
+                engine.density.values(&places)
             })?
         }
         None => {

@@ -1,5 +1,6 @@
 //! The options of the deterministic integrator, for every command that marches.
 
+use super::choice::choice;
 use crate::base::error::{Error, Result};
 use crate::integrators::{Jitter, LightMode, MarchSettings};
 use crate::media::density_cache::{CacheFilter, CacheFormat, CacheSettings};
@@ -15,10 +16,10 @@ pub(super) struct MarchArguments {
     #[arg(long)]
     shadow_step: Option<f64>,
     /// march: how a step adds up [default: energy-conserving].
-    #[arg(long, value_enum)]
+    #[arg(long, value_parser = choice::<Integration>())]
     integration: Option<Integration>,
     /// march: where within its steps a ray evaluates the medium; with --seed [default: none].
-    #[arg(long, value_enum)]
+    #[arg(long, value_parser = choice::<Jitter>())]
     jitter: Option<Jitter>,
     /// march: directions of the quadrature over the world [default: 64].
     #[arg(long)]
@@ -33,7 +34,7 @@ pub(super) struct MarchArguments {
     #[arg(long)]
     exit_transmittance: Option<f64>,
     /// march: how light reaches the samples [default: grid].
-    #[arg(long, value_enum)]
+    #[arg(long, value_parser = choice::<LightMode>())]
     light: Option<LightMode>,
     /// march: cells along the longest side of the light grid [default: 192].
     #[arg(long)]
@@ -42,10 +43,10 @@ pub(super) struct MarchArguments {
     #[arg(long, value_name = "CELLS")]
     density_cache: Option<u32>,
     /// march: how the density cache stores its values [default: f16].
-    #[arg(long, value_enum, requires = "density_cache")]
+    #[arg(long, value_parser = choice::<CacheFormat>(), requires = "density_cache")]
     cache_format: Option<CacheFormat>,
     /// march: how the density cache is read [default: trilinear].
-    #[arg(long, value_enum, requires = "density_cache")]
+    #[arg(long, value_parser = choice::<CacheFilter>(), requires = "density_cache")]
     cache_filter: Option<CacheFilter>,
     /// march: leave nothing out that the scene does not need; slower, the same picture.
     #[arg(long)]

@@ -9,6 +9,7 @@ mod bench_compile;
 mod bench_nodes;
 mod bounds;
 mod build;
+mod choice;
 mod compare_models;
 mod convergence;
 mod demo;
@@ -26,6 +27,8 @@ mod march;
 mod models;
 mod modes;
 mod nodes;
+mod notices;
+mod options;
 mod parity;
 mod picture;
 mod probe;
@@ -41,7 +44,7 @@ mod time_to_error;
 mod tune;
 
 use crate::base::error::Result;
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use std::io::IsTerminal;
 use std::process::ExitCode;
 
@@ -96,7 +99,13 @@ const COULD_NOT: u8 = 2;
 /// Runs the program.
 pub fn run() -> ExitCode {
     crate::bridge::install();
-    let command_line = CommandLine::parse();
+    notices::install();
+    let mut all = CommandLine::command();
+    let matches = all.get_matches_mut();
+    let command_line = match CommandLine::from_arg_matches(&matches) {
+        Ok(command_line) => command_line,
+        Err(error) => error.format(&mut all).exit(),
+    };
     let result = match command_line.command {
         Command::Bench(arguments) => bench::run(&arguments),
         Command::BenchBake(arguments) => bench_bake::run(&arguments),
@@ -133,19 +142,31 @@ pub fn run() -> ExitCode {
         Command::Tune(arguments) => tune::run(&arguments),
     };
     result.unwrap_or_else(|error| {
-        eprintln!("error: {error}");
+        let command = matches.subcommand_name().and_then(|name| all.find_subcommand(name));
+        eprintln!("error: {}", options::message(&error, command));
         ExitCode::from(COULD_NOT)
     })
 }
 
-/// A bar on stderr with an estimate of the time left; hidden where stderr is no terminal.
+/// A bar on stderr with an estimate of the time left; hidden where stderr is no terminal. Warnings are printed above it.
 pub(crate) fn progress_bar(length: u64) -> indicatif::ProgressBar {
     if !std::io::stderr().is_terminal() {
         return indicatif::ProgressBar::hidden();
     }
     let style = indicatif::ProgressStyle::with_template("{wide_bar} {percent:>3}% {eta:>6} {msg}")
         .expect("the template is well formed");
-    indicatif::ProgressBar::new(length).with_style(style)
+    let bar = indicatif::ProgressBar::new(length).with_style(style);
+    notices::print_above(&bar);
+    bar
+}
+
+/// Shows a script's progress.
+pub(crate) fn report_to(bar: &indicatif::ProgressBar) -> impl FnMut(crate::bridge::Message) + '_ {
+    bar.set_length(1000);
+    move |message| {
+        bar.set_position((message.done * 1000.0) as u64);
+        bar.set_message(message.what);
+    }
 }
 
 /// An error where live Cycles cannot be asked; `what` "are" or "is" compared with it.

@@ -42,7 +42,7 @@ pub(super) fn parameter_documents(parameters: &[Parameter]) -> Vec<serde_json::V
                 "about": parameter.about,
                 "unit": parameter.unit,
                 "range": parameter.range.to_string(),
-                "default": parameter.default,
+                "default": parameter.fixed_default(),
                 "usual": parameter.usual,
             })
         })
@@ -60,7 +60,7 @@ pub(super) fn parameter_lines(parameters: &[Parameter]) -> String {
         line(format_args!(
             "{:<width$}{:>8}  {:<34}{}{unit}",
             parameter.name,
-            parameter.default,
+            parameter.fixed_default().map_or("derived".to_owned(), |value| value.to_string()),
             parameter.range.to_string(),
             parameter.about
         ));

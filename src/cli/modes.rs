@@ -75,7 +75,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
     let bar = super::progress_bar(1000);
     let mut outcome = suite::ModeComparisons { rows: Vec::new(), blender: String::new() };
     for part in cases.chunks((POINTS_TOGETHER / arguments.points.max(1)).max(1)) {
-        let found = suite::run(part, opened, arguments.avx2, crate::bridge::report_to(&bar))?;
+        let found = suite::run(part, opened, arguments.avx2, super::report_to(&bar))?;
         outcome.rows.extend(found.rows);
         outcome.blender = found.blender;
     }
@@ -110,7 +110,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
 fn run_constants(arguments: &Arguments, sets: usize) -> Result<ExitCode> {
     let cases = constants::cases(sets.max(1), arguments.seed, arguments.node.as_deref())?;
     let bar = super::progress_bar(1000);
-    let outcome = constants::run(&cases, crate::bridge::report_to(&bar))?;
+    let outcome = constants::run(&cases, super::report_to(&bar))?;
     bar.finish_and_clear();
     let json = serde_json::to_string_pretty(&outcome.rows).expect("rows serialise") + "\n";
     if let Some(path) = &arguments.output {

@@ -46,9 +46,6 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
         for reason in &result.reasons {
             line += &format!("\n  {reason}");
         }
-        for warning in &result.warnings {
-            line += &format!("\nwarning: {warning}");
-        }
         bar.suspend(|| eprintln!("{line}"));
     };
     let SuiteArguments { suite, only } = &arguments.suite;

@@ -1,8 +1,8 @@
 //! `cloudparity probe`: field values of live Cycles and of our evaluators at the same points.
 
+use super::choice::choice;
 use crate::base::error::{Error, Result};
 use crate::base::files;
-use crate::bridge;
 use crate::graph::evaluate::Points;
 use crate::graph::{Program, Target, target};
 use crate::measure::fields;
@@ -33,7 +33,7 @@ pub(super) struct Arguments {
     #[arg(long, default_value_t = 1)]
     seed: u64,
     /// Where the points lie.
-    #[arg(long, value_enum, default_value_t = Domain::Box)]
+    #[arg(long, value_parser = choice::<Domain>(), default_value_t = Domain::Box)]
     domain: Domain,
     /// Which of our evaluators.
     #[arg(long, value_enum, default_value_t = Choice::Cpu)]
@@ -114,7 +114,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
                 seed: arguments.seed,
                 rounding_bound: arguments.rounding_bound,
             };
-            let probe = fields::probe(&scene, target, sampling, &evaluators, bridge::report_to(&bar))?;
+            let probe = fields::probe(&scene, target, sampling, &evaluators, super::report_to(&bar))?;
             let text = describe(&probe.reference, &probe.target, probe.domain, &probe.evaluators);
             (text, to_json(&probe), probe.evaluators)
         }
@@ -191,7 +191,7 @@ fn random_settings(
             rounding_bound: arguments.rounding_bound,
         })
         .collect();
-    let (found, reference) = fields::compare(&requests, bridge::report_to(bar))?;
+    let (found, reference) = fields::compare(&requests, super::report_to(bar))?;
     let mut totals: IndexMap<Evaluator, Comparison> = IndexMap::new();
     let mut settings = Vec::new();
     for ((_, values, _), comparisons) in drawn.iter().zip(found) {

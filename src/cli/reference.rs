@@ -5,7 +5,7 @@ use crate::base::files;
 use crate::bridge::reference::{
     FIRST_REPLICA_SEED, Quality, Reference, ReferenceSettings, WorldSampling, cache_folder, references,
 };
-use crate::bridge::{Kernel, report_to, run_script};
+use crate::bridge::{Kernel, run_script};
 use crate::cli::picture::PictureArguments;
 use crate::measure::pictures;
 use serde_json::json;
@@ -93,7 +93,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
     let scene = arguments.picture.load()?;
     let (settings, seeds) = arguments.plan();
     let bar = super::progress_bar(1000);
-    let found = references(&scene, &settings, &seeds, &cache_folder()?, report_to(&bar))?;
+    let found = references(&scene, &settings, &seeds, &cache_folder()?, super::report_to(&bar))?;
     bar.finish_and_clear();
     let output = &arguments.picture.output;
     if let [only] = found.as_slice() {

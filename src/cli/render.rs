@@ -1,5 +1,6 @@
 //! `cloudparity render`: a picture of a scene.
 
+use super::choice::choice;
 use crate::base::error::{Error, Result};
 use crate::cli::march::MarchArguments;
 use crate::cli::picture::{Filter, PictureArguments};
@@ -62,7 +63,7 @@ struct PathArguments {
     #[arg(long, value_name = "RELMSE")]
     error: Option<f64>,
     /// path: how rays find their collisions [default: proven].
-    #[arg(long, value_enum)]
+    #[arg(long, value_parser = choice::<Tracking>())]
     tracking: Option<Tracking>,
     #[command(flatten)]
     resume: ResumeArguments,

@@ -1,5 +1,6 @@
 //! `cloudparity shader`: the standalone density function in a shading language.
 
+use super::choice::choice;
 use crate::base::error::Result;
 use crate::base::files;
 use crate::graph::{Program, wgsl};
@@ -13,7 +14,7 @@ pub(super) struct Arguments {
     /// The scene file.
     scene: PathBuf,
     /// The language.
-    #[arg(long, value_enum, default_value_t = wgsl::Language::Wgsl)]
+    #[arg(long, value_parser = choice::<wgsl::Language>(), default_value_t = wgsl::Language::Wgsl)]
     target: wgsl::Language,
     /// Change a stored value first.
     #[arg(long = "set", value_name = "NAME=VALUE")]

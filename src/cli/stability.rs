@@ -1,7 +1,6 @@
 //! `cloudparity stability`: f32 on the CPU and in WGSL against f64 over stiff and extreme cases.
 
 use crate::base::error::Result;
-use crate::bridge;
 use crate::cli::picture::SceneArguments;
 use crate::cli::resume::{ExperimentArguments, whole};
 use crate::gpu::Gpu;
@@ -54,7 +53,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
     let outcome = stability::run(&scene, &pictures_of, gpu.as_ref().ok(), folder, &settings, &progress)?;
     let Some(mut table) = whole(outcome) else { return Ok(ExitCode::SUCCESS) };
     if arguments.cycles {
-        fields::ask_cycles(&scene, &mut table.rows, bridge::report_to(&bar))?;
+        fields::ask_cycles(&scene, &mut table.rows, super::report_to(&bar))?;
     }
     bar.finish_and_clear();
     if let Some(folder) = &arguments.output {

@@ -1,5 +1,6 @@
 //! `cloudparity study` and `cloudparity recommend`: error against time.
 
+use super::choice::choice;
 use crate::base::error::Result;
 use crate::base::files;
 use crate::base::identity::{Identity, listed};
@@ -159,7 +160,7 @@ pub(super) struct RecommendArguments {
     #[arg(long, group = "budget")]
     max_flip: Option<f64>,
     /// With --max-ms: the error that is to be least.
-    #[arg(long, value_enum, default_value_t = Metric::Relmse)]
+    #[arg(long, value_parser = choice::<Metric>(), default_value_t = Metric::Relmse)]
     metric: Metric,
     /// Only this scene.
     #[arg(long)]

@@ -1,5 +1,6 @@
 //! `cloudparity time-to-error`: how fast path tracing reaches Cycles' error.
 
+use super::choice::choice;
 use crate::base::error::Result;
 use crate::cli::parity::SuiteArguments;
 use crate::cli::resume::{ExperimentArguments, whole};
@@ -27,7 +28,7 @@ pub(super) struct Arguments {
     #[arg(long, conflicts_with = "marching_rate")]
     no_marching: bool,
     /// How our rays find their collisions.
-    #[arg(long, value_enum, value_delimiter = ',', default_values_t = TimeSettings::default().trackings)]
+    #[arg(long, value_parser = choice::<Tracking>(), value_delimiter = ',', default_values_t = TimeSettings::default().trackings)]
     tracking: Vec<Tracking>,
     /// Processor seconds beyond which one of our renders is cut short and taken in proportion.
     #[arg(long, value_name = "SECONDS", default_value_t = TimeSettings::default().longest, value_parser = rate)]

@@ -91,7 +91,7 @@ fn known<'a>(defects: impl Iterator<Item = &'a Defect>) -> String {
 
 /// Every defect of every system, in the order of the models.
 fn declared() -> impl Iterator<Item = &'static Defect> {
-    models().iter().flat_map(|model| model.defects)
+    models().into_iter().flat_map(|model| model.defects)
 }
 
 impl fmt::Display for Defects {

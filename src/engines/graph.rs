@@ -1,92 +1,52 @@
-//! The density of a scene's node graph as a density model: what engines' light models and marches take.
-//!
-//! As a model of its own, `graph`, it brings along what its material says: extinction and albedo per channel and one phase function.
-//! So a Blender material is seen as an engine would show it, beside what path tracing of the same material shows.
+//! The system of a scene's own material, `graph`: its node graph as the density, with the extinction and albedo per channel and the phase
+//! function that the material says. So a Blender material is seen as an engine would show it, beside what path tracing of the same
+//! material shows.
 
 use crate::base::error::{Error, Result};
 use crate::engines::defects::Defects;
+use crate::engines::domain::{Domain, DomainKind};
 use crate::engines::light::terms::Terms;
 use crate::engines::light::{LightModel, ShadowExtinction, ShadowLength, ShadowMarch, SourceFactor, TwoLobes};
 use crate::engines::march::RealTimeSettings;
-use crate::engines::parameters::{Parameter, Range, Values};
+use crate::engines::parameters::{Parameter, Range};
 use crate::engines::passes::compositing::Compositing;
 use crate::engines::passes::god_rays::GodRays;
-use crate::engines::render::{box_of, container_side};
-use crate::engines::{Build, Engine, Model};
-use crate::gpu::ModelShader;
-use crate::media::density::DensityModel;
-use crate::media::density_cache::{CacheFilter, CacheFormat, CacheSettings};
+use crate::engines::{Engine, Model, Request};
+use crate::media::density::Density;
+use crate::media::density_cache::{CacheFilter, CacheFormat, DensityCache, Samples};
 use crate::media::medium::Medium;
 use crate::media::transfer::Integration;
 use crate::scene::Scene;
-use glam::{DAffine3, DVec3};
+use std::sync::Arc;
 
-/// The graph's density in the box of its volume.
-pub struct GraphDensity {
-    medium: Medium,
-    from_box: DAffine3,
-    extinction: [f64; 3],
-}
+/// What group inputs and Value nodes are called whose number is the time of an animation, in seconds.
+const TIME: &str = "Time";
 
-impl GraphDensity {
-    /// The density of a scene whose closures share one, under an extinction (per unit of it and side of the box) in the place of the
-    /// material's own.
-    pub fn new(scene: &Scene, extinction: [f64; 3]) -> Result<Self> {
-        Self::of_medium(Medium::new(scene)?, scene, extinction)
+/// The scene after some seconds: every stored number called Time is moved by them. An error where there is none.
+pub fn at_time(scene: &Scene, seconds: f64) -> Result<Scene> {
+    let mut moved = scene.clone();
+    if seconds == 0.0 {
+        return Ok(moved);
     }
-
-    fn of_medium(medium: Medium, scene: &Scene, extinction: [f64; 3]) -> Result<Self> {
-        if let Some(name) = medium.density.attributes.first() {
-            return Err(Error::new(
-                format!("the density of scene {}", scene.name),
-                format!("the attribute \"{name}\""),
-                "a density of the place alone",
-                "Take the attribute out of the graph.",
-            ));
-        }
-        Ok(Self { medium, from_box: box_of(&scene.volume.bounds).inverse(), extinction })
+    let times = scene
+        .settable_numbers()
+        .into_iter()
+        .filter(|(name, label)| label == TIME || name.strip_suffix(".Value").is_some_and(|node| node == TIME));
+    let mut count = 0;
+    for (name, _) in times {
+        let stored = scene.stored_number(&name).unwrap_or(0.0);
+        moved.set(&format!("{name}={}", f64::from(stored) + seconds))?;
+        count += 1;
     }
-
-    /// The medium that it reads, in the object's frame.
-    pub fn medium(&self) -> &Medium {
-        &self.medium
+    if count == 0 {
+        return Err(Error::new(
+            "seconds",
+            format!("{seconds} of a graph that reads no time"),
+            format!("a stored number called {TIME}: of a Value node, or of an input of a node group"),
+            format!("Leave the seconds out, or name the number that moves the cloud {TIME}."),
+        ));
     }
-
-    /// Object-space positions of places of the local box.
-    pub fn positions(&self, places: &[DVec3]) -> Vec<[f32; 3]> {
-        places.iter().map(|&place| self.from_box.transform_point3(place).as_vec3().to_array()).collect()
-    }
-}
-
-impl DensityModel for GraphDensity {
-    fn densities(&self, places: &[DVec3]) -> Vec<f64> {
-        // Where there is provably nothing, nothing is asked.
-        let (asked, held): (Vec<usize>, Vec<[f32; 3]>) = self
-            .positions(places)
-            .into_iter()
-            .enumerate()
-            .filter(|(_, position)| self.medium.may_hold(DVec3::from(position.map(f64::from))))
-            .unzip();
-        let found = self.medium.densities(&held).expect("a density without attributes");
-        let mut densities = vec![0.0; places.len()];
-        for (index, value) in asked.into_iter().zip(found) {
-            densities[index] = f64::from(value);
-        }
-        densities
-    }
-
-    fn extinction(&self) -> [f64; 3] {
-        self.extinction
-    }
-
-    fn shader(&self) -> Result<ModelShader> {
-        Err(Error::new(
-            "--gpu",
-            "the density of a node graph",
-            "a density model with a shader of its own: engines march graphs on the CPU",
-            "Leave --gpu out.",
-        ))
-    }
+    Ok(moved)
 }
 
 /// Formats of the density cache by their number in a parameter.
@@ -141,13 +101,17 @@ pub static MODEL: Model = Model {
         ("high", &[("march_steps", 96.0), ("light_steps", 8.0), ("cache_cells", 0.0)]),
     ],
     defects: &[],
-    build: Build::OfScene(engine),
+    is_of_scene: true,
+    domains: &[DomainKind::Object, DomainKind::Slab, DomainKind::Shell],
+    build: engine,
 };
 
 /// The engine of a scene's own material.
-fn engine(scene: &Scene, values: &Values) -> Result<Engine> {
-    let mut medium = Medium::new(scene)?;
-    let side = container_side(scene)?;
+fn engine(request: &Request<'_>) -> Result<Engine> {
+    let values = request.values;
+    let scene = &at_time(request.scene, request.seconds)?;
+    let medium = Medium::new(scene)?;
+    let container = request.domain_or(Domain::Object)?;
     if medium.emission != [0.0; 3] || medium.emission_of_density != [0.0; 3] {
         return Err(Error::new(
             format!("the material of object {}", scene.volume.object),
@@ -157,19 +121,32 @@ fn engine(scene: &Scene, values: &Values) -> Result<Engine> {
         ));
     }
     let cells = values.get("cache_cells") as u32;
-    if cells > 0 && !medium.occupied.is_empty() {
+    let is_in_object = container.domain == Domain::Object;
+    let density = if !is_in_object {
+        if cells > 0 {
+            return Err(Error::new(
+                "parameter cache_cells",
+                cells.to_string(),
+                "0: a cache is of an object's box",
+                "Leave the cache out, or take the domain of the object.",
+            ));
+        }
+        Density::filling(Arc::clone(medium.density.program()), container.outline.region())
+    } else if cells > 0 && !medium.density.occupied.is_empty() {
         let format = FORMATS[values.get("cache_format") as usize];
-        medium.read_from_cache(CacheSettings { cells, format, filter: CacheFilter::Trilinear })?;
-    }
-    let extinction = medium.extinction.map(|channel| channel * side);
+        let samples = Samples::bake(&medium.density, &medium.to_object, cells, format, &|_| ())?;
+        DensityCache::new(&samples, format, CacheFilter::Trilinear)?.density
+    } else {
+        medium.density.clone()
+    };
+    let extinction = medium.extinction.map(|channel| channel * container.unit);
     // A channel without extinction scatters nothing.
     let albedo = std::array::from_fn(|channel| match medium.extinction[channel] {
         0.0 => 0.0,
         whole => medium.scattering[channel] / whole,
     });
     let light = LightModel {
-        sun_direction: [1.0; 3],
-        sun: [1.0; 3],
+        suns: Vec::new(),
         ambient: [0.0; 3],
         phase: TwoLobes { anisotropy: [medium.anisotropy; 2], second: 0.0 },
         shadow: ShadowMarch {
@@ -184,8 +161,12 @@ fn engine(scene: &Scene, values: &Values) -> Result<Engine> {
         model: MODEL.id,
         defects: Defects::NONE,
         values: values.clone(),
-        density: Box::new(GraphDensity::of_medium(medium, scene, extinction)?),
+        container,
+        density,
+        extinction,
         light,
+        terms: Vec::new(),
+        passes: Vec::new(),
         march: RealTimeSettings {
             steps: values.get("march_steps") as u32,
             integration: Integration::EnergyConserving,

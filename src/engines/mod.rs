@@ -1,8 +1,11 @@
-//! Density models beside the node graph: clouds of published engines, rebuilt from what they compute.
+//! Cloud engines: density x domain x light x march x passes.
 //!
-//! All of them answer through [`DensityModel`], in a *local box* from -0.5 to 0.5 on every axis whose side is one unit of length.
+//! An engine is put together from parts that combine freely: a density (a program), the [`domain`] that it fills, a light model
+//! ([`light`]), a march ([`march`]) and passes over the finished picture ([`passes`]). A published system is one folder that names its
+//! parts, its parameters, its presets and its defects; the scene's own material is one of them ([`graph`]).
 
 pub mod defects;
+pub mod domain;
 pub mod graph;
 pub mod light;
 pub mod march;
@@ -13,16 +16,19 @@ pub mod render;
 
 use crate::base::error::{Error, Result};
 use crate::engines::defects::{Defect, Defects};
-use crate::engines::light::LightModel;
-use crate::engines::march::RealTimeSettings;
+use crate::engines::domain::{Container, Domain, DomainKind};
+use crate::engines::light::{LightModel, LightTerm, SourceFactor};
+use crate::engines::march::{Marched, RealTimeSettings};
+use crate::engines::passes::Pass;
 use crate::engines::passes::compositing::Compositing;
 use crate::engines::passes::god_rays::GodRays;
-use crate::media::averages::CoarseDensity;
-use crate::media::density::DensityModel;
+use crate::media::averages::Averages;
+use crate::media::density::Density;
+use crate::media::objects::ObjectMedium;
 use crate::scene::Scene;
-use std::sync::OnceLock;
+use std::sync::{Arc, OnceLock, PoisonError, RwLock};
 
-/// A density model by name: of a published engine, or a scene's own.
+/// A cloud system by name: of a published engine, or a scene's own.
 pub struct Model {
     /// Name on the command line.
     pub id: &'static str,
@@ -36,19 +42,36 @@ pub struct Model {
     pub qualities: &'static [(&'static str, &'static [(&'static str, f64)])],
     /// What the original does wrong and can be kept, in the order of their numbers.
     pub defects: &'static [Defect],
-    /// How it is built.
-    pub build: Build,
+    /// Whether the density is that of the scene's own material.
+    pub is_of_scene: bool,
+    /// Domains that its density knows; the first is its own where none is asked for.
+    pub domains: &'static [DomainKind],
+    /// How it is put together.
+    pub build: fn(&Request<'_>) -> Result<Engine>,
 }
 
-/// How an engine is built.
-pub enum Build {
-    /// From its parameters with the defects that are kept, after seconds of animation.
-    Alone(fn(&parameters::Values, &Defects, f64) -> Result<Engine>),
-    /// From a scene's material and parameters: nothing is published, so there is no defect to keep.
-    OfScene(fn(&Scene, &parameters::Values) -> Result<Engine>),
+/// What an engine is asked for.
+pub struct Request<'a> {
+    /// The scene that it is put into.
+    pub scene: &'a Scene,
+    /// Its parameters.
+    pub values: &'a parameters::Values,
+    /// The defects that it keeps, those of the system alone.
+    pub defects: &'a Defects,
+    /// Seconds of animation.
+    pub seconds: f64,
+    /// The domain, placed in the scene; none where nobody asked for one.
+    pub domain: Option<Container>,
 }
 
-/// A model with all that its engine brings along.
+impl Request<'_> {
+    /// The domain that was asked for, else another one.
+    pub fn domain_or(&self, own: Domain) -> Result<Container> {
+        self.domain.map_or_else(|| own.place(self.scene), Ok)
+    }
+}
+
+/// An engine, put together.
 pub struct Engine {
     /// Name of the model.
     pub model: &'static str,
@@ -56,60 +79,139 @@ pub struct Engine {
     pub defects: Defects,
     /// The parameters that it was built from.
     pub values: parameters::Values,
-    /// The density.
-    pub density: Box<dyn DensityModel>,
-    /// The engine's light; a scene brings its own sun and world.
+    /// Where its density is.
+    pub container: Container,
+    /// The density, in the frame of the container.
+    pub density: Density,
+    /// Extinction of a view ray per unit of density and of length, per channel.
+    pub extinction: [f64; 3],
+    /// The engine's light; a scene brings its own suns and world.
     pub light: LightModel,
+    /// Terms of the light that are the system's own.
+    pub terms: Vec<Arc<dyn LightTerm>>,
     /// How the engine marches.
     pub march: RealTimeSettings,
     /// How its pixels are put over a background.
     pub compositing: Compositing,
-    /// The engine's god rays.
+    /// Passes over every picture.
+    pub passes: Vec<Arc<dyn Pass>>,
+    /// The engine's god rays, a pass where a picture asks for it.
     pub god_rays: GodRays,
     /// What is to be said about the parameters.
     pub warnings: Vec<String>,
     /// Averages of the density, made when a light model asks for them.
-    pub averages: OnceLock<CoarseDensity>,
+    pub averages: OnceLock<Averages>,
 }
 
 impl Engine {
     /// Averages of the density.
-    pub fn coarse(&self) -> &CoarseDensity {
-        self.averages.get_or_init(|| CoarseDensity::of(self.density.as_ref()))
+    pub fn averages(&self) -> Result<&Averages> {
+        if let Some(known) = self.averages.get() {
+            return Ok(known);
+        }
+        let made = Averages::of(&self.density)?;
+        Ok(self.averages.get_or_init(|| made))
     }
 
-    /// The same engine with another density.
-    pub fn with_density(&self, density: Box<dyn DensityModel>) -> Self {
+    /// What a march goes through, under a light; averages are made where it reads them.
+    pub fn marched<'a>(&'a self, light: &'a LightModel) -> Result<Marched<'a>> {
+        let averages = if light.terms.needs_coarse() { Some(self.averages()?) } else { None };
+        let Self { container, density, extinction, terms, .. } = self;
+        Ok(Marched { container, density, extinction: *extinction, averages, light, terms })
+    }
+
+    /// The medium as path tracing knows it: the light transport that the light model stands for. An error where it has none, because the
+    /// source is no albedo times extinction, or where the domain is no box.
+    pub fn medium(&self) -> Result<ObjectMedium> {
+        let wrong = |found: &str, expected: &str, remedy: &str| {
+            Err(Error::new(format!("the medium of model {}", self.model), found, expected, remedy))
+        };
+        let SourceFactor::Albedo(albedo) = self.light.source else {
+            return wrong(
+                "a source that is no albedo times extinction",
+                "one that has an albedo",
+                "Leave out the defect that takes it away.",
+            );
+        };
+        if self.container.domain != Domain::Object {
+            return wrong("a domain without end", "the box of an object", "Take the domain of the object.");
+        }
+        let extinction = self.extinction.map(|channel| channel / self.container.unit);
+        let scattering = std::array::from_fn(|channel| extinction[channel] * albedo[channel]);
+        let phase = &self.light.phase;
+        let lobes = [(1.0 - phase.second, phase.anisotropy[0]), (phase.second, phase.anisotropy[1])];
+        Ok(ObjectMedium::of_density(self.model, self.container.to_local, &self.density, extinction, scattering, &lobes))
+    }
+
+    /// Everything that [`Self::medium`] depends on besides the scene, as text.
+    pub fn medium_identity(&self) -> String {
+        let values: Vec<String> = self.values.iter().map(|(name, value)| format!("{name}={value}")).collect();
+        format!(
+            "{} defects {} {} extinction {:?} source {:?} phase {:?} domain {}",
+            self.model,
+            self.defects,
+            values.join(" "),
+            self.extinction,
+            self.light.source,
+            self.light.phase,
+            self.container.domain
+        )
+    }
+
+    /// The same engine with another density in the same domain.
+    pub fn with_density(&self, density: Density) -> Self {
         Self {
             density,
             defects: self.defects.clone(),
             values: self.values.clone(),
             light: self.light.clone(),
+            terms: self.terms.clone(),
+            passes: self.passes.clone(),
             march: self.march.clone(),
-            god_rays: self.god_rays,
             warnings: self.warnings.clone(),
-            averages: std::sync::OnceLock::new(),
+            averages: OnceLock::new(),
             ..*self
         }
     }
 }
 
-/// All models.
-pub fn models() -> &'static [&'static Model] {
+/// Systems that were added at run time.
+static REGISTERED: RwLock<Vec<&'static Model>> = RwLock::new(Vec::new());
+
+/// All models: those of this program, and then those that [`register`] has added.
+pub fn models() -> Vec<&'static Model> {
     static MODELS: [&Model; 2] = [&graph::MODEL, &perlin_fbm::MODEL];
-    &MODELS
+    let added = REGISTERED.read().unwrap_or_else(PoisonError::into_inner);
+    MODELS.iter().chain(added.iter()).copied().collect()
+}
+
+/// Adds a system of another crate. Its name, and the names of its defects, must be new.
+pub fn register(model: &'static Model) -> Result<()> {
+    let taken = |what: &str, name: &str| {
+        Err(Error::new(format!("system {name}"), format!("{what} that is taken"), "a new name", "Choose another."))
+    };
+    if models().iter().any(|known| known.id == model.id) {
+        return taken("a name", model.id);
+    }
+    let known = models();
+    let known = known.iter().flat_map(|model| model.defects).map(|defect| defect.id);
+    if let Some(defect) = known.into_iter().find(|id| model.defects.iter().any(|defect| defect.id == *id)) {
+        return taken("the name of a defect", defect);
+    }
+    REGISTERED.write().unwrap_or_else(PoisonError::into_inner).push(model);
+    Ok(())
 }
 
 /// A model by its name.
 pub fn find(id: &str) -> Result<&'static Model> {
-    models().iter().copied().find(|model| model.id == id).ok_or_else(|| {
+    models().into_iter().find(|model| model.id == id).ok_or_else(|| {
         let known: Vec<&str> = models().iter().map(|model| model.id).collect();
         Error::new("density model", format!("\"{id}\""), format!("one of {}", known.join(", ")), "Correct the name.")
     })
 }
 
 impl Model {
-    /// Its engine for a scene, after `seconds` of animation. An error where a defect to be kept is not the model's.
+    /// Its engine for a scene, after `seconds` of animation, in its own domain. An error where a defect to be kept is not the model's.
     pub fn engine(
         &self,
         scene: &Scene,
@@ -117,11 +219,30 @@ impl Model {
         defects: &Defects,
         seconds: f64,
     ) -> Result<Engine> {
-        let defects = defects.of_model(self)?;
-        match self.build {
-            Build::Alone(build) => build(values, &defects, seconds),
-            Build::OfScene(build) => build(scene, values),
+        self.engine_in(None, scene, values, defects, seconds)
+    }
+
+    /// The same in another domain, which the density must know.
+    pub fn engine_in(
+        &self,
+        domain: Option<Domain>,
+        scene: &Scene,
+        values: &parameters::Values,
+        defects: &Defects,
+        seconds: f64,
+    ) -> Result<Engine> {
+        let defects = &defects.of_model(self)?;
+        if let Some(domain) = domain.filter(|domain| !self.domains.contains(&domain.kind())) {
+            let known: Vec<String> = self.domains.iter().map(crate::base::files::word).collect();
+            return Err(Error::new(
+                format!("domain {domain}"),
+                format!("a domain that the density of {} does not know", self.id),
+                format!("one of {}", known.join(", ")),
+                "Take another domain, or another model.",
+            ));
         }
+        let domain = domain.map(|domain| domain.place(scene)).transpose()?;
+        (self.build)(&Request { scene, values, defects, seconds, domain })
     }
 
     /// The default values, changed by a level of quality and by texts `NAME=VALUE`, in this order.
@@ -131,11 +252,12 @@ impl Model {
             let Some((_, settings)) = self.qualities.iter().find(|(name, _)| *name == wanted) else {
                 let known: Vec<&str> = self.qualities.iter().map(|(name, _)| *name).collect();
                 return Err(Error::new(
-                    "--quality",
+                    "level of quality",
                     format!("\"{wanted}\""),
                     format!("one of {}", known.join(", ")),
                     "Correct the name.",
-                ));
+                )
+                .with_setting("quality"));
             };
             for &(name, value) in *settings {
                 values.set(self.parameters, name, value, "a level of quality")?;

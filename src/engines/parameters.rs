@@ -4,6 +4,10 @@ use crate::base::error::{Error, Result};
 use indexmap::IndexMap;
 use serde::Serialize;
 
+/// The default of a parameter that has none of its own: where it is not given, the model takes it from other parameters, as its `about`
+/// says.
+pub const DERIVED: f64 = f64::NAN;
+
 /// A named number that a model takes.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Parameter {
@@ -15,13 +19,18 @@ pub struct Parameter {
     pub unit: &'static str,
     /// What values are allowed.
     pub range: Range,
-    /// Its value where none is given.
+    /// Its value where none is given, or [`DERIVED`].
     pub default: f64,
     /// The range that the model's description uses, for random trials: a part of what is allowed.
     pub usual: [f64; 2],
 }
 
 impl Parameter {
+    /// Its value where none is given; none where that is derived from others.
+    pub fn fixed_default(&self) -> Option<f64> {
+        Some(self.default).filter(|value| !value.is_nan())
+    }
+
     /// Whether a parameter of this name is there and may have the value; `place` says where the value stands.
     pub fn check(parameters: &[Self], name: &str, value: f64, place: &str) -> Result<&'static str> {
         let Some(parameter) = parameters.iter().find(|parameter| parameter.name == name) else {
@@ -90,10 +99,10 @@ impl Range {
 /// Name and value of a text `NAME=VALUE`.
 pub fn assignment(text: &str) -> Result<(&str, f64)> {
     let parts = text.split_once('=').and_then(|(name, value)| Some((name.trim(), value.trim().parse().ok()?)));
-    parts.ok_or_else(|| Error::new("--parameter", text, "NAME=VALUE with a number", "Correct the option."))
+    parts.ok_or_else(|| Error::new("parameter", text, "NAME=VALUE with a number", "Write for example octaves=4."))
 }
 
-/// A value for every parameter of a model.
+/// Values of a model's parameters: of each but those that are derived from others and were not given.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[serde(transparent)]
 pub struct Values(IndexMap<&'static str, f64>);
@@ -101,7 +110,8 @@ pub struct Values(IndexMap<&'static str, f64>);
 impl Values {
     /// The defaults.
     pub fn defaults(parameters: &[Parameter]) -> Self {
-        Self(parameters.iter().map(|parameter| (parameter.name, parameter.default)).collect())
+        let fixed = |parameter: &Parameter| Some((parameter.name, parameter.fixed_default()?));
+        Self(parameters.iter().filter_map(fixed).collect())
     }
 
     /// Sets a parameter, after its name and range are checked. `place` says where the value stands.
@@ -115,12 +125,17 @@ impl Values {
     pub fn set_texts(&mut self, parameters: &[Parameter], texts: &[String]) -> Result<()> {
         for text in texts {
             let (name, value) = assignment(text)?;
-            self.set(parameters, name, value, "--parameter")?;
+            self.set(parameters, name, value, text)?;
         }
         Ok(())
     }
 
-    /// The value of a parameter that the model has.
+    /// The value of a parameter that is derived from others where it is not given.
+    pub fn given(&self, name: &str) -> Option<f64> {
+        self.0.get(name).copied()
+    }
+
+    /// The value of a parameter that the model has and that has a default of its own.
     pub fn get(&self, name: &str) -> f64 {
         *self.0.get(name).unwrap_or_else(|| panic!("the model has no parameter {name}"))
     }

@@ -1,7 +1,6 @@
 //! Evaluating a program at points on the adapter.
 
 use crate::base::error::{Error, Result};
-use crate::gpu::ModelShader;
 use crate::gpu::{Bindings, ComputeKernel, Gpu};
 use crate::graph::Program;
 use crate::graph::evaluate::Points;
@@ -14,51 +13,29 @@ const WORKGROUP: u32 = 64;
 /// Points per submission: on a software adapter well below a tenth of a second for the cloud.
 const SLICE: usize = 1 << 16;
 
-/// A density model in the place of a program.
-const MODEL_PROGRAM: &str = "#define_import_path cloudparity::graph
-#import cloudparity::density_model
-
-fn evaluate(position: vec3f) -> f32 {
-    return density_model::density(position);
-}
-";
-
 /// A program compiled for the adapter.
 pub struct FieldKernel<'a> {
     gpu: &'a Gpu,
     kernel: ComputeKernel,
     attributes: Vec<String>,
     components: usize,
-    /// Buffers of group 1: a density model's.
-    model: Vec<wgpu::Buffer>,
+    /// Textures of the program.
+    textures: Option<wgpu::Buffer>,
 }
 
 impl Gpu {
     /// Compiles a program for evaluation at points.
     pub fn field(&self, program: &Program) -> Result<FieldKernel<'_>> {
         let widths: Vec<usize> = program.outputs.iter().map(|output| output.operands.len()).collect();
-        let module = Linker::new(program)?.link("generated/field.wgsl", &entry(program.attributes.len(), &widths))?;
+        let linker = Linker::new(program)?;
+        let textures = self.upload_textures(linker.textures())?;
+        let module = linker.link("generated/field.wgsl", &entry(program.attributes.len(), &widths))?;
         Ok(FieldKernel {
             gpu: self,
             kernel: self.kernel("field", &module, &[])?,
             attributes: program.attributes.clone(),
             components: program.output_components(),
-            model: Vec::new(),
-        })
-    }
-
-    /// Compiles a density model for evaluation at places of its local box.
-    pub fn density_field(&self, shader: &ModelShader) -> Result<FieldKernel<'_>> {
-        let mut linker = Linker::bare()?;
-        linker.add(shader.path, shader.source)?;
-        linker.add("generated/model.wgsl", MODEL_PROGRAM)?;
-        let module = linker.link("generated/field.wgsl", &entry(0, &[1]))?;
-        Ok(FieldKernel {
-            gpu: self,
-            kernel: self.kernel("density_field", &module, shader.layouts)?,
-            attributes: Vec::new(),
-            components: 1,
-            model: shader.buffers(self),
+            textures,
         })
     }
 }
@@ -139,7 +116,7 @@ impl FieldKernel<'_> {
         let bindings = Bindings::new()
             .bind(0, 0, bound(&points, data.len()))
             .bind(0, 1, bound(&results, unwritten.len()))
-            .group(1, &self.model);
+            .group(1, &self.textures);
         gpu.dispatch(&self.kernel, &bindings, [count as u32, 1, 1])?;
         let bytes = gpu.read_back(&results, (unwritten.len() * 4) as u64)?;
         Ok(bytemuck::pod_collect_to_vec(&bytes))

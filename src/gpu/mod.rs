@@ -13,6 +13,7 @@ pub mod dispatch;
 mod field;
 pub mod layout;
 mod slices;
+mod textures;
 
 pub use clock::{KernelTime, KernelTimes};
 pub use dispatch::{Bindings, ComputeKernel};
@@ -47,29 +48,6 @@ pub struct Adapter {
     pub driver: String,
     /// Kind: Cpu for a software adapter.
     pub kind: String,
-}
-
-/// A density model as a WGSL module with its data.
-pub struct ModelShader {
-    /// File in `shaders/`.
-    pub path: &'static str,
-    /// Its text: defines the import path `cloudparity::density_model` with `fn density(place: vec3f) -> f32`.
-    pub source: &'static str,
-    /// Contents of binding 0 of group 1, a uniform buffer.
-    pub uniform: Vec<u8>,
-    /// Contents of the bindings from 1 on, read-only storage buffers.
-    pub storage: Vec<Vec<u8>>,
-    /// Layouts of its structs.
-    pub layouts: &'static [Layout],
-}
-
-impl ModelShader {
-    /// The buffers of group 1, in the order of their bindings.
-    pub(crate) fn buffers(&self, gpu: &Gpu) -> Vec<wgpu::Buffer> {
-        let uniform = gpu.upload("model", &self.uniform, wgpu::BufferUsages::UNIFORM);
-        let storage = self.storage.iter().map(|data| gpu.upload("model data", data, wgpu::BufferUsages::STORAGE));
-        std::iter::once(uniform).chain(storage).collect()
-    }
 }
 
 /// Iterations after which Mesa's llvmpipe ends the loops of an invocation, all loops together and

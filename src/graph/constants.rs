@@ -64,9 +64,11 @@ mod tests {
         let text = crate::graph::wgsl::write(&module, crate::graph::wgsl::Language::Wgsl).expect("WGSL");
         let text = String::from_utf8(text).expect("text");
         assert!(text.contains("array<f32, 4>"), "{text}");
-        for (name, number) in [("SMALL", "1e-7f"), ("WHOLE", "3f")] {
-            let is_there = text.contains(&format!("const constants_{name}: f32 = {number};"));
-            assert!(is_there, "{name}: {text}");
+        for (name, number) in [("SMALL", 1.0e-7_f32), ("WHOLE", 3.0)] {
+            let written =
+                text.split_once(&format!("const constants_{name}: f32 = ")).and_then(|(_, rest)| rest.split_once("f;"));
+            let (written, _) = written.unwrap_or_else(|| panic!("{name}: {text}"));
+            assert_eq!(written.parse::<f32>().map(f32::to_bits), Ok(number.to_bits()), "{name}: {written}");
         }
     }
 }

@@ -750,7 +750,7 @@ impl<'a> Flattener<'a> {
             SourceValue::Generated => affine(self, self.flat.generated),
             SourceValue::Grid => {
                 let handle = self.volume.grid.clone().expect("the node asks only where there is a grid");
-                let to_index = handle.grid().grid().to_object.inverse();
+                let to_index = handle.to_object.inverse();
                 let columns = to_index.matrix3.to_cols_array_2d();
                 let origin = to_index.translation;
                 let rows = std::array::from_fn(|row| {
@@ -758,9 +758,9 @@ impl<'a> Flattener<'a> {
                 });
                 let index = affine(self, rows);
                 let none = serde_json::Map::new();
-                let found = self.internal(tree, node, &nodes::volume_grid_lookup::TYPE, &none, index, 1);
+                let found = self.internal(tree, node, &nodes::texture_lookup::TYPE, &none, index, 1);
                 let lookup = self.flat.nodes.last_mut().expect("it was just put there");
-                lookup.mode = lookup.mode.clone().with_grid(handle);
+                lookup.mode = lookup.mode.clone().with_texture(handle.texture);
                 found
             }
             SourceValue::Attribute(name) => {

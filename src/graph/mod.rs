@@ -8,6 +8,7 @@
 
 pub mod bounds;
 pub mod bounds_check;
+pub mod build;
 pub mod closures;
 pub mod constants;
 pub mod evaluate;
@@ -73,6 +74,7 @@ pub struct Output {
 }
 
 /// A specialised graph.
+#[derive(Clone)]
 pub struct Program {
     /// Nodes in evaluation order.
     pub instructions: Vec<Instruction>,

@@ -43,7 +43,7 @@ impl Target {
     /// in every tree; several finds are an error that lists them. A slash in front of the first name
     /// says that it stands in the material's own tree.
     pub fn parse(text: &str, graph: &Graph) -> Result<Self> {
-        let place = format!("--output {text}");
+        let place = format!("target {text}");
         let mut finds = Vec::new();
         search(graph, &graph.nodes, &mut Vec::new(), &mut |groups, node| {
             let path: String = groups.iter().flat_map(|group| ["/", group]).chain(["/", &node.name]).collect();
@@ -70,13 +70,15 @@ impl Target {
                 "no node of that name",
                 "NODE.SOCKET with a node of the graph, such as \"Noise Texture.Fac\"",
                 "cloudparity explain lists the nodes.",
-            )),
+            )
+            .with_setting("target")),
             _ => Err(Error::new(
                 place,
                 format!("{} nodes of that name", finds.len()),
                 finds.iter().map(|(_, find)| format!("/{}", find.name())).collect::<Vec<_>>().join(" or "),
                 "Write the names of the group nodes that lead to it.",
-            )),
+            )
+            .with_setting("target")),
         }
     }
 }
@@ -151,8 +153,9 @@ pub fn closing_node(scene: &Scene) -> Result<&Node> {
                 if node.muted { format!("a muted {}", node.kind) } else { node.kind.clone() },
                 "a closure with one Density that closes the graph: Principled Volume, Volume Scatter or Volume \
                  Absorption",
-                "Name the wanted value with --output NODE.SOCKET, or close the graph with one such closure.",
-            ));
+                "Name the wanted value as NODE.SOCKET (cloudparity eval), or close the graph with one such closure.",
+            )
+            .with_setting("target"));
         }
         return Ok(node);
     }

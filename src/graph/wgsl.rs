@@ -9,6 +9,7 @@ use crate::graph::constants::SharedConstants;
 use crate::graph::{Operand, Program};
 
 use crate::base::error::{Error, Result};
+use crate::base::texture::TextureHandle;
 use crate::nodes::shader_name;
 use crate::scene::SocketType;
 use naga_oil::compose::preprocess::Preprocessor;
@@ -26,6 +27,7 @@ const SHARED: &[(&str, &str)] = &[
     ("nodes/shared/blend.wgsl", include_str!("../../shaders/nodes/shared/blend.wgsl")),
     ("nodes/shared/hash.wgsl", include_str!("../../shaders/nodes/shared/hash.wgsl")),
     ("nodes/shared/gradient_noise.wgsl", include_str!("../../shaders/nodes/shared/gradient_noise.wgsl")),
+    ("nodes/shared/texture.wgsl", include_str!("../../shaders/nodes/shared/texture.wgsl")),
 ];
 
 /// Import path of the specialised graph.
@@ -38,20 +40,11 @@ const LIGHT: &[(&str, &str)] = &[
     ("engines/light/terms.wgsl", include_str!("../../shaders/engines/light/terms.wgsl")),
 ];
 
-/// The module that reads a density cache.
-const CACHE_MODULE: &str = include_str!("../../shaders/media/density_cache.wgsl");
-
-/// A program that reads a density cache.
-const CACHED_PROGRAM: &str = "#define_import_path cloudparity::graph
-#import cloudparity::density_cache
-
-fn evaluate(position: vec3f) -> f32 {
-    return density_cache::density(position);
-}
-";
-
 /// Target languages of `cloudparity shader`.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+#[derive(
+    Debug, Clone, Copy, PartialEq, Eq, strum::Display, strum::EnumMessage, strum::IntoStaticStr, strum::VariantArray,
+)]
+#[strum(serialize_all = "lowercase")]
 pub enum Language {
     /// WebGPU Shading Language.
     Wgsl,
@@ -68,6 +61,11 @@ pub enum Language {
 /// Composes a shader from the modules in `shaders/`, a program, and an entry text.
 pub struct Linker {
     composer: Composer,
+    /// Instances of node modules by module and definitions, and how many there are of each module.
+    instances: HashMap<String, String>,
+    counts: HashMap<&'static str, usize>,
+    /// Textures of the programs in the order of their words.
+    textures: Vec<TextureHandle>,
 }
 
 impl Linker {
@@ -75,36 +73,69 @@ impl Linker {
     /// importable as [`PROGRAM_PATH`]: `fn evaluate(position: vec3f, ...) -> f32` (or `vec3f`, or a
     /// struct `Outputs` for several outputs); each attribute is a further `vec3f` argument.
     pub fn new(program: &Program) -> Result<Self> {
+        let mut linker = Self::bare()?;
+        linker.add_program(PROGRAM_PATH, program)?;
+        Ok(linker)
+    }
+
+    /// Adds another program under an import path of its own, with a function as that of [`Self::new`]. Textures that programs share are
+    /// there once.
+    pub fn add_program(&mut self, import_path: &str, program: &Program) -> Result<()> {
         if let Some(node) = program.instructions.iter().find(|node| node.node_type.shader.is_empty()) {
             return Err(Error::new(
                 format!("node {}", node.label),
                 node.node_type.label,
                 "nodes with a shader: this one is evaluated on the CPU only",
-                "Give --backend cpu.",
-            ));
+                "Evaluate on the CPU.",
+            )
+            .with_setting("backend"));
         }
-        let mut linker = Self::bare()?;
-        for (path, source) in SHARED {
-            linker.add(path, source)?;
+        for node in &program.instructions {
+            if let Some(found) = node.kernel.without_shader() {
+                return Err(Error::new(
+                    format!("node {}", node.label),
+                    found,
+                    "what its shader does: this mode is evaluated on the CPU only",
+                    "Evaluate on the CPU, or take another mode.",
+                )
+                .with_setting("backend"));
+            }
         }
-        let text = linker.add_program(program)?;
-        linker.add("generated/graph.wgsl", &text)?;
-        Ok(linker)
+        if !self.composer.contains_module("cloudparity::texture") {
+            for (path, source) in SHARED {
+                self.add(path, source)?;
+            }
+        }
+        let text = self.program_text(import_path, program)?;
+        self.add(&format!("generated/{}.wgsl", import_path.replace("::", "/")), &text)
     }
 
-    /// A linker whose program reads the density from a grid: [`PROGRAM_PATH`] as of [`Self::new`], with the grid in
-    /// group 1. Format and filter are definitions for [`Self::link_with`].
-    pub fn cached() -> Result<Self> {
-        let mut linker = Self::bare()?;
-        linker.add("media/density_cache.wgsl", CACHE_MODULE)?;
-        linker.add("generated/graph.wgsl", CACHED_PROGRAM)?;
-        Ok(linker)
+    /// Textures that the programs read, in the order of their words: contents of binding 0 of group 1.
+    pub fn textures(&self) -> &[TextureHandle] {
+        &self.textures
+    }
+
+    /// The first word of a texture in the data of the programs, put behind the others where it is new.
+    fn first_word(&mut self, texture: TextureHandle) -> usize {
+        let words = |textures: &[TextureHandle]| textures.iter().map(|texture| texture.texels().word_count()).sum();
+        match self.textures.iter().position(|known| *known == texture) {
+            Some(number) => words(&self.textures[..number]),
+            None => {
+                self.textures.push(texture);
+                words(&self.textures[..self.textures.len() - 1])
+            }
+        }
     }
 
     /// A linker without a program, for kernels that read none. Phase functions, steps and source terms can be imported from it, as from
     /// every one.
     pub fn bare() -> Result<Self> {
-        let mut linker = Self { composer: Composer::default() };
+        let mut linker = Self {
+            composer: Composer::default(),
+            instances: HashMap::new(),
+            counts: HashMap::new(),
+            textures: Vec::new(),
+        };
         for (path, source) in LIGHT {
             linker.add(path, source)?;
         }
@@ -186,9 +217,7 @@ impl Linker {
     }
 
     /// Adds the instances that `program` needs and returns its own text.
-    fn add_program(&mut self, program: &Program) -> Result<String> {
-        let mut instances: HashMap<String, String> = HashMap::new();
-        let mut counts: HashMap<&str, usize> = HashMap::new();
+    fn program_text(&mut self, import_path: &str, program: &Program) -> Result<String> {
         let mut body = String::new();
         let mut names = vec![String::new(); program.registers];
         for (number, instruction) in program.instructions.iter().enumerate() {
@@ -204,19 +233,23 @@ impl Linker {
                 arguments.push(expression(operands, &names, &instruction.label)?);
             }
             let module = instruction.node_type.module;
-            let constants = instruction.mode.shader_constants() + &instruction.kernel.shader_constants();
+            let mut constants = instruction.mode.shader_constants();
+            for (number, texture) in instruction.kernel.textures().into_iter().enumerate() {
+                line(&mut constants, format_args!("const TEXELS_{number}: u32 = {}u;", self.first_word(texture)));
+            }
+            constants += &instruction.kernel.shader_constants();
             let key = format!("{module} {} {constants}", definitions.join(" "));
-            let instance = match instances.get(&key) {
+            let instance = match self.instances.get(&key) {
                 Some(instance) => instance.clone(),
                 None => {
-                    let count = counts.entry(module).or_default();
+                    let count = self.counts.entry(module).or_default();
                     *count += 1;
                     // A letter last: the composer reserves names that end in a digit.
                     let instance = format!("{module}_{count}i");
                     let path = format!("nodes/{module}.wgsl");
                     let text = with_constants(instruction.node_type.shader, &constants);
                     self.add_instance(&instance, &path, &text, &definitions)?;
-                    instances.insert(key, instance.clone());
+                    self.instances.insert(key, instance.clone());
                     instance
                 }
             };
@@ -238,7 +271,7 @@ impl Linker {
                 }
             }
         }
-        let mut text = format!("#define_import_path {PROGRAM_PATH}\n\n");
+        let mut text = format!("#define_import_path {import_path}\n\n");
         let attributes: String = (0..program.attributes.len()).map(|number| format!(", a{number}v: vec3f")).collect();
         let expressions: Vec<String> = program
             .outputs

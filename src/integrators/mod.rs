@@ -19,8 +19,21 @@ use crate::scene::image::Image;
 use serde::{Deserialize, Serialize};
 
 /// How light finds its way to a view sample.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
+#[derive(
+    Debug,
+    Clone,
+    Copy,
+    PartialEq,
+    Eq,
+    Serialize,
+    Deserialize,
+    strum::Display,
+    strum::EnumMessage,
+    strum::IntoStaticStr,
+    strum::VariantArray,
+)]
 #[serde(rename_all = "lowercase")]
+#[strum(serialize_all = "lowercase")]
 pub enum LightMode {
     /// Shadow rays evaluate the density: slow, without interpolation.
     Exact,
@@ -36,8 +49,21 @@ pub enum LightMode {
 /// smooth media the error of a single ray grows from second to first order in the step, and because
 /// the transmittance is convex in the depth, its mean is too large by half of the depth's variance,
 /// relative to itself.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
+#[derive(
+    Debug,
+    Clone,
+    Copy,
+    PartialEq,
+    Eq,
+    Serialize,
+    Deserialize,
+    strum::Display,
+    strum::EnumMessage,
+    strum::IntoStaticStr,
+    strum::VariantArray,
+)]
 #[serde(rename_all = "lowercase")]
+#[strum(serialize_all = "lowercase")]
 pub enum Jitter {
     /// In the middle.
     None,

@@ -86,9 +86,11 @@ impl Combination {
         if self.sub_pixels > 1 {
             text += &format!(", {0} x {0} rays", self.sub_pixels);
         }
-        if self.jitter == EngineJitter::BlueNoise {
-            text += ", blue noise";
-        }
+        text += match self.jitter {
+            EngineJitter::None => "",
+            EngineJitter::Table => ", jitter from the table",
+            EngineJitter::BlueNoise => ", blue noise",
+        };
         if !self.defects.is_none() {
             text += &format!(", defects {}", self.defects);
         }

@@ -30,7 +30,10 @@ const SPECIAL: [f32; 11] =
     [0.0, 1e-45, 1e-40, f32::MIN_POSITIVE, 1e-9, 5.960_464_5e-8, 0.999_999_94, 0.5, 1.0, 1e3, 1e5];
 
 /// Where points lie.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+#[derive(
+    Debug, Clone, Copy, PartialEq, Eq, strum::Display, strum::EnumMessage, strum::IntoStaticStr, strum::VariantArray,
+)]
+#[strum(serialize_all = "lowercase")]
 pub enum Domain {
     /// The volume's bounds, where the field varies.
     Box,
@@ -43,11 +46,7 @@ pub enum Domain {
 impl Domain {
     /// The name in reports.
     pub fn name(self) -> &'static str {
-        match self {
-            Self::Box => "box",
-            Self::Wide => "wide",
-            Self::Adversarial => "adversarial",
-        }
+        self.into()
     }
 }
 

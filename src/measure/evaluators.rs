@@ -22,7 +22,19 @@ pub const GPU_LIMIT: f64 = 3e-6;
 const CHUNK: usize = 1 << 18;
 
 /// One of our evaluators.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, clap::ValueEnum)]
+#[derive(
+    Debug,
+    Clone,
+    Copy,
+    PartialEq,
+    Eq,
+    Hash,
+    strum::Display,
+    strum::EnumMessage,
+    strum::IntoStaticStr,
+    strum::VariantArray,
+)]
+#[strum(serialize_all = "lowercase")]
 pub enum Evaluator {
     /// f32 on the CPU, equal to Cycles bit for bit.
     Cpu,
@@ -38,11 +50,7 @@ impl Evaluator {
 
     /// The name in reports.
     pub fn name(self) -> &'static str {
-        match self {
-            Self::Cpu => "cpu",
-            Self::Gpu => "gpu",
-            Self::Oracle => "oracle",
-        }
+        self.into()
     }
 
     /// Largest error that counts as agreement; the oracle is not judged.
@@ -123,7 +131,7 @@ pub fn compare(requests: &[Request<'_>], receive: impl FnMut(Message)) -> Result
     let mut jobs = Vec::new();
     for request in requests {
         if request.positions.is_empty() {
-            return Err(Error::new("points", "0", "at least one point", "Ask for more points."));
+            return Err(Error::new("points", "0", "at least one point", "Ask for more points.").with_setting("points"));
         }
         for positions in request.positions.chunks(CHUNK) {
             let targets = vec![request.target.clone()];

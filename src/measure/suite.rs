@@ -3,7 +3,6 @@
 use crate::base::error::{Error, Result};
 use crate::base::files;
 use crate::base::identity::Identity;
-use crate::bridge::Message;
 use crate::bridge::reference::{
     FIRST_REPLICA_SEED, Reference, ReferenceSettings, WorldSampling, cache_folder, keys, references,
 };
@@ -124,7 +123,8 @@ impl Suite {
                 "no such entry",
                 known.join(", "),
                 "Give the name of an entry of the suite.",
-            ));
+            )
+            .with_setting("only"));
         }
         Ok(self.entries.iter().filter(|entry| only.is_empty() || only.contains(&entry.name)).collect())
     }
@@ -196,8 +196,6 @@ pub(crate) struct Case {
 pub(crate) struct Pictures {
     pub(crate) references: Vec<Reference>,
     pub(crate) ours: Vec<PathBuf>,
-    /// What Cycles' render warned of.
-    pub(crate) warnings: Vec<String>,
     /// The build that rendered ours.
     pub(crate) build: Identity,
 }
@@ -224,13 +222,10 @@ impl Case {
     /// Cycles' pictures from the cache, rendered where it lacks them, and ours, which are rendered where they are missing.
     pub(crate) fn pictures(&self, desk: &Desk<'_>) -> Result<Pictures> {
         let Self { entry, scene, .. } = self;
-        let mut warnings = Vec::new();
         let settings = entry.reference_settings();
-        let references =
-            references(scene, &settings, &entry.reference_seeds(), &cache_folder()?, |message| match message {
-                Message::Progress(done, what) => desk.report(0.5 * done, &what),
-                Message::Warning(place, text) => warnings.push(format!("{place}: {text}")),
-            })?;
+        let references = references(scene, &settings, &entry.reference_seeds(), &cache_folder()?, |message| {
+            desk.report(0.5 * message.done, &message.what);
+        })?;
         let folder = desk.folder()?;
         let ours: OurPictures = desk.obtain("ours", &self.inputs(), |key| {
             let name = |seed: u32| format!("{}/ours-{key}.seed-{seed}.exr", entry.name);
@@ -256,7 +251,7 @@ impl Case {
         })?;
         let build = desk.ledger.maker("ours", &desk.ledger.key(&self.inputs()))?.unwrap_or_default();
         let ours = ours.files.iter().map(|name| folder.join(name)).collect();
-        Ok(Pictures { references, ours, warnings, build })
+        Ok(Pictures { references, ours, build })
     }
 }
 

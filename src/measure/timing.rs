@@ -3,8 +3,7 @@
 use crate::base::error::{Error, Result};
 use crate::gpu::{Backend, Gpu};
 use crate::integrators::path;
-use crate::integrators::path::PathSettings;
-use crate::scene::Scene;
+use crate::integrators::path::{PathSettings, Subject};
 use crate::scene::image::Image;
 use cpu_time::ProcessTime;
 use serde::{Deserialize, Serialize};
@@ -100,10 +99,10 @@ pub fn cycles_seconds(picture: &Image, file: &Path) -> Result<[f64; 2]> {
 }
 
 /// A picture by path tracing on all cores, and its processor seconds: preparation, paths.
-pub fn timed_picture(scene: &Scene, settings: &PathSettings) -> Result<(Image, [f64; 2])> {
+pub fn timed_picture<'a>(subject: impl Into<Subject<'a>>, settings: &PathSettings) -> Result<(Image, [f64; 2])> {
     let begin = ProcessTime::now();
     let prepared = OnceLock::new();
-    let image = path::render(scene, settings, Backend::Cpu, None, &|_, what| {
+    let image = path::render(subject, settings, Backend::Cpu, None, &|_, what| {
         // Majorants are announced before they are made; whatever comes next is after them.
         if what != path::PREPARATION {
             prepared.get_or_init(|| begin.elapsed().as_secs_f64());

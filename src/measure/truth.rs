@@ -7,15 +7,16 @@ use crate::engines;
 use crate::engines::defects::Defects;
 use crate::gpu::Backend;
 use crate::integrators::path;
-use crate::integrators::path::PathSettings;
+use crate::integrators::path::{GivenMedium, PathSettings, Subject};
 use crate::measure::errors::FEWEST_REPLICAS;
-use crate::measure::{seeds, voxels};
+use crate::measure::seeds;
 use crate::scene::Scene;
 use crate::scene::image::Image;
 use cpu_time::ProcessTime;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value as Json, json};
 use std::path::Path;
+use std::sync::Arc;
 
 /// Part of a ledger that holds truths.
 pub const PART: &str = "truth";
@@ -136,10 +137,11 @@ impl Truth {
         if !missing.is_empty() {
             let report = |done: f64, _: &str| progress(done, &format!("truth of {density} in {}", scene.name));
             report(0.0, "");
-            let medium = self.medium(scene, density)?;
+            let medium = Self::medium(scene, density)?;
+            let subject = Subject { scene, medium: medium.as_ref() };
             let settings = PathSettings { samples: self.samples, ..PathSettings::default() };
             let mut begin = ProcessTime::now();
-            path::render_each(&medium, &settings, Backend::Cpu, &missing, &report, &mut |seed, mut image| {
+            path::render_each(subject, &settings, Backend::Cpu, &missing, &report, &mut |seed, mut image| {
                 image.provenance.insert(PROCESSOR_SECONDS.into(), format!("{:.3}", begin.elapsed().as_secs_f64()));
                 begin = ProcessTime::now();
                 image.write_exr(&folder.join(name(seed)), false)
@@ -158,14 +160,14 @@ impl Truth {
         Ok(record)
     }
 
-    /// The scene that path tracing sees: the scene itself, or a grid of a published density in its mended form, so that what a defect does
+    /// The medium that path tracing sees: that of the scene, or of a published system with its defects corrected, so that what a defect does
     /// to the medium is an error, too.
-    pub fn medium(&self, scene: &Scene, density: &str) -> Result<Scene> {
+    pub fn medium(scene: &Scene, density: &str) -> Result<Option<GivenMedium>> {
         let model = engines::find(density)?;
-        if model.id == engines::graph::MODEL.id {
-            return Ok(scene.clone());
+        if model.is_of_scene {
+            return Ok(None);
         }
         let engine = model.engine(scene, &model.values(None, &[])?, &Defects::NONE, 0.0)?;
-        voxels::path_scene(scene, &engine, self.voxels)
+        Ok(Some(GivenMedium { identity: engine.medium_identity(), object: Arc::new(engine.medium()?) }))
     }
 }

@@ -1,90 +1,53 @@
-//! A published density as path tracing sees it: voxels of its values in the scene's box, under the engine's medium.
+//! A published density as Cycles can see it: an OpenVDB grid of voxels under nodes of Blender.
+//!
+//! Our own path tracing reads the density itself; Cycles has no node for it.
 
 use crate::base::error::{Error, Result};
 use crate::base::files::sha256;
 use crate::engines::Engine;
-use crate::engines::light::{SourceFactor, TwoLobes};
-use crate::engines::render::{box_of, container_side};
-use crate::media::density::DensityModel;
+use crate::engines::light::SourceFactor;
 use crate::media::objects::length_scale;
+use crate::media::region::Region;
 use crate::scene::volume_grid::{DENSITY, GridHandle, VolumeGrid};
 use crate::scene::{Bounds, Graph, GraphSource, Scene, Shape};
 use glam::{DAffine3, DMat3, DVec3};
 use ndarray::{Array3, Axis};
-use rayon::prelude::*;
 use serde_json::json;
 
-/// Places that are evaluated together.
-const BATCH: usize = 1 << 14;
-
-/// Densities in the middle of `places`^3 equal parts of the box, by the object's x, y and z.
-pub(crate) fn sample(scene: &Scene, density: &dyn DensityModel, places: usize) -> Result<Array3<f64>> {
-    let to_object = grid_to_object(&scene.volume.bounds, places);
-    let to_box = box_of(&scene.volume.bounds) * to_object;
-    let place = |index: usize| {
-        DVec3::new((index / (places * places)) as f64, (index / places % places) as f64, (index % places) as f64)
-    };
-    let starts: Vec<usize> = (0..places.pow(3)).step_by(BATCH).collect();
-    let values: Vec<f64> = starts
-        .par_iter()
-        .flat_map_iter(|&start| {
-            let end = places.pow(3).min(start + BATCH);
-            let asked: Vec<DVec3> = (start..end).map(|index| to_box.transform_point3(place(index))).collect();
-            density.densities(&asked)
-        })
-        .collect();
-    if let Some(index) = values.iter().position(|value| !value.is_finite()) {
-        return Err(Error::new(
-            format!("the density at {} of object {}", to_object.transform_point3(place(index)), scene.volume.object),
-            values[index].to_string(),
-            "a finite density",
-            "Mend the graph: cloudparity eval shows its values.",
-        ));
-    }
-    Ok(Array3::from_shape_vec((places, places, places), values).expect("one value per place"))
-}
-
-/// Index of a place to the object's frame: places stand in the middle of equal parts of the box.
-pub(crate) fn grid_to_object(bounds: &Bounds, places: usize) -> DAffine3 {
-    let [low, high] = [bounds.min, bounds.max].map(|corner| DVec3::from(corner.map(f64::from)));
-    let step = (high - low) / places as f64;
-    DAffine3 { matrix3: DMat3::from_diagonal(step), translation: low + step / 2.0 }
-}
-
-/// The scene as path tracing sees it with an engine's medium in place of its volume: the density on a grid of `voxels`^3, with the
-/// extinction, albedo and phase function of the engine.
-pub fn path_scene(scene: &Scene, engine: &Engine, voxels: usize) -> Result<Scene> {
+/// The scene with a grid of `voxels` per axis in the middle of equal parts of the box in place of its volume, under the engine's extinction,
+/// albedo and phase function.
+pub fn scene(scene: &Scene, engine: &Engine, voxels: usize) -> Result<(Scene, VolumeGrid)> {
     let SourceFactor::Albedo([albedo, ..]) = engine.light.source else {
         return Err(Error::new(
             format!("density model {}", engine.model),
             "a source that is no albedo times extinction",
             "one that has an albedo",
-            "Leave out the defect that takes it away, or all of them.",
-        ));
+            "Leave out the defect that takes it away.",
+        )
+        .with_setting("defects"));
     };
-    let densities = sample(scene, engine.density.as_ref(), voxels)?;
-    grid_scene(scene, &densities, engine.density.extinction(), albedo, &engine.light.phase)
-}
-
-/// The scene with a grid in place of its volume, under a medium of given extinction (per unit of density and side of the box), albedo
-/// and phase function.
-pub(crate) fn grid_scene(
-    scene: &Scene,
-    densities: &Array3<f64>,
-    extinction: [f64; 3],
-    albedo: f64,
-    phase: &TwoLobes,
-) -> Result<Scene> {
-    let side = container_side(scene)?;
-    let to_object = grid_to_object(&scene.volume.bounds, densities.len_of(Axis(0)));
-    let grid = VolumeGrid { values: densities.mapv(|density| density as f32), to_object };
+    let Region { low, high } = engine.density.bounds;
+    let step = (high - low) / voxels as f64;
+    let to_object = DAffine3 { matrix3: DMat3::from_diagonal(step), translation: low + step / 2.0 };
+    let mut values = Array3::zeros([voxels; 3]);
+    for (x, mut plane) in values.axis_iter_mut(Axis(0)).enumerate() {
+        let places: Vec<[f32; 3]> = (0..voxels * voxels)
+            .map(|index| DVec3::new(x as f64, (index / voxels) as f64, (index % voxels) as f64))
+            .map(|place| to_object.transform_point3(place).as_vec3().to_array())
+            .collect();
+        plane.iter_mut().zip(engine.density.values(&places)?).for_each(|(value, density)| *value = density);
+    }
+    let grid = VolumeGrid { values, to_object };
+    let side = engine.container.unit;
+    let extinction = engine.extinction;
+    let phase = &engine.light.phase;
     let bytes: Vec<u8> = grid.values.iter().flat_map(|value| value.to_le_bytes()).collect();
     let hash = sha256(&bytes);
     let mut medium = scene.clone();
     let [low, high] = grid.extent().map(|corner| corner.as_vec3().to_array());
     medium.volume.shape = Shape::Grid { file: "memory.vdb".into(), sha256: hash.clone() };
     medium.volume.bounds = Bounds { min: low, max: high };
-    medium.volume.grid = Some(GridHandle::new(grid, hash));
+    medium.volume.grid = Some(GridHandle::new(&grid, hash));
     // Closures count per length of the object.
     let largest = extinction.into_iter().fold(0.0, f64::max);
     let strength = largest / side / length_scale(&medium.volume);
@@ -129,5 +92,5 @@ pub(crate) fn grid_scene(
     });
     let graph: Graph = serde_json::from_value(graph).expect("a graph");
     medium.graph = GraphSource::Inline(graph);
-    Ok(medium)
+    Ok((medium, grid))
 }

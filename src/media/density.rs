@@ -1,43 +1,179 @@
-//! A density that an engine marches.
+//! A density: a program of one number in a box, with the parts of the box where it is provably nothing.
+//!
+//! There is one answer to "what is at this point?", the program's: of a material's graph, of a published system, of a grid, of a cache
+//! ([`crate::media::density_cache`]). Values below 0 count as 0; NaN stays to be seen.
 
-use crate::base::error::Result;
-use crate::gpu::ModelShader;
-use crate::media::averages::CoarseDensity;
+use crate::base::error::{Error, Result};
+use crate::graph::evaluate::{Evaluator, Points};
+use crate::graph::{Operand, Program};
+use crate::media::region::Region;
 use glam::DVec3;
 use std::sync::Arc;
 
-/// A density in the local box.
-pub trait DensityModel: Send + Sync {
-    /// Densities at places of the local box, in their order; never negative. NaN only where a graph gives NaN.
-    fn densities(&self, places: &[DVec3]) -> Vec<f64>;
+/// Cells per side of the table of provably empty parts.
+pub const CELLS: usize = 16;
 
-    /// Extinction of a view ray per unit of density and unit of length, per channel.
-    fn extinction(&self) -> [f64; 3];
+/// Padding of a cell as a fraction of its side: rounding of f32 positions is far below it.
+const PADDING: f32 = 1e-3;
 
-    /// The same for the adapter, or why there is none.
-    fn shader(&self) -> Result<ModelShader>;
+/// A density in a box of the program's frame.
+#[derive(Clone)]
+pub struct Density {
+    program: Arc<Program>,
+    /// The box that it fills.
+    pub bounds: Region,
+    /// The part of the box outside of which there is provably nothing.
+    pub occupied: Region,
+    /// Whether each of the [`CELLS`]^3 cells may hold something, x fastest; none where all of them may.
+    cells: Option<Arc<[bool]>>,
+}
 
-    /// Its averages, where they were made: light models that ask for them need them.
-    fn coarse(&self) -> Option<&CoarseDensity> {
-        None
+impl Density {
+    /// The density that a program of one number and no attributes computes, with the empty parts of its box found by its bounds.
+    pub fn new(program: Arc<Program>, bounds: Region) -> Result<Self> {
+        check(&program)?;
+        let mut density = Self::filling(program, bounds);
+        density.find_empty_cells()?;
+        Ok(density)
+    }
+
+    /// The same, of which nothing is left out: for boxes without end, and for media that emit where they are not dense.
+    pub fn filling(program: Arc<Program>, bounds: Region) -> Self {
+        Self { program, bounds, occupied: bounds, cells: None }
+    }
+
+    /// The same place with another program that is nothing where this one is: its cache.
+    pub fn with_program(&self, program: Arc<Program>) -> Self {
+        Self { program, ..self.clone() }
+    }
+
+    /// The same times a factor that is not negative.
+    pub fn scaled(&self, factor: f64) -> Self {
+        self.with_program(Arc::new(self.program.scaled(factor as f32)))
+    }
+
+    /// The program that computes it.
+    pub fn program(&self) -> &Arc<Program> {
+        &self.program
+    }
+
+    /// Marks the cells over which the density is provably zero, and shrinks [`Self::occupied`].
+    fn find_empty_cells(&mut self) -> Result<()> {
+        let side = (self.bounds.high - self.bounds.low) / CELLS as f64;
+        let mut first = [CELLS; 3];
+        let mut last = [0; 3];
+        let mut cells = vec![true; CELLS.pow(3)];
+        for (index, cell) in cells.iter_mut().enumerate() {
+            let place = [index % CELLS, index / CELLS % CELLS, index / CELLS / CELLS];
+            let low = self.bounds.low + side * DVec3::from(place.map(|number| number as f64));
+            let pad = side.as_vec3() * PADDING;
+            let found =
+                self.program.bounds((low.as_vec3() - pad).to_array(), ((low + side).as_vec3() + pad).to_array())?[0];
+            *cell = found.may_be_nan || found.high > 0.0;
+            if *cell {
+                for axis in 0..3 {
+                    first[axis] = first[axis].min(place[axis]);
+                    last[axis] = last[axis].max(place[axis] + 1);
+                }
+            }
+        }
+        let corner = |place: [usize; 3]| self.bounds.low + side * DVec3::from(place.map(|number| number as f64));
+        self.occupied = if first[0] < last[0] {
+            Region { low: corner(first), high: corner(last) }
+        } else {
+            Region { low: self.bounds.low, high: self.bounds.low }
+        };
+        self.cells = cells.contains(&false).then(|| cells.into());
+        Ok(())
+    }
+
+    /// Whether every part of the box may hold something.
+    pub fn fills_all_cells(&self) -> bool {
+        self.cells.is_none()
+    }
+
+    /// Whether each of the [`CELLS`]^3 cells may hold something; x runs fastest.
+    pub fn cells(&self) -> Vec<bool> {
+        self.cells.as_ref().map_or_else(|| vec![true; CELLS.pow(3)], |cells| cells.to_vec())
+    }
+
+    /// Whether there may be something at a position.
+    pub fn may_hold(&self, position: DVec3) -> bool {
+        let Some(cells) = &self.cells else { return true };
+        let part = (position - self.bounds.low) / (self.bounds.high - self.bounds.low) * CELLS as f64;
+        let place: [usize; 3] = std::array::from_fn(|axis| (part[axis].max(0.0) as usize).min(CELLS - 1));
+        cells[(place[2] * CELLS + place[1]) * CELLS + place[0]]
+    }
+
+    /// The density where it is the same everywhere.
+    pub fn homogeneous(&self) -> Option<f64> {
+        match self.program.outputs[0].operands[0] {
+            Operand::Constant(value) if value.is_finite() => Some(f64::from(value.max(0.0))),
+            _ => None,
+        }
+    }
+
+    /// Densities at positions, on all cores.
+    pub fn values(&self, positions: &[[f32; 3]]) -> Result<Vec<f32>> {
+        let mut values = self.program.evaluate_single(Points::new(positions))?;
+        for value in &mut values {
+            if *value < 0.0 {
+                *value = 0.0;
+            }
+        }
+        Ok(values)
     }
 }
 
-/// A density shared by several engines.
-impl<T: DensityModel + ?Sized> DensityModel for Arc<T> {
-    fn densities(&self, places: &[DVec3]) -> Vec<f64> {
-        self.as_ref().densities(places)
+/// Evaluates a density on the calling thread and keeps its memory between calls: for callers that are parallel themselves.
+pub struct DensityEvaluator<'a> {
+    density: &'a Density,
+    evaluator: Evaluator<'a>,
+    asked: Vec<usize>,
+    positions: Vec<[f32; 3]>,
+}
+
+impl<'a> DensityEvaluator<'a> {
+    /// An evaluator of a density; an error where its program reads attributes.
+    pub fn new(density: &'a Density) -> Result<Self> {
+        let evaluator = Evaluator::new(&density.program)?;
+        Ok(Self { density, evaluator, asked: Vec::new(), positions: Vec::new() })
     }
 
-    fn extinction(&self) -> [f64; 3] {
-        self.as_ref().extinction()
+    /// Densities at places, in their order; where there is provably nothing, nothing is asked.
+    pub fn values(&mut self, places: &[DVec3]) -> Vec<f64> {
+        self.asked.clear();
+        self.positions.clear();
+        for (index, &place) in places.iter().enumerate() {
+            if self.density.may_hold(place) {
+                self.asked.push(index);
+                self.positions.push(place.as_vec3().to_array());
+            }
+        }
+        let found = self.evaluator.evaluate(&self.positions);
+        let mut values = vec![0.0; places.len()];
+        for (&index, &value) in self.asked.iter().zip(found) {
+            values[index] = if value < 0.0 { 0.0 } else { f64::from(value) };
+        }
+        values
     }
+}
 
-    fn shader(&self) -> Result<ModelShader> {
-        self.as_ref().shader()
+/// Refuses what is no density of the place alone.
+fn check(program: &Program) -> Result<()> {
+    let wrong = |found: String| {
+        Err(Error::new(
+            "a density",
+            found,
+            "a program of one number that reads the place alone",
+            "Take the rest out of the graph.",
+        ))
+    };
+    if let Some(name) = program.attributes.first() {
+        return wrong(format!("one that reads the attribute \"{name}\""));
     }
-
-    fn coarse(&self) -> Option<&CoarseDensity> {
-        self.as_ref().coarse()
+    match program.output_components() {
+        1 => Ok(()),
+        several => wrong(format!("a program of {several} numbers")),
     }
 }

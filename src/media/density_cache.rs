@@ -2,8 +2,8 @@
 //!
 //! Values lie at the vertices of a grid over the occupied part of the medium, faces included, so that
 //! trilinear filtering is exact for a linear density. They are evaluated on the CPU with Cycles' bits,
-//! stored in 32, 16 or 8 bits, and read by the CPU and by its twin `shaders/media/density_cache.wgsl`
-//! in f32 with the same operations in the same order. What the twins may differ by is rounding: WGSL may
+//! stored in 32, 16 or 8 bits, and read as any texture is ([`crate::nodes::texture_lookup`]): the cached density is a program like the one
+//! that it stands for, on the CPU and in WGSL, with bounds and an f64 oracle. What the twins may differ by is rounding: WGSL may
 //! fuse, which moves a trilinear value by a few 2^-24 of its largest corner; a position within 2^-22 of
 //! the grid's size from the middle between two vertices may go to either with nearest filtering.
 //!
@@ -11,37 +11,18 @@
 //! reaches the picture through both. The error is measured after every bake ([`CacheReport`]).
 
 use crate::base::error::{Error, Result};
+use crate::base::texture::{Outside, Texture, TextureHandle};
+use crate::graph::Program;
+use crate::media::density::Density;
 use crate::media::lattice::{BAKE_CHUNK, vertex, vertices_of};
-use crate::media::medium::Medium;
 use crate::scene::image::Image;
-use glam::DVec3;
-use half::f16;
+use glam::{DMat4, DVec3};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
+use std::sync::Arc;
 
-/// How the values of a density cache are stored.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
-#[serde(rename_all = "lowercase")]
-pub enum CacheFormat {
-    /// 32 bits, as evaluated.
-    F32,
-    /// IEEE 754 binary16: relative error up to 2^-11, values up to 65504.
-    F16,
-    /// 8 bits between the smallest and the largest value: error up to 1/510 of that range.
-    Unorm8,
-}
-
-/// How a density cache is read between its vertices.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
-#[serde(rename_all = "lowercase")]
-pub enum CacheFilter {
-    /// The value of the nearest vertex.
-    Nearest,
-    /// Linear along each axis, in f32: the filter of graphics hardware has 8 bits for its weights.
-    Trilinear,
-}
+pub use crate::base::texture::{TexelFormat as CacheFormat, TextureFilter as CacheFilter};
 
 /// The density sampled to a grid; [the module](self) describes it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -70,11 +51,9 @@ const GIBIBYTE: f64 = (1_u64 << 30) as f64;
 /// one part in 2^16 of the volume.
 const POINTS: usize = 1 << 16;
 
-/// Positions per task when reading: a read takes some ten nanoseconds.
-const READ_CHUNK: usize = 1 << 12;
-
 /// The density at the vertices, before it is stored in a format.
 pub struct Samples {
+    exact: Density,
     cells: u32,
     size: [usize; 3],
     low: DVec3,
@@ -83,25 +62,14 @@ pub struct Samples {
     seconds: f64,
 }
 
-/// Values as they are stored; x runs fastest.
-enum Texels {
-    F32(Vec<f32>),
-    /// Bits of binary16.
-    F16(Vec<u16>),
-    /// Parts of 255 of the range above its low end.
-    Unorm8(Vec<u8>),
-}
-
 /// A density that is read instead of evaluated.
 pub struct DensityCache {
+    /// The density.
+    pub density: Density,
     settings: CacheSettings,
     size: [usize; 3],
-    low: [f32; 3],
-    /// Vertices per object unit.
-    scale: [f32; 3],
-    /// Smallest and largest value, between which `unorm8` divides.
+    /// Smallest and largest value at a vertex.
     range: [f32; 2],
-    texels: Texels,
     bake_seconds: f64,
 }
 
@@ -143,10 +111,16 @@ impl CacheReport {
 }
 
 impl Samples {
-    /// Evaluates the density at the vertices; a grid beyond the memory is refused. The medium is not empty.
-    pub fn bake(medium: &Medium, cells: u32, format: CacheFormat, progress: &(dyn Fn(f64) + Sync)) -> Result<Self> {
+    /// Evaluates the density of an object at the vertices; a grid beyond the memory is refused. The density is not empty.
+    pub fn bake(
+        density: &Density,
+        to_object: &DMat4,
+        cells: u32,
+        format: CacheFormat,
+        progress: &(dyn Fn(f64) + Sync),
+    ) -> Result<Self> {
         let begin = std::time::Instant::now();
-        let (size, step) = vertices_of(medium, cells);
+        let (size, step) = vertices_of(&density.occupied, to_object, cells);
         // In floating point: the product of absurd sizes has no room in 64 bits.
         let vertices: f64 = size.iter().map(|&count| count as f64).product();
         let bytes = vertices * (4 + format.bytes()) as f64;
@@ -156,128 +130,62 @@ impl Samples {
                 "setting density_cache",
                 format!("{cells} cells, {vertices:.3e} vertices, which need {:.1} GiB", bytes / GIBIBYTE),
                 format!("a grid that needs at most {:.0} GiB", MOST_BYTES / GIBIBYTE),
-                format!("Give --density-cache {fitting} or less."),
-            ));
+                format!("Take {fitting} cells or less."),
+            )
+            .with_setting("density_cache"));
         }
         let count = vertices as usize;
-        let low = medium.occupied.low;
+        let low = density.occupied.low;
         let mut values = Vec::with_capacity(count);
         for start in (0..count).step_by(BAKE_CHUNK) {
             let positions: Vec<[f32; 3]> = (start..count.min(start + BAKE_CHUNK))
                 .map(|index| vertex(index, size, low, step).as_vec3().to_array())
                 .collect();
-            values.extend(medium.exact_densities(&positions)?);
+            values.extend(density.values(&positions)?);
             progress(values.len() as f64 / count as f64);
         }
-        Ok(Self { cells, size, low, step, values, seconds: begin.elapsed().as_secs_f64() })
-    }
-}
-
-impl CacheFormat {
-    /// Bytes of a value.
-    pub fn bytes(self) -> usize {
-        match self {
-            Self::F32 => 4,
-            Self::F16 => 2,
-            Self::Unorm8 => 1,
-        }
+        let seconds = begin.elapsed().as_secs_f64();
+        Ok(Self { exact: density.clone(), cells, size, low, step, values, seconds })
     }
 }
 
 impl DensityCache {
     /// Stores samples in a format; values that it cannot hold are refused.
     pub fn new(samples: &Samples, format: CacheFormat, filter: CacheFilter) -> Result<Self> {
-        let values = &samples.values;
+        let Samples { size, values, .. } = samples;
         let low = values.iter().copied().fold(f32::INFINITY, f32::min);
         let high = values.iter().copied().fold(f32::NEG_INFINITY, f32::max);
-        let most = match format {
-            CacheFormat::F32 => f32::INFINITY,
-            CacheFormat::F16 => f16::MAX.to_f32(),
-            CacheFormat::Unorm8 => f32::MAX,
-        };
-        // f32 and f16 carry NaN into the picture, where it is seen; 8 bits have none.
-        let nan = format == CacheFormat::Unorm8 && values.iter().any(|value| value.is_nan());
-        if nan || high > most {
-            return Err(Error::new(
-                format!("density cache, format {}", format.name()),
-                if nan { "NaN at a vertex".to_owned() } else { format!("a density of {high:e}") },
-                format!("numbers up to {most:e}"),
-                "Give --cache-format f32, or mend the density (cloudparity eval shows it).",
-            ));
-        }
-        let parts = (high - low).max(0.0);
-        let texels = match format {
-            CacheFormat::F32 => Texels::F32(values.clone()),
-            CacheFormat::F16 => Texels::F16(values.iter().map(|&value| f16::from_f32(value).to_bits()).collect()),
-            CacheFormat::Unorm8 => Texels::Unorm8(
-                values
-                    .iter()
-                    .map(|&value| if parts > 0.0 { ((value - low) / parts * 255.0).round() as u8 } else { 0 })
-                    .collect(),
-            ),
-        };
+        let texture = Texture::store(*size, values.clone(), format, filter, Outside::Clamp, "density cache")?;
+        let scale = 1.0 / samples.step;
+        let origin = -samples.low * scale;
+        let rows: [[f32; 4]; 3] = std::array::from_fn(|axis| {
+            let mut row = [0.0; 4];
+            row[axis] = scale[axis] as f32;
+            row[3] = origin[axis] as f32;
+            row
+        });
+        let program = Program::of_texture("density cache", TextureHandle::new(texture), rows);
         Ok(Self {
+            density: samples.exact.with_program(Arc::new(program)),
             settings: CacheSettings { cells: samples.cells, format, filter },
-            size: samples.size,
-            low: samples.low.as_vec3().to_array(),
-            scale: (1.0 / samples.step).as_vec3().to_array(),
+            size: *size,
             range: [low, high],
-            texels,
             bake_seconds: samples.seconds,
         })
     }
 
-    /// Cached densities at object-space positions.
-    pub fn densities(&self, positions: &[[f32; 3]]) -> Vec<f32> {
-        positions.par_iter().with_min_len(READ_CHUNK).map(|&position| self.read(position)).collect()
-    }
-
-    /// The cached density at a position, which is clamped to the grid.
-    fn read(&self, position: [f32; 3]) -> f32 {
-        let place: [f32; 3] = std::array::from_fn(|axis| {
-            ((position[axis] - self.low[axis]) * self.scale[axis]).clamp(0.0, (self.size[axis] - 1) as f32)
-        });
-        let [nx, ny, _] = self.size;
-        if self.settings.filter == CacheFilter::Nearest {
-            let [x, y, z] = place.map(|part| (part + 0.5) as usize);
-            return self.texel((z * ny + y) * nx + x);
-        }
-        let base: [usize; 3] = std::array::from_fn(|axis| (place[axis] as usize).min(self.size[axis] - 2));
-        let fraction: [f32; 3] = std::array::from_fn(|axis| place[axis] - base[axis] as f32);
-        let mut value = 0.0;
-        for corner in 0..8 {
-            let up = [corner & 1, corner >> 1 & 1, corner >> 2];
-            let weight: [f32; 3] =
-                std::array::from_fn(|axis| if up[axis] == 1 { fraction[axis] } else { 1.0 - fraction[axis] });
-            let index = ((base[2] + up[2]) * ny + base[1] + up[1]) * nx + base[0] + up[0];
-            value += weight[0] * weight[1] * weight[2] * self.texel(index);
-        }
-        value
-    }
-
-    fn texel(&self, index: usize) -> f32 {
-        match &self.texels {
-            Texels::F32(values) => values[index],
-            Texels::F16(values) => f16::from_bits(values[index]).to_f32(),
-            Texels::Unorm8(values) => {
-                let [low, high] = self.range;
-                low + (high - low) * (f32::from(values[index]) / 255.0)
-            }
-        }
-    }
-
-    /// Measures the field error at points that are the same in every run.
-    pub fn measure(&self, medium: &Medium) -> Result<CacheReport> {
-        let extent = medium.occupied.high - medium.occupied.low;
+    /// Measures the field error against the density that was cached, at points that are the same in every run.
+    pub fn measure(&self, exact: &Density) -> Result<CacheReport> {
+        let extent = exact.occupied.high - exact.occupied.low;
         let mut random = ChaCha8Rng::seed_from_u64(0);
         let positions: Vec<[f32; 3]> = (0..POINTS)
             .map(|_| {
                 let part = DVec3::from(std::array::from_fn(|_| random.random::<f64>()));
-                (medium.occupied.low + extent * part).as_vec3().to_array()
+                (exact.occupied.low + extent * part).as_vec3().to_array()
             })
             .collect();
-        let exact = medium.exact_densities(&positions)?;
-        let cached = self.densities(&positions);
+        let exact = exact.values(&positions)?;
+        let cached = self.density.values(&positions)?;
         let mut largest = 0.0_f64;
         let mut max = 0.0_f64;
         let mut squares = 0.0;
@@ -308,57 +216,6 @@ impl DensityCache {
             relative_rms_error: relative(rms),
             bake_seconds: self.bake_seconds,
         })
-    }
-
-    /// What the kernel's instance is compiled with.
-    pub(crate) fn definitions(&self) -> Vec<&'static str> {
-        let mut definitions = Vec::new();
-        match self.settings.format {
-            CacheFormat::F32 => {}
-            CacheFormat::F16 => definitions.push("CACHE_F16"),
-            CacheFormat::Unorm8 => definitions.push("CACHE_UNORM8"),
-        }
-        if self.settings.filter == CacheFilter::Nearest {
-            definitions.push("CACHE_NEAREST");
-        }
-        definitions
-    }
-
-    /// The stored values as the kernel reads them, filled up to whole words.
-    pub(crate) fn words(&self) -> Vec<u8> {
-        let mut bytes: Vec<u8> = match &self.texels {
-            Texels::F32(values) => bytemuck::cast_slice(values).to_vec(),
-            Texels::F16(values) => bytemuck::cast_slice(values).to_vec(),
-            Texels::Unorm8(values) => values.clone(),
-        };
-        bytes.resize(bytes.len().next_multiple_of(4), 0);
-        bytes
-    }
-
-    /// Where the values lie: low corner and vertices per object unit, vertices per axis, range.
-    pub(crate) fn layout(&self) -> ([f32; 3], [f32; 3], [u32; 3], [f32; 2]) {
-        (self.low, self.scale, self.size.map(|count| count as u32), self.range)
-    }
-}
-
-impl CacheFormat {
-    /// The name in settings and on the command line.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::F32 => "f32",
-            Self::F16 => "f16",
-            Self::Unorm8 => "unorm8",
-        }
-    }
-}
-
-impl CacheFilter {
-    /// The name in settings and on the command line.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Nearest => "nearest",
-            Self::Trilinear => "trilinear",
-        }
     }
 }
 

@@ -16,7 +16,7 @@
 
 use crate::base::error::{Error, Result};
 use crate::graph::bounds::Bounds3;
-use crate::media::medium::Region;
+use crate::media::region::Region;
 use crate::nodes::Interval;
 use glam::{DMat4, DVec3};
 
@@ -91,8 +91,22 @@ pub struct Majorants {
 }
 
 /// Where the rates of tentative collisions come from. All give pictures with the same mean.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize, clap::ValueEnum)]
+#[derive(
+    Debug,
+    Clone,
+    Copy,
+    Default,
+    PartialEq,
+    Eq,
+    serde::Serialize,
+    serde::Deserialize,
+    strum::Display,
+    strum::EnumMessage,
+    strum::IntoStaticStr,
+    strum::VariantArray,
+)]
 #[serde(rename_all = "kebab-case")]
+#[strum(serialize_all = "kebab-case")]
 pub enum Tracking {
     /// From proven majorants of an octree: no path has a negative weight, so no pixel is negative.
     #[default]

@@ -8,4 +8,5 @@ pub mod majorant;
 pub mod medium;
 pub mod objects;
 pub mod phase;
+pub mod region;
 pub mod transfer;

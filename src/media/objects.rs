@@ -7,16 +7,19 @@
 //! Lengths are metres of world space, whatever the object's scale; positions are in the object's frame.
 
 use crate::base::error::{Error, Result};
-use crate::graph::Program;
 use crate::graph::bounds::Bounds3;
 use crate::graph::closures::{Closure, ClosureSum, Factor, Value};
 use crate::graph::evaluate::Points;
-use crate::media::medium::Region;
+use crate::graph::{Operand, Program};
+use crate::media::density::Density;
 use crate::media::phase::PhaseFunction;
-use crate::nodes::Interval;
+use crate::media::region::Region;
 use crate::nodes::closure::{Coefficients, Phase, Quantity, per_channel};
+use crate::nodes::density_medium::DensityMedium;
+use crate::nodes::{Interval, Mode, density_medium};
 use crate::scene::{self, Graph, Scene, Shape, Volume};
 use glam::{DMat4, DVec3};
+use std::sync::Arc;
 
 /// The medium of one object.
 pub struct ObjectMedium {
@@ -28,7 +31,7 @@ pub struct ObjectMedium {
     pub bounds: Region,
     /// What is known of it without evaluating.
     pub character: Character,
-    program: Program,
+    program: Arc<Program>,
     terms: Vec<Term>,
 }
 
@@ -224,7 +227,56 @@ impl ObjectMedium {
     pub fn new(graph: &Graph, volume: &Volume) -> Result<Self> {
         let bounds = box_of(volume)?;
         let ClosureSum { program, closures } = ClosureSum::compile(graph, volume)?;
-        let scale = length_scale(volume);
+        let to_object = scene::matrix_to_glam(&volume.matrix_world).inverse();
+        Ok(Self::of_closures(&volume.object, to_object, bounds, Arc::new(program), closures, length_scale(volume)))
+    }
+
+    /// The medium of a density in a box: extinction and scattering per unit of density and metre, and the lobes of its phase function,
+    /// each a share of the scattering and a mean cosine. It scatters and absorbs, and emits nothing.
+    pub fn of_density(
+        name: &str,
+        to_object: DMat4,
+        density: &Density,
+        extinction: [f64; 3],
+        scattering: [f64; 3],
+        lobes: &[(f64, f64)],
+    ) -> Self {
+        let label = || format!("medium of {name}");
+        let closure = |extinction: [f64; 3], scattering: [f64; 3], anisotropy: f64| Closure {
+            label: label(),
+            node_type: &density_medium::TYPE,
+            mode: Mode::of_data(&density_medium::TYPE, Vec::new()),
+            formula: DensityMedium { extinction, scattering, anisotropy }.boxed(),
+            inputs: vec![match density.program().outputs[0].operands[0] {
+                Operand::Constant(value) => Value::Constant(value),
+                _ => Value::Column(0),
+            }],
+            factors: Vec::new(),
+        };
+        let absorbed = std::array::from_fn(|channel| (extinction[channel] - scattering[channel]).max(0.0));
+        let mut closures = Vec::new();
+        if absorbed != [0.0; 3] {
+            closures.push(closure(absorbed, [0.0; 3], 0.0));
+        }
+        for &(share, anisotropy) in lobes.iter().filter(|(share, _)| *share > 0.0) {
+            let part = scattering.map(|channel| share * channel);
+            closures.push(closure(part, part, anisotropy));
+        }
+        let program = match closures.first().map(|closure| closure.inputs[0]) {
+            Some(Value::Column(_)) => Arc::clone(density.program()),
+            _ => Arc::new(Program { outputs: Vec::new(), ..Program::constant("nothing", 0.0) }),
+        };
+        Self::of_closures(name, to_object, density.bounds, program, closures, 1.0)
+    }
+
+    fn of_closures(
+        object: &str,
+        to_object: DMat4,
+        bounds: Region,
+        program: Arc<Program>,
+        closures: Vec<Closure>,
+        scale: f64,
+    ) -> Self {
         let terms: Vec<Term> = closures.into_iter().map(|closure| Term::new(closure, scale)).collect();
         let unknown = vec![Interval::EVERYTHING; program.output_components()];
         let all = sum(terms.iter().map(|term| term.bounds(&unknown)), Interval::ZERO);
@@ -242,12 +294,16 @@ impl ObjectMedium {
             dark: zero(all.emission),
             absorbing,
         };
-        let to_object = scene::matrix_to_glam(&volume.matrix_world).inverse();
-        Ok(Self { object: volume.object.clone(), to_object, bounds, character, program, terms })
+        Self { object: object.to_owned(), to_object, bounds, character, program, terms }
+    }
+
+    /// Its closures, with the factor on each one's coefficients.
+    pub(crate) fn closures(&self) -> impl Iterator<Item = (&Closure, f64)> {
+        self.terms.iter().map(|term| (&term.closure, term.scale))
     }
 
     /// The program that computes what varies, one output per column.
-    pub fn program(&self) -> &Program {
+    pub fn program(&self) -> &Arc<Program> {
         &self.program
     }
 
@@ -448,7 +504,7 @@ impl PhaseMixture {
 /// All media of a scene.
 pub struct Media {
     /// Object by object.
-    pub objects: Vec<ObjectMedium>,
+    pub objects: Vec<Arc<ObjectMedium>>,
 }
 
 /// Coefficients and lobes at a point of the world.
@@ -466,7 +522,7 @@ impl Media {
         let objects = scene
             .volumes()?
             .into_iter()
-            .map(|(volume, graph)| ObjectMedium::new(graph, volume))
+            .map(|(volume, graph)| ObjectMedium::new(graph, volume).map(Arc::new))
             .collect::<Result<_>>()?;
         Ok(Self { objects })
     }

@@ -10,6 +10,7 @@
 //!
 //! NaN is not caught: it has to reach the picture. `cloudparity stability` measures all three over 1e-6 to 1e6.
 
+pub use crate::base::interpolation::smooth;
 use num_traits::Float;
 use serde::{Deserialize, Serialize};
 
@@ -45,21 +46,27 @@ pub fn step_weight<T: Float>(integration: Integration, extinction: T, step: T) -
 }
 
 /// How a step of a view ray adds what is scattered and emitted along it; [`crate::integrators::march`] gives the formulas.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
+#[derive(
+    Debug,
+    Clone,
+    Copy,
+    PartialEq,
+    Eq,
+    Serialize,
+    Deserialize,
+    strum::Display,
+    strum::EnumMessage,
+    strum::IntoStaticStr,
+    strum::VariantArray,
+)]
 #[serde(rename_all = "kebab-case")]
+#[strum(serialize_all = "kebab-case")]
 pub enum Integration {
     /// The integral over the step, exact for constant coefficients.
     EnergyConserving,
     /// The value at the step's begin times its length: brighter than the truth, without bound as
     /// extinction times step grows.
     Plain,
-}
-
-/// Cubic Hermite step from 0 below `low` to 1 above `high`.
-pub fn smooth<T: num_traits::Float>(low: T, high: T, value: T) -> T {
-    let three = T::one() + T::one() + T::one();
-    let t = ((value - low) / (high - low)).max(T::zero()).min(T::one());
-    t * t * (three - (t + t))
 }
 
 #[cfg(test)]

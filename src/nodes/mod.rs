@@ -22,6 +22,7 @@ pub mod combine_color;
 pub mod combine_xyz;
 pub mod conversion;
 pub mod curve_mapping;
+pub mod density_medium;
 pub mod emission;
 pub mod float_curve;
 pub mod gabor_texture;
@@ -48,6 +49,7 @@ pub mod normal;
 pub mod nudged;
 pub mod object_info;
 pub mod object_property;
+pub mod perlin_fbm;
 pub mod point_attribute;
 pub mod principled_volume;
 pub mod real;
@@ -62,6 +64,7 @@ pub mod separate_color;
 pub mod separate_xyz;
 pub mod socket_limits;
 pub mod texture_coordinate;
+pub mod texture_lookup;
 pub mod texture_mapping;
 pub mod value;
 pub mod vector_curve;
@@ -70,7 +73,6 @@ pub mod vector_rotate;
 pub mod vector_transform;
 pub mod volume_absorption;
 pub mod volume_coefficients;
-pub mod volume_grid_lookup;
 pub mod volume_scatter;
 pub mod voronoi_texture;
 pub mod wave_texture;
@@ -82,8 +84,8 @@ pub use real::{Oracle, Real};
 pub use registration::register;
 pub use running_error::RunningError;
 
+use crate::base::texture::TextureHandle;
 use crate::scene::SocketType;
-use crate::scene::volume_grid::GridHandle;
 use serde_json::Value as Json;
 use std::sync::Arc;
 
@@ -158,6 +160,7 @@ impl Data {
         match self {
             Self::Ramp(ramp) => ramp.describe(),
             Self::Curves(curves) => curves.describe(),
+            Self::PerlinFbm(cloud) => format!("{:?}", cloud.parameters()),
         }
     }
 }
@@ -214,6 +217,8 @@ pub enum Data {
     Ramp(Arc<color_ramp::Ramp>),
     /// One or several curves.
     Curves(Arc<curve_mapping::CurveMapping>),
+    /// A Perlin-FBM cloud.
+    PerlinFbm(Arc<perlin_fbm::Cloud>),
 }
 
 impl Property {
@@ -416,7 +421,7 @@ pub struct Mode {
     data: Vec<(&'static str, Data)>,
     stored: Vec<(&'static str, [f32; 3])>,
     wanted: Vec<&'static str>,
-    grid: Option<GridHandle>,
+    texture: Option<TextureHandle>,
     frame: Option<vector_transform::Frame>,
 }
 
@@ -454,7 +459,7 @@ impl Mode {
             data: Vec::new(),
             stored: Vec::new(),
             wanted: Vec::new(),
-            grid: None,
+            texture: None,
             frame: None,
         };
         for property in node_type.properties {
@@ -516,6 +521,22 @@ impl Mode {
             }
         }
         Ok(mode)
+    }
+
+    /// The mode of a node type whose only properties are these data.
+    pub fn of_data(node_type: &NodeType, data: Vec<(&'static str, Data)>) -> Self {
+        debug_assert_eq!(node_type.properties.len(), data.len());
+        Self {
+            choices: Vec::new(),
+            flags: Vec::new(),
+            integers: Vec::new(),
+            numbers: Vec::new(),
+            data,
+            stored: Vec::new(),
+            wanted: Vec::new(),
+            texture: None,
+            frame: None,
+        }
     }
 
     /// [`Self::read`] of a node of the file, with the vectors that it keeps in its outputs.
@@ -597,18 +618,18 @@ impl Mode {
         self
     }
 
-    /// The same mode with the grid that the node reads.
-    pub fn with_grid(mut self, grid: GridHandle) -> Self {
-        self.grid = Some(grid);
+    /// The same mode with the texture that the node reads.
+    pub fn with_texture(mut self, texture: TextureHandle) -> Self {
+        self.texture = Some(texture);
         self
     }
 
-    /// The grid that the node reads.
+    /// The texture that the node reads.
     ///
     /// # Panics
     /// When it has none: the compiler gives one to every lookup.
-    pub fn grid(&self) -> &GridHandle {
-        self.grid.as_ref().expect("a lookup has a grid")
+    pub fn texture(&self) -> &TextureHandle {
+        self.texture.as_ref().expect("a lookup has a texture")
     }
 
     /// The same mode with the frame of the shaded object.
@@ -707,6 +728,15 @@ pub trait Kernel: Send + Sync {
     fn shader_constants(&self) -> String {
         String::new()
     }
+    /// Textures that it reads. Before [`Self::shader_constants`] the instance's text declares `TEXELS_0`, `TEXELS_1` ...: the first word
+    /// of each in the program's data.
+    fn textures(&self) -> Vec<TextureHandle> {
+        Vec::new()
+    }
+    /// What it does in this mode that its shader does not, if there is anything.
+    fn without_shader(&self) -> Option<&'static str> {
+        None
+    }
     /// Cycles' simplification for some constant inputs (`None` marks a varying component).
     fn simplify(&self, _inputs: &[Option<f32>]) -> Option<Simplified> {
         None
@@ -754,6 +784,14 @@ pub trait Evaluate: Send + Sync {
     /// See [`Kernel::shader_constants`].
     fn shader_constants(&self) -> String {
         String::new()
+    }
+    /// See [`Kernel::textures`].
+    fn textures(&self) -> Vec<TextureHandle> {
+        Vec::new()
+    }
+    /// See [`Kernel::without_shader`].
+    fn without_shader(&self) -> Option<&'static str> {
+        None
     }
     /// See [`Kernel::simplify`].
     fn simplify_constants(&self, _inputs: &[Option<f32>]) -> Option<Simplified> {
@@ -804,6 +842,12 @@ impl<T: Evaluate> Kernel for T {
     }
     fn shader_constants(&self) -> String {
         Evaluate::shader_constants(self)
+    }
+    fn textures(&self) -> Vec<TextureHandle> {
+        Evaluate::textures(self)
+    }
+    fn without_shader(&self) -> Option<&'static str> {
+        Evaluate::without_shader(self)
     }
     fn simplify(&self, inputs: &[Option<f32>]) -> Option<Simplified> {
         self.simplify_constants(inputs)
@@ -938,9 +982,12 @@ pub fn registry() -> &'static [&'static NodeType] {
     registration::all(REGISTRY)
 }
 
-/// The node type of Blender's `bl_idname`.
+/// Node types of ours that stand for published densities: scene files may hold them, Blender has none of them.
+pub static OWN: &[&NodeType] = &[&perlin_fbm::TYPE];
+
+/// The node type of Blender's `bl_idname`, or of ours.
 pub fn find(type_name: &str) -> Option<&'static NodeType> {
-    registry().iter().copied().find(|node_type| node_type.type_name == type_name)
+    registry().iter().chain(OWN).copied().find(|node_type| node_type.type_name == type_name)
 }
 
 impl NodeType {

@@ -29,6 +29,11 @@ pub trait Real:
 
     /// Exact conversion.
     fn of(value: f32) -> Self;
+    /// The nearest number: what a parameter of a node is in this type.
+    #[inline(always)]
+    fn of_f64(value: f64) -> Self {
+        Self::of(value as f32)
+    }
     /// Rounds to f32.
     fn to_f32(self) -> f32;
     /// Widens to f64.
@@ -310,6 +315,10 @@ impl Real for f32 {
 }
 
 impl Real for f64 {
+    #[inline(always)]
+    fn of_f64(value: f64) -> Self {
+        value
+    }
     const IS_PLAIN: bool = true;
 
     #[inline(always)]
@@ -405,6 +414,10 @@ impl Neg for Oracle {
 }
 
 impl Real for Oracle {
+    #[inline(always)]
+    fn of_f64(value: f64) -> Self {
+        Self(value)
+    }
     #[inline(always)]
     fn of(value: f32) -> Self {
         Self(f64::from(value))

@@ -172,7 +172,7 @@ pub static NODES: &[RefusedNode] = &[
         "ShaderNodeOutputAOV",
         "AOV Output",
         "writes a render pass and feeds nothing, so that it cannot reach the volume",
-        "Ask for the value with `cloudparity eval --output NODE.SOCKET`.",
+        "Ask for the value by its target, NODE.SOCKET (`cloudparity eval`).",
     ),
     node("ShaderNodeOutputLight", "Light Output", OTHER_OUTPUT, OTHER_OUTPUT_INSTEAD),
     node("ShaderNodeOutputLineStyle", "Line Style Output", OTHER_OUTPUT, OTHER_OUTPUT_INSTEAD),

@@ -52,6 +52,16 @@ impl RunningError {
         self.value
     }
 
+    /// A number of double precision, rounded to f32.
+    pub fn rounded(value: f64) -> Self {
+        Self { value: value as f32, error: (f64::from(value as f32) - value).abs() }
+    }
+
+    /// Largest distance of a conforming evaluation from the exact result; infinite where nothing is known.
+    pub fn error(self) -> f64 {
+        if self.error.is_nan() { f64::INFINITY } else { self.error }
+    }
+
     /// Largest difference between two conforming evaluations; infinite where nothing is known.
     pub fn between_evaluations(self) -> f64 {
         if self.error.is_nan() { f64::INFINITY } else { 2.0 * self.error }

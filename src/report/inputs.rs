@@ -1,6 +1,6 @@
 //! What a run directory may hold: the types of its files and how they are read.
 //!
-//! Every file is optional. One that is missing is listed as left out with the command that makes it;
+//! Every file is optional. One that is missing is listed as left out with what makes it ([`Makers`]);
 //! one that is there and cannot be understood is an error with file and place.
 
 use crate::base::error::{Error, Result};
@@ -20,27 +20,27 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use std::path::{Component, Path};
 
-/// What makes the pictures and figures of a comparison.
-const DIFF: &str = "cloudparity diff --ours OURS.exr --reference REFERENCE.exr --view AgX --out RUN";
+/// How each file of a run directory is made, by its name in [`FILES`]: a command or a sentence, which whoever writes the report knows.
+pub type Makers<'a> = &'a [(&'a str, &'a str)];
 
-/// Files of a run directory: name, what it shows, how to make it.
-const MAKERS: [(&str, &str, &str); 16] = [
-    ("run.json", "title, command, versions and timings", "cloudparity demo -o RUN"),
-    ("diff.json", "the figures of the picture", DIFF),
-    ("ours.png", "our picture", DIFF),
-    ("reference.png", "the reference's picture", DIFF),
-    ("difference.png", "the map of the difference", DIFF),
-    ("probe.json", "field values against Cycles, point by point", "cloudparity probe SCENE --json > RUN/probe.json"),
-    ("slices.json", "slices of the field and their error", "cloudparity demo -o RUN"),
-    ("modes.json", "every node in every mode", "cloudparity modes --json > RUN/modes.json"),
-    ("bounds.json", "bounds of the density", "cloudparity bounds SCENE --json > RUN/bounds.json"),
-    ("bench.json", "speed against Cycles", "cloudparity bench SCENE --json > RUN/bench.json"),
-    ("study/results.json", "error against time", "cloudparity study FILE.study.toml -o RUN/study"),
-    ("tuning/tuning.json", "tuned parameters", "cloudparity tune FILE.tune.toml -o RUN/tuning"),
-    ("models.json", "two density models side by side", "cloudparity compare-models SCENE -o RUN"),
-    ("stability.json", "numerical stability", "cloudparity stability SCENE -o RUN"),
-    ("explain.txt", "the specialised graph in words", "cloudparity explain SCENE > RUN/explain.txt"),
-    ("scene.json", "the scene", "cp SCENE RUN/scene.json"),
+/// Files of a run directory: name, what it shows.
+pub const FILES: [(&str, &str); 16] = [
+    ("run.json", "title, command, versions and timings"),
+    ("diff.json", "the figures of the picture"),
+    ("ours.png", "our picture"),
+    ("reference.png", "the reference's picture"),
+    ("difference.png", "the map of the difference"),
+    ("probe.json", "field values against Cycles, point by point"),
+    ("slices.json", "slices of the field and their error"),
+    ("modes.json", "every node in every mode"),
+    ("bounds.json", "bounds of the density"),
+    ("bench.json", "speed against Cycles"),
+    ("study/results.json", "error against time"),
+    ("tuning/tuning.json", "tuned parameters"),
+    ("models.json", "two density models side by side"),
+    ("stability.json", "numerical stability"),
+    ("explain.txt", "the specialised graph in words"),
+    ("scene.json", "the scene"),
 ];
 
 /// A figure of a study, by its file's stem.
@@ -317,13 +317,13 @@ pub struct Inputs {
 
 impl Inputs {
     /// Reads a run directory.
-    pub fn read(directory: &Path) -> Result<Self> {
+    pub fn read(directory: &Path, makers: Makers<'_>) -> Result<Self> {
         if !directory.is_dir() {
             return Err(Error::new(
                 directory.display().to_string(),
                 "no directory",
                 "the folder of a run",
-                "Give the folder that cloudparity demo -o or diff --out wrote.",
+                "Give the folder that cloudparity demo or cloudparity diff wrote.",
             ));
         }
         let mut inputs = Self {
@@ -350,12 +350,13 @@ impl Inputs {
             inputs.explain = Some(files::read_text(&explain, "text in UTF-8")?);
         }
         inputs.left_out = inputs.run.left_out.clone();
-        for (name, what, remedy) in MAKERS {
+        for (name, what) in FILES {
             if !directory.join(name).exists() {
+                let maker = makers.iter().find(|(file, _)| *file == name).map(|(_, maker)| (*maker).to_owned());
                 inputs.left_out.push(LeftOut {
                     what: capitalised(what),
                     why: format!("{name} is not in the run directory."),
-                    remedy: remedy.into(),
+                    remedy: maker.unwrap_or_default(),
                 });
             }
         }

@@ -22,9 +22,9 @@ const STYLE: &str = include_str!("report.css");
 const PROGRAM: &str = include_str!("report.js");
 
 /// Writes `index.html`, `report.md`, `figures.csv`, `tables.tex` and `certificate.json` into a run directory and returns the path of
-/// the page. Missing inputs are listed on it; inputs that cannot be understood are an error.
-pub fn write_report(directory: &Path) -> Result<PathBuf> {
-    let inputs = Inputs::read(directory)?;
+/// the page. Missing inputs are listed on it with what makes them; inputs that cannot be understood are an error.
+pub fn write_report(directory: &Path, makers: inputs::Makers<'_>) -> Result<PathBuf> {
+    let inputs = Inputs::read(directory, makers)?;
     let summary = summary::Summary::of(&inputs);
     let page = render(&inputs, &summary)?;
     write_atomically(&directory.join("figures.csv"), tables::csv(&inputs).as_bytes())?;
@@ -149,6 +149,9 @@ mod tests {
     use super::*;
     use serde_json::json;
 
+    const MAKERS: inputs::Makers<'_> =
+        &[("modes.json", "cloudparity modes > RUN/modes.json"), ("bench.json", "cloudparity bench > RUN/bench.json")];
+
     fn directory(files: &[(&str, String)]) -> tempfile::TempDir {
         let folder = tempfile::tempdir().unwrap();
         for (name, text) in files {
@@ -164,7 +167,7 @@ mod tests {
     #[test]
     fn an_empty_run_gives_a_page_that_lists_what_is_missing() {
         let folder = directory(&[]);
-        let page = write_report(folder.path()).unwrap();
+        let page = write_report(folder.path(), MAKERS).unwrap();
         assert_eq!(page, folder.path().join("index.html"));
         let html = read(&folder, "index.html");
         assert!(html.contains("could not tell"));
@@ -182,7 +185,7 @@ mod tests {
             ("modes.json", json!([{"node": evil, "mode": {"operation": evil}, "pass": false}]).to_string()),
             ("explain.txt", evil.to_owned()),
         ]);
-        write_report(folder.path()).unwrap();
+        write_report(folder.path(), MAKERS).unwrap();
         let html = read(&folder, "index.html");
         assert!(!html.contains("<script>alert"));
         assert!(!html.contains("src=\"http") && !html.contains("href=\"http") && !html.contains("url(http"));
@@ -196,7 +199,7 @@ mod tests {
             "cpu": {"points": 10, "differing": 0, "max_error": 0.0},
             "gpu": {"points": 10, "differing": 3, "max_error": 0.5, "limit": 0.1}}});
         let folder = directory(&[("probe.json", probe.to_string())]);
-        write_report(folder.path()).unwrap();
+        write_report(folder.path(), MAKERS).unwrap();
         let page = read(&folder, "index.html");
         assert!(page.contains("class=\"verdict differs\""));
         assert!(page.contains("Field (GPU, wide)"));
@@ -214,15 +217,15 @@ mod tests {
     #[test]
     fn a_file_that_cannot_be_understood_is_named_with_its_place() {
         let folder = directory(&[("modes.json", "[{\"node\": \"Math\", \"points\": \"many\"}]".into())]);
-        let error = write_report(folder.path()).unwrap_err();
+        let error = write_report(folder.path(), MAKERS).unwrap_err();
         assert!(error.place.ends_with("modes.json, [0].points"), "{}", error.place);
         let folder = directory(&[("diff.json", "{".into())]);
-        assert!(write_report(folder.path()).unwrap_err().place.contains("diff.json, line 1"));
+        assert!(write_report(folder.path(), MAKERS).unwrap_err().place.contains("diff.json, line 1"));
     }
 
     #[test]
     fn pictures_outside_the_run_directory_are_refused() {
         let folder = directory(&[("slices.json", json!([{"title": "t", "field_png": "../a.png"}]).to_string())]);
-        assert_eq!(write_report(folder.path()).unwrap_err().place, "slices.json or models.json");
+        assert_eq!(write_report(folder.path(), MAKERS).unwrap_err().place, "slices.json or models.json");
     }
 }

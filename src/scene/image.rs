@@ -2,13 +2,14 @@
 //!
 //! An [`Image`] is RGBA in f32: linear Rec. 709, premultiplied, top row first. EXR files are ZIP
 //! compressed scan lines of float channels; provenance travels as text attributes whose names begin
-//! with [`ATTRIBUTE_PREFIX`].
+//! with [`ATTRIBUTE_PREFIX`]. A picture without background may hold what each channel lets through of one; in a file those are the
+//! channels R, G and B of the layer `transmittance`, beside alpha, which is a single number.
 
 use crate::base::error::{Error, Result};
 use crate::base::files;
 use exr::prelude::{
-    AttributeValue, Compression, Encoding, Layer, LayerAttributes, LineOrder, ReadChannels, ReadLayers,
-    SpecificChannels, Text, Vec2, WritableImage,
+    AnyChannel, AnyChannels, AttributeValue, Compression, Encoding, FlatSamples, Layer, LayerAttributes, LineOrder,
+    ReadChannels, ReadLayers, ReadSpecificChannel, SmallVec, Text, WritableImage,
 };
 use indexmap::IndexMap;
 use std::path::Path;
@@ -19,6 +20,9 @@ pub const ATTRIBUTE_PREFIX: &str = "cloudparity:";
 /// What files declare as their colour space, in the attribute colorInteropID: as Blender does.
 const COLOR_SPACE: &str = "lin_rec709_scene";
 
+/// Channels of the layer that holds the transmittance.
+const TRANSMITTANCE: [&str; 3] = ["transmittance.R", "transmittance.G", "transmittance.B"];
+
 /// A scene-linear RGBA picture.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Image {
@@ -28,6 +32,8 @@ pub struct Image {
     pub height: usize,
     /// Row by row from the top: premultiplied red, green, blue, and alpha.
     pub pixels: Vec<[f32; 4]>,
+    /// Share of a background that red, green and blue let through, 0 to 1, for each pixel; none where nothing says so.
+    pub transmittance: Option<Vec<[f32; 3]>>,
     /// How it was made: names without prefix, values as text.
     pub provenance: IndexMap<String, String>,
 }
@@ -35,7 +41,7 @@ pub struct Image {
 impl Image {
     /// A picture of zeros.
     pub fn new(width: usize, height: usize) -> Self {
-        Self { width, height, pixels: vec![[0.0; 4]; width * height], provenance: IndexMap::new() }
+        Self { width, height, pixels: vec![[0.0; 4]; width * height], transmittance: None, provenance: IndexMap::new() }
     }
 
     /// Mean of each channel over all pixels, summed in f64.
@@ -58,12 +64,10 @@ impl Image {
             ));
         }
         let mut mean = Self::new(first.width, first.height);
-        for (index, pixel) in mean.pixels.iter_mut().enumerate() {
-            *pixel = std::array::from_fn(|channel| {
-                let sum: f64 = images.iter().map(|image| f64::from(image.pixels[index][channel])).sum();
-                (sum / images.len() as f64) as f32
-            });
-        }
+        let all: Vec<&[[f32; 4]]> = images.iter().map(|image| image.pixels.as_slice()).collect();
+        mean.pixels = mean_pixels(&all);
+        let through: Option<Vec<&[[f32; 3]]>> = images.iter().map(|image| image.transmittance.as_deref()).collect();
+        mean.transmittance = through.map(|through| mean_pixels(&through));
         let shared = |(name, value): &(&String, &String)| images.iter().all(|i| i.provenance.get(*name) == Some(value));
         mean.provenance = first.provenance.iter().filter(shared).map(|(n, v)| (n.clone(), v.clone())).collect();
         mean.provenance.insert("content".to_owned(), format!("mean of {} replicas", images.len()));
@@ -84,8 +88,9 @@ impl Image {
                 self.pixels[first]
             ),
             "finite pixels",
-            "Look at the density there (cloudparity eval), or give --allow-nonfinite to write the picture as it is.",
-        ))
+            "Look at the density there (cloudparity eval), or allow such pixels to write the picture as it is.",
+        )
+        .with_setting("allow_nonfinite"))
     }
 
     /// Writes the picture; a picture with NaN or infinity only if `allow_nonfinite`.
@@ -93,10 +98,17 @@ impl Image {
         if !allow_nonfinite {
             self.check_finite(&path.display().to_string())?;
         }
-        let channels = SpecificChannels::rgba(|position: Vec2<usize>| {
-            let [red, green, blue, alpha] = self.pixels[position.y() * self.width + position.x()];
-            (red, green, blue, alpha)
-        });
+        let channel = |name: &str, values: Vec<f32>| AnyChannel::new(name, FlatSamples::F32(values));
+        let mut channels: SmallVec<[AnyChannel<FlatSamples>; 4]> = ["R", "G", "B", "A"]
+            .into_iter()
+            .enumerate()
+            .map(|(number, name)| channel(name, self.pixels.iter().map(|pixel| pixel[number]).collect()))
+            .collect();
+        for (number, name) in TRANSMITTANCE.into_iter().enumerate() {
+            let values = self.transmittance.iter().flatten().map(|pixel| pixel[number]).collect();
+            channels.extend(self.transmittance.is_some().then(|| channel(name, values)));
+        }
+        let channels = AnyChannels::sort(channels);
         let encoding = Encoding {
             compression: Compression::ZIP16,
             blocks: exr::image::Blocks::ScanLines,
@@ -114,16 +126,34 @@ impl Image {
         files::replace_atomically(path, |temporary| image.write().to_file(temporary).map_err(std::io::Error::other))
     }
 
-    /// Reads the first layer of an EXR with channels R, G, B and, if there is one, A (else 1).
+    /// Reads the first part of an EXR with channels R, G, B and, if there are, A (else 1) and the transmittance's.
     pub fn read_exr(path: &Path) -> Result<Self> {
         let place = path.display().to_string();
+        let [red, green, blue] = TRANSMITTANCE;
         let image = exr::prelude::read()
             .no_deep_data()
             .largest_resolution_level()
-            .rgba_channels(
-                |resolution, _| (resolution.width(), vec![[0.0f32; 4]; resolution.area()]),
-                |(width, pixels), position, (red, green, blue, alpha): (f32, f32, f32, f32)| {
-                    pixels[position.y() * *width + position.x()] = [red, green, blue, alpha];
+            .specific_channels()
+            .required("R")
+            .required("G")
+            .required("B")
+            .optional("A", 1.0_f32)
+            .optional(red, 1.0_f32)
+            .optional(green, 1.0_f32)
+            .optional(blue, 1.0_f32)
+            .collect_pixels(
+                |resolution, (_, _, _, _, red, green, blue)| {
+                    let holds = red.is_some() && green.is_some() && blue.is_some();
+                    let mut read = Self::new(resolution.width(), resolution.height());
+                    read.transmittance = holds.then(|| vec![[1.0; 3]; resolution.area()]);
+                    read
+                },
+                |read, position, pixel: (f32, f32, f32, f32, f32, f32, f32)| {
+                    let at = position.y() * read.width + position.x();
+                    read.pixels[at] = [pixel.0, pixel.1, pixel.2, pixel.3];
+                    if let Some(transmittance) = &mut read.transmittance {
+                        transmittance[at] = [pixel.4, pixel.5, pixel.6];
+                    }
                 },
             )
             .first_valid_layer()
@@ -149,13 +179,18 @@ impl Image {
         }
         // The order of a hash map is not kept between runs.
         provenance.sort_keys();
-        Ok(Self {
-            width: layer.size.width(),
-            height: layer.size.height(),
-            pixels: layer.channel_data.pixels.1,
-            provenance,
-        })
+        Ok(Self { provenance, ..layer.channel_data.pixels })
     }
+}
+
+/// Mean of the pixels of several pictures, summed in f64.
+fn mean_pixels<const N: usize>(pictures: &[&[[f32; N]]]) -> Vec<[f32; N]> {
+    let mean = |index: usize, channel: usize| {
+        let sum: f64 = pictures.iter().map(|pixels| f64::from(pixels[index][channel])).sum();
+        (sum / pictures.len() as f64) as f32
+    };
+    let count = pictures.first().map_or(0, |pixels| pixels.len());
+    (0..count).map(|index| std::array::from_fn(|channel| mean(index, channel))).collect()
 }
 
 #[cfg(test)]
@@ -178,6 +213,30 @@ mod tests {
         let image = picture();
         image.write_exr(&path, false).expect("it is written");
         assert_eq!(Image::read_exr(&path).expect("it is read"), image);
+    }
+
+    #[test]
+    fn what_a_background_would_show_through_is_kept_beside_alpha() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("a.exr");
+        let mut image = picture();
+        image.transmittance = Some((0..6).map(|index| [0.1, 0.2, 0.3].map(|part| part * index as f32)).collect());
+        image.write_exr(&path, false).expect("it is written");
+        assert_eq!(Image::read_exr(&path).expect("it is read"), image);
+        // A reader that knows nothing of the layer finds the same four channels.
+        let plain = exr::prelude::read_first_rgba_layer_from_file(
+            &path,
+            |size, _| vec![[0.0; 4]; size.area()],
+            |pixels: &mut Vec<[f32; 4]>, at, (r, g, b, a): (f32, f32, f32, f32)| {
+                pixels[at.y() * 3 + at.x()] = [r, g, b, a]
+            },
+        );
+        assert_eq!(plain.expect("it is read").layer_data.channel_data.pixels, image.pixels);
+        let mut other = image.clone();
+        other.transmittance.as_mut().expect("it is there")[1] = [0.3, 0.6, 0.9];
+        let mean = Image::mean_of(&[image.clone(), other]).expect("of one size");
+        assert_eq!(mean.transmittance.expect("both have it")[1], [0.2, 0.4, 0.6]);
+        assert_eq!(Image::mean_of(&[image, picture()]).expect("of one size").transmittance, None);
     }
 
     #[test]

@@ -529,7 +529,7 @@ impl Scene {
                     "Write these bounds.",
                 ));
             }
-            volume.grid = Some(GridHandle::new(grid, sha256.clone()));
+            volume.grid = Some(GridHandle::new(&grid, sha256.clone()));
         }
         Ok(())
     }

@@ -1,4 +1,4 @@
-//! Changing stored values by name: `--set "Large Noise/Scale=2"`.
+//! Changing stored values by name: `Large Noise/Scale=2`.
 
 use crate::base::error::{Error, Result};
 use crate::scene::{Graph, Input, Scene, SocketType};
@@ -10,10 +10,12 @@ impl Scene {
     /// colours, three or four numbers joined by commas. A name that fits several inputs is an error
     /// that lists them.
     pub fn set(&mut self, assignment: &str) -> Result<()> {
-        let place = format!("--set {assignment}");
-        let wrong = |found: String, expected: &str, remedy: &str| Error::new(place.clone(), found, expected, remedy);
+        let place = format!("value {assignment}");
+        let wrong = |found: String, expected: &str, remedy: &str| {
+            Error::new(place.clone(), found, expected, remedy).with_setting("set")
+        };
         let Some((name, text)) = assignment.split_once('=') else {
-            return Err(wrong("no \"=\"".into(), "NAME=VALUE", "Write for example --set \"Altitude=0.8\"."));
+            return Err(wrong("no \"=\"".into(), "NAME=VALUE", "Write for example Altitude=0.8."));
         };
         let numbers: Vec<f32> = text
             .split(',')
@@ -106,6 +108,23 @@ impl Scene {
 }
 
 impl Scene {
+    /// The number that is stored under an exact name of [`Self::settable_numbers`]; a group's input that its node does not store has that
+    /// of the group's interface. None where there is no number.
+    pub fn stored_number(&self, exact_name: &str) -> Option<f32> {
+        let graph = self.graph();
+        let found = everything(graph).into_iter().find(|candidate| candidate.exact_name() == exact_name)?;
+        let node = &graph.nodes[found.node];
+        match if found.is_output { &node.outputs } else { &node.inputs }.get(&found.identifier) {
+            Some(Input::Number(value)) => Some(*value),
+            Some(_) => None,
+            None => {
+                let group = graph.group(node.group.as_ref()?)?;
+                let socket = group.inputs.iter().find(|socket| socket.identifier == found.identifier)?;
+                socket.default.as_ref()?.as_f64().map(|value| value as f32)
+            }
+        }
+    }
+
     /// Every number that [`Self::set`] may change: its exact name, and its label (its identifier where it has none).
     pub fn settable_numbers(&self) -> Vec<(String, String)> {
         let graph = self.graph();

@@ -4,10 +4,11 @@
 //! to the background along one more voxel.
 
 use crate::base::error::{Error, Result};
+use crate::base::texture::{Outside, Texels, Texture, TextureFilter, TextureHandle};
 use glam::{DAffine3, DMat3, DVec3};
-use ndarray::{Array3, s};
+use ndarray::Array3;
 use std::path::Path;
-use std::sync::{Arc, OnceLock};
+use std::sync::OnceLock;
 
 /// Most voxels: 1 GiB.
 pub const MOST_VOXELS: usize = 1 << 28;
@@ -16,112 +17,23 @@ pub const MOST_VOXELS: usize = 1 << 28;
 pub const DENSITY: &str = "density";
 
 /// A grid that several parts of the program share, known by the hash of its file.
-#[derive(Clone)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct GridHandle {
-    grid: Arc<PyramidGrid>,
-    sha256: String,
+    /// Its values; nothing is outside.
+    pub texture: TextureHandle,
+    /// Index of the first value to the object's frame.
+    pub to_object: DAffine3,
 }
 
 impl GridHandle {
     /// Prepares a grid to be read.
-    pub fn new(grid: VolumeGrid, sha256: String) -> Self {
-        Self { grid: Arc::new(PyramidGrid::new(grid)), sha256 }
+    pub fn new(grid: &VolumeGrid, sha256: String) -> Self {
+        let [x, y, z] = [0, 1, 2].map(|axis| grid.values.shape()[axis]);
+        let values = grid.values.view().reversed_axes().iter().copied().collect();
+        let texture =
+            Texture::new([x, y, z], Texels::F32(values), TextureFilter::Trilinear, Outside::Zero).with_identity(sha256);
+        Self { texture: TextureHandle::new(texture), to_object: grid.to_object }
     }
-
-    /// The grid.
-    pub fn grid(&self) -> &PyramidGrid {
-        &self.grid
-    }
-}
-
-impl PartialEq for GridHandle {
-    fn eq(&self, other: &Self) -> bool {
-        self.sha256 == other.sha256
-    }
-}
-
-impl std::fmt::Debug for GridHandle {
-    fn fmt(&self, out: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(out, "grid {}", self.sha256)
-    }
-}
-
-/// A grid with the smallest and largest values of its blocks.
-pub struct PyramidGrid {
-    grid: VolumeGrid,
-    /// Level l: blocks of 2^(l+1) voxels per axis, x slowest.
-    levels: Vec<Array3<[f32; 2]>>,
-}
-
-/// Blocks per axis that a question for a range looks at, at most.
-const BLOCKS: i64 = 4;
-
-impl PyramidGrid {
-    fn new(grid: VolumeGrid) -> Self {
-        let mut levels: Vec<Array3<[f32; 2]>> = Vec::new();
-        let voxels = grid.values.mapv(|value| [value; 2]);
-        loop {
-            let finer = levels.last().unwrap_or(&voxels);
-            if finer.len() == 1 {
-                break;
-            }
-            let [x, y, z] = [0, 1, 2].map(|axis| finer.shape()[axis].div_ceil(2));
-            let coarser = Array3::from_shape_fn((x, y, z), |(x, y, z)| {
-                let ends = [x, y, z].map(|index| 2 * index);
-                let part = finer.slice(s![
-                    ends[0]..finer.shape()[0].min(ends[0] + 2),
-                    ends[1]..finer.shape()[1].min(ends[1] + 2),
-                    ends[2]..finer.shape()[2].min(ends[2] + 2)
-                ]);
-                part.iter().copied().reduce(hull).expect("a block has a voxel")
-            });
-            levels.push(coarser);
-        }
-        Self { grid, levels }
-    }
-
-    /// Values and place.
-    pub fn grid(&self) -> &VolumeGrid {
-        &self.grid
-    }
-
-    /// The value at an index; 0 outside.
-    pub fn value(&self, index: [i64; 3]) -> f32 {
-        let inside = [0, 1, 2].map(|axis| usize::try_from(index[axis]).unwrap_or(usize::MAX));
-        self.grid.values.get(inside).copied().unwrap_or(0.0)
-    }
-
-    /// Enclosure of the values from one index to another, both included: exact for few voxels, else that of the blocks they lie in.
-    pub fn range(&self, first: [i64; 3], last: [i64; 3]) -> [f32; 2] {
-        let size: [i64; 3] = std::array::from_fn(|axis| self.grid.values.shape()[axis] as i64);
-        let is_inside = (0..3).all(|axis| first[axis] >= 0 && last[axis] < size[axis]);
-        let mut found: Option<[f32; 2]> = (!is_inside).then_some([0.0; 2]);
-        let first = first.map(|index| index.max(0));
-        let last: [i64; 3] = std::array::from_fn(|axis| last[axis].min(size[axis] - 1));
-        if (0..3).any(|axis| first[axis] > last[axis]) {
-            return found.unwrap_or([0.0; 2]);
-        }
-        let widest = (0..3).map(|axis| last[axis] - first[axis] + 1).max().unwrap_or(1);
-        let mut level = 0;
-        while widest >> level > BLOCKS && level < self.levels.len() {
-            level += 1;
-        }
-        let (begin, end) = (first.map(|index| index >> level), last.map(|index| index >> level));
-        for x in begin[0]..=end[0] {
-            for y in begin[1]..=end[1] {
-                for z in begin[2]..=end[2] {
-                    let place = [x as usize, y as usize, z as usize];
-                    let value = if level == 0 { [self.grid.values[place]; 2] } else { self.levels[level - 1][place] };
-                    found = Some(found.map_or(value, |found| hull(found, value)));
-                }
-            }
-        }
-        found.unwrap_or([0.0; 2])
-    }
-}
-
-fn hull(a: [f32; 2], b: [f32; 2]) -> [f32; 2] {
-    [a[0].min(b[0]), a[1].max(b[1])]
 }
 
 /// Values on a grid.

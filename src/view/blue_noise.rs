@@ -31,7 +31,12 @@ pub fn value(column: usize, row: usize, frame: u32) -> f64 {
     static RANKS: OnceLock<Vec<u16>> = OnceLock::new();
     let ranks = RANKS.get_or_init(ranks);
     let rank = f64::from(ranks[row % SIDE * SIDE + column % SIDE]);
-    ((rank + 0.5) / PIXELS as f64 + f64::from(frame) * GOLDEN).fract()
+    in_frame((rank + 0.5) / PIXELS as f64, frame)
+}
+
+/// A value in [0, 1] of the first frame, moved on by the golden ratio for each later one; then in [0, 1).
+pub(super) fn in_frame(value: f64, frame: u32) -> f64 {
+    if frame == 0 { value } else { (value + f64::from(frame) * GOLDEN).fract() }
 }
 
 /// Points, and how crowded each pixel is.

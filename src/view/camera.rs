@@ -22,6 +22,30 @@ pub struct Ray {
     pub far: f64,
 }
 
+/// Where a camera's rays go, as a plane in world space: the direction through a raster position (x, y), in pixels from the bottom-left corner,
+/// is that of corner + x across + y up.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct RasterPlane {
+    /// Through the bottom-left corner of the picture.
+    pub corner: DVec3,
+    /// What a pixel to the right adds; nothing where all rays are parallel.
+    pub across: DVec3,
+    /// What a pixel upwards adds.
+    pub up: DVec3,
+}
+
+impl RasterPlane {
+    /// Unit direction of the ray through a raster position.
+    pub fn direction(&self, raster: DVec2) -> DVec3 {
+        (self.corner + self.across * raster.x + self.up * raster.y).normalize()
+    }
+
+    /// Whether all rays go one way.
+    pub fn is_parallel(&self) -> bool {
+        self.across == DVec3::ZERO
+    }
+}
+
 /// A camera for one picture size.
 #[derive(Debug, Clone)]
 pub struct Camera {
@@ -98,6 +122,21 @@ impl Camera {
             Projection::Equirectangular => return None,
         };
         Some(((plane - self.offset) / self.scale, -local.z / local.length()))
+    }
+
+    /// The directions of all rays as a plane that the raster lies in. None in a panorama.
+    pub fn plane(&self) -> Option<RasterPlane> {
+        let step = 2.0 * self.scale / self.size;
+        let plane = |corner: DVec3, step: DVec2| RasterPlane {
+            corner: self.rotation * corner,
+            across: self.rotation * DVec3::X * step.x,
+            up: self.rotation * DVec3::Y * step.y,
+        };
+        match self.projection {
+            Projection::Perspective => Some(plane((self.offset - self.scale).extend(-1.0), step)),
+            Projection::Orthographic => Some(plane(DVec3::NEG_Z, DVec2::ZERO)),
+            Projection::Equirectangular => None,
+        }
     }
 
     /// The ray through a raster position, in pixels from the bottom-left corner.
@@ -186,6 +225,23 @@ mod tests {
         let camera = Camera::new(&scene, [100, 80]).expect("a camera");
         let corner = camera.ray(DVec2::new(100.0, 80.0)).direction;
         close(corner / -corner.z, [0.36 * 100.0 / 160.0, 0.36, -1.0]);
+    }
+
+    #[test]
+    fn the_plane_of_the_raster_holds_the_rays() {
+        let mut scene = scene();
+        scene.camera.matrix_world =
+            [[0.36, 0.48, -0.8, 1.0], [-0.8, 0.6, 0.0, -5.0], [0.48, 0.64, 0.6, 0.25], [0.0, 0.0, 0.0, 1.0]];
+        scene.camera.shift = [0.3, -0.2];
+        for projection in [Projection::Perspective, Projection::Orthographic] {
+            scene.camera.projection = projection;
+            let camera = Camera::new(&scene, [31, 18]).expect("a camera");
+            let plane = camera.plane().expect("no panorama");
+            for raster in [DVec2::ZERO, DVec2::new(31.0, 0.0), DVec2::new(3.25, 17.5)] {
+                close(plane.direction(raster), camera.ray(raster).direction.to_array());
+            }
+            assert_eq!(plane.is_parallel(), projection == Projection::Orthographic);
+        }
     }
 
     #[test]

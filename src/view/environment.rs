@@ -137,6 +137,24 @@ impl Environment {
         self.total()
     }
 
+    /// Mean radiance over all directions, the mean of each cell's corners standing for the cell: what light without a direction is.
+    pub fn mean_radiance(&self) -> [f64; 3] {
+        let mut sum = [0.0; 3];
+        for band in 0..=self.height {
+            let share = self.solid_angle(band) / (4.0 * PI);
+            for column in 0..self.width {
+                let (row, column) = (band as i64, column as i64);
+                for (column, row) in [(column, row - 1), (column + 1, row - 1), (column, row), (column + 1, row)] {
+                    let pixel = self.pixel(column, row);
+                    for channel in 0..3 {
+                        sum[channel] += 0.25 * share * pixel[channel];
+                    }
+                }
+            }
+        }
+        sum
+    }
+
     fn total(&self) -> f64 {
         self.bands[self.height]
     }

@@ -10,12 +10,22 @@ fn gibibytes(bytes: u64) -> f64 {
 /// An error where a picture of `size` pixels, of which each takes so many bytes while it is made, needs more than what is
 /// available. Where the system does not tell, nothing is refused.
 pub(crate) fn check(size: [u32; 2], bytes_per_pixel: u64) -> Result<()> {
-    let mut system = sysinfo::System::new();
-    system.refresh_memory();
-    match system.available_memory() {
+    match available() {
         0 => Ok(()),
         available => check_against(size, bytes_per_pixel, available),
     }
+}
+
+/// Bytes that are free; 0 where nobody tells, as in a browser.
+fn available() -> u64 {
+    #[cfg(feature = "tools")]
+    {
+        let mut system = sysinfo::System::new();
+        system.refresh_memory();
+        system.available_memory()
+    }
+    #[cfg(not(feature = "tools"))]
+    0
 }
 
 fn check_against([width, height]: [u32; 2], bytes_per_pixel: u64, available: u64) -> Result<()> {
@@ -27,8 +37,9 @@ fn check_against([width, height]: [u32; 2], bytes_per_pixel: u64, available: u64
         "$.film.resolution",
         format!("{width} x {height} pixels, which take {:.1} GiB of memory", gibibytes(needed)),
         format!("a picture that fits into the {:.1} GiB that are free", gibibytes(available)),
-        "Render at a lower --resolution.",
-    ))
+        "Render at a lower resolution.",
+    )
+    .with_setting("resolution"))
 }
 
 #[cfg(test)]

@@ -200,11 +200,12 @@ impl SampledLight {
                 ..light
             }),
             _ => Err(Error::new(
-                "--backend gpu",
+                "path tracing on the adapter",
                 "a point, spot or area light with an extent",
                 "suns, and points and spots of radius 0: the adapter knows no other lights yet",
-                "Give --backend cpu.",
-            )),
+                "Trace on the CPU.",
+            )
+            .with_setting("backend")),
         }
     }
 

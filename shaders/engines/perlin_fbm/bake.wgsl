@@ -11,19 +11,20 @@ struct Bake {
     // Invocations of this dispatch: the number of the first, and how many.
     first: u32,
     count: u32,
-    coverage: f32,
-    softness: f32,
+    // Where the threshold begins, and how wide it is, both from f64: the difference of its ends in f32 would lose bits.
+    low: f32,
+    width: f32,
     intensity: f32,
     padding: u32,
 }
 
 // Tables are uniform buffers, 64 KiB at most, where they fit: software adapters read those several times faster than storage.
 @group(0) @binding(0) var<uniform> bake: Bake;
-// Per copy, octave and texel of an axis, two numbers: place in the cell, and the cell as bits.
+// Per copy, octave and texel of an axis, two words: the bits of the place in the cell, and the cell.
 #ifdef LARGE_AXES
-@group(0) @binding(1) var<storage, read> axes: array<vec4f>;
+@group(0) @binding(1) var<storage, read> axes: array<vec4u>;
 #else
-@group(0) @binding(1) var<uniform> axes: array<vec4f, 4096>;
+@group(0) @binding(1) var<uniform> axes: array<vec4u, 4096>;
 #endif
 // Over their sum.
 @group(0) @binding(2) var<uniform> amplitudes: array<vec4f, 16>;
@@ -36,10 +37,15 @@ struct Bake {
 
 const DEPTH = 4u;
 
-fn axis_at(copy_number: u32, octave: u32, place: u32) -> vec2f {
+struct Along {
+    part: f32,
+    cell: u32,
+}
+
+fn axis_at(copy_number: u32, octave: u32, place: u32) -> Along {
     let entry = (copy_number * bake.octaves + octave) * bake.side + place;
-    let part = 2u * (entry & 1u);
-    return vec2f(axes[entry >> 1u][part], axes[entry >> 1u][part + 1u]);
+    let word = 2u * (entry & 1u);
+    return Along(bitcast<f32>(axes[entry >> 1u][word]), axes[entry >> 1u][word + 1u]);
 }
 
 fn pair(x: u32, y: u32) -> u32 {
@@ -86,9 +92,9 @@ fn face(column: Column, cell: u32, z: f32) -> f32 {
     return lerp(column.fade_y, below, above);
 }
 
-fn noise(column: Column, along_z: vec2f) -> f32 {
-    let cell = bitcast<u32>(along_z.y);
-    return lerp(fade(along_z.x), face(column, cell, along_z.x), face(column, cell + 1u, along_z.x - 1.0));
+fn noise(column: Column, along_z: Along) -> f32 {
+    let below = face(column, along_z.cell, along_z.part);
+    return lerp(fade(along_z.part), below, face(column, along_z.cell + 1u, along_z.part - 1.0));
 }
 
 // A power as Math.pow has it: a negative base with a broken exponent is not a number, which is told by -1 of the second part.
@@ -102,7 +108,7 @@ fn power(base: f32, exponent: f32) -> vec2f {
 
 fn byte(value: f32) -> u32 {
     let raised = power(value, bake.intensity);
-    let t = clamp((raised.x - (bake.coverage - bake.softness)) / (2.0 * bake.softness), 0.0, 1.0);
+    let t = clamp((raised.x - bake.low) / bake.width, 0.0, 1.0);
     return select(0u, u32(floor(t * t * (3.0 - 2.0 * t) * 255.0)), raised.y > 0.0);
 }
 
@@ -129,14 +135,14 @@ fn main(@builtin(global_invocation_id) invocation: vec3u) {
         for (var octave = 0u; octave < bake.octaves; octave++) {
             let along_x = axis_at(copy_x, octave, x);
             let along_y = axis_at(copy_y, octave, y);
-            let cell = vec2u(bitcast<u32>(along_x.y), bitcast<u32>(along_y.y));
+            let cell = vec2u(along_x.cell, along_y.cell);
             let hashes = vec4u(
                 pair(cell.x, cell.y),
                 pair(cell.x + 1u, cell.y),
                 pair(cell.x, cell.y + 1u),
                 pair(cell.x + 1u, cell.y + 1u),
             );
-            let column = Column(along_x.x, along_y.x, fade(along_x.x), fade(along_y.x), hashes);
+            let column = Column(along_x.part, along_y.part, fade(along_x.part), fade(along_y.part), hashes);
             let amplitude = amplitudes[octave >> 2u][octave & 3u];
             low += amplitude * vec4f(
                 noise(column, axis_at(0u, octave, places.x)),

@@ -39,9 +39,9 @@ impl TwoLobes {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum ShadowLength {
-    /// That many units of the model's box, whether or not they leave it; samples outside of it are empty.
+    /// That many units of length, whether or not they leave the domain; samples outside of it are empty.
     Fixed(f64),
-    /// Until the ray leaves the box.
+    /// Until the ray leaves the domain.
     ToExit,
 }
 
@@ -76,13 +76,60 @@ pub enum SourceFactor {
     Albedo([f64; 3]),
 }
 
+/// Most suns of a light model; the kernel holds weights of each.
+pub const MOST_SUNS: usize = 8;
+
+/// Light from one direction.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Sun {
+    /// Direction towards it in the world; of any length but 0.
+    pub direction: [f64; 3],
+    /// Colour times intensity: irradiance in the units of the scene.
+    pub irradiance: [f64; 3],
+}
+
+impl Sun {
+    /// Unit vector towards it; of NaN where the direction has no length, so that it is seen.
+    pub fn towards(&self) -> DVec3 {
+        unit(DVec3::from(self.direction)).unwrap_or(DVec3::NAN)
+    }
+
+    /// Irradiance of its brightest channel.
+    pub fn brightest(&self) -> f64 {
+        self.irradiance.into_iter().fold(0.0, f64::max)
+    }
+}
+
+/// A place where light is scattered, for terms of the light.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Lit {
+    /// In the density's frame.
+    pub place: DVec3,
+    /// 0 at the bottom of the domain, 1 at its top.
+    pub height: f64,
+    /// Mean extinction of the channels, per unit of length.
+    pub extinction: f64,
+}
+
+/// A term of a system's own in the light at a sample: it is added to what the suns and the ambient light send, before all of it is
+/// multiplied by what scatters.
+pub trait LightTerm: Send + Sync {
+    /// Import path of its module.
+    fn import_path(&self) -> &'static str;
+
+    /// Radiance per unit of scattering.
+    fn source(&self, at: &Lit) -> [f64; 3];
+
+    /// Its twin: the text of a WGSL module that defines [`Self::import_path`] and
+    /// `fn source(place: vec3f, height: f32, extinction: f32) -> vec3f`.
+    fn shader(&self) -> String;
+}
+
 /// A light model.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct LightModel {
-    /// Direction to the sun in the model's frame; of any length but 0.
-    pub sun_direction: [f64; 3],
-    /// Colour times intensity of the sun: irradiance in the units of the scene.
-    pub sun: [f64; 3],
+    /// Suns, at most [`MOST_SUNS`]. A scene brings its own.
+    pub suns: Vec<Sun>,
     /// Colour times intensity of light from everywhere.
     pub ambient: [f64; 3],
     /// How light is turned.
@@ -113,14 +160,9 @@ impl LightModel {
         weights
     }
 
-    /// Unit vector towards the sun; of NaN where the direction has no length, so that it is seen.
-    pub fn to_sun(&self) -> DVec3 {
-        unit(DVec3::from(self.sun_direction)).unwrap_or(DVec3::NAN)
-    }
-
-    /// Factor on the ambient light at a height of the box, -0.5 to 0.5.
+    /// Factor on the ambient light at a height of the domain, 0 to 1.
     pub fn ambient_factor(&self, height: f64) -> f64 {
         let [bottom, top] = self.terms.ambient;
-        bottom + (top - bottom) * (height + 0.5)
+        bottom + (top - bottom) * height
     }
 }

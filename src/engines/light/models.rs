@@ -316,8 +316,8 @@ mod tests {
         let error = find("moonlight").expect_err("unknown").to_string();
         assert!(error.contains("octaves-deep"), "{error}");
         let mut changed = light();
-        let error = set(&mut changed, "octave", 2.0, "--light-parameter").expect_err("unknown").to_string();
-        assert!(error.contains("--light-parameter") && error.contains("contribution"), "{error}");
+        let error = set(&mut changed, "octave", 2.0, "a parameter of the light").expect_err("unknown").to_string();
+        assert!(error.contains("a parameter of the light") && error.contains("contribution"), "{error}");
         for (name, value) in [("octaves", 2.5), ("octaves", 0.0), ("attenuation", 1.5), ("contribution", f64::NAN)] {
             assert!(set(&mut changed, name, value, "test").is_err(), "{name} {value}");
         }

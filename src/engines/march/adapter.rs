@@ -1,14 +1,28 @@
 //! The march of a real-time engine on the adapter: `shaders/engines/march.wgsl`, in f32.
 
-use crate::base::error::Result;
-use crate::engines::light::{LightModel, ShadowExtinction, ShadowLength, SourceFactor};
-use crate::engines::march::{RealTimePixel, RealTimeRay, RealTimeSettings, averages};
+use crate::base::error::{Error, Result};
+use crate::engines::domain::Outline;
+use crate::engines::light::{MOST_SUNS, ShadowExtinction, ShadowLength, SourceFactor};
+use crate::engines::march::{Marched, RealTimePixel, RealTimeRay, RealTimeSettings};
 use crate::gpu::{Bindings, ComputeKernel, Gpu, Layout, SOFTWARE_LOOPS};
+use crate::graph::Program;
+use crate::graph::constants::{SharedConstants, SharedNumber};
 use crate::graph::wgsl::Linker;
-use crate::media::averages as coarse;
-use crate::media::density::DensityModel;
+use crate::media::density::CELLS;
 use crate::media::transfer::Integration;
 use crate::shader_struct;
+use bytemuck::Zeroable;
+use glam::DVec3;
+use std::fmt::Write;
+
+/// Numbers that the kernel imports.
+pub const CONSTANTS: SharedConstants = SharedConstants {
+    path: "cloudparity::engines::constants",
+    numbers: &[
+        ("CELLS", SharedNumber::Unsigned(CELLS as u32)),
+        ("MOST_SUNS", SharedNumber::Unsigned(MOST_SUNS as u32)),
+    ],
+};
 
 /// Densities per submission, at most: some 50 ms on a software adapter.
 const DENSITIES: usize = 1 << 18;
@@ -18,12 +32,14 @@ shader_struct! {
     struct MarchUniform = "March" {
         extinction: [f32; 3],
         steps: u32,
-        sun: [f32; 3],
-        shadow_steps: u32,
         ambient: [f32; 3],
+        shadow_steps: u32,
+        low: [f32; 3],
         shadow_length: f32,
-        to_sun: [f32; 3],
+        high: [f32; 3],
         depth_compression: f32,
+        albedo: [f32; 3],
+        powder_ambient: f32,
         anisotropy: [f32; 2],
         second: f32,
         least_density: f32,
@@ -43,8 +59,21 @@ shader_struct! {
         ambient_top: f32,
         body_strength: f32,
         body_length: f32,
-        albedo: [f32; 3],
-        powder_ambient: f32,
+        inner: f32,
+        outer: f32,
+        suns: u32,
+        end_padding: u32,
+    }
+}
+
+shader_struct! {
+    struct Sun = "Sun" {
+        way: [f32; 3],
+        padding: f32,
+        direction: [f32; 3],
+        more_padding: f32,
+        irradiance: [f32; 3],
+        end_padding: f32,
     }
 }
 
@@ -52,51 +81,93 @@ shader_struct! {
     struct Ray = "Ray" {
         origin: [f32; 3],
         length: f32,
-        direction: [f32; 3],
+        way: [f32; 3],
         jitter: f32,
+        direction: [f32; 3],
         farthest: f32,
-        padding: [f32; 7],
+        first: f32,
+        gap: f32,
+        end_padding: [f32; 2],
     }
 }
 
 shader_struct! {
-    struct Pixel = "Pixel" {
-        radiance: [f32; 3],
-        samples: u32,
-        transmittance: [f32; 3],
-        dense: u32,
+    /// What a ray came to, on the adapter; [`RealTimePixel`] says what is in it.
+    pub struct Pixel = "Pixel" {
+        /// Radiance that reaches the camera.
+        pub radiance: [f32; 3],
+        /// Samples at which the density was asked for.
+        pub samples: u32,
+        /// Share of the background that reaches it.
+        pub transmittance: [f32; 3],
+        /// Samples that were dense enough to count.
+        pub dense: u32,
     }
 }
 
-/// A march compiled for a density model, a light model and settings.
-pub struct RealTimeKernel<'a> {
+impl From<&RealTimePixel> for Pixel {
+    fn from(pixel: &RealTimePixel) -> Self {
+        let single = |values: [f64; 3]| values.map(|value| value as f32);
+        Self {
+            radiance: single(pixel.radiance),
+            samples: pixel.samples,
+            transmittance: single(pixel.transmittance),
+            dense: pixel.dense,
+        }
+    }
+}
+
+/// A march compiled for a density, a light model and settings.
+pub struct MarchKernel<'a> {
     gpu: &'a Gpu,
+    outline: Outline,
     kernel: ComputeKernel,
     uniform: MarchUniform,
-    model: Vec<wgpu::Buffer>,
-    /// Averages of the density.
-    levels: Option<wgpu::Buffer>,
+    suns: wgpu::Buffer,
+    cells: wgpu::Buffer,
+    textures: Option<wgpu::Buffer>,
     /// Steps of one dispatch.
     together: u32,
+    /// Densities of one dispatch, at most.
+    densities: usize,
 }
 
-/// Steps of one dispatch of a software adapter, whose loops end early otherwise ([`SOFTWARE_LOOPS`]): a step goes through the samples towards
-/// the sun, the three axes of a crossing and the octaves; half of what there is stays for the density.
-fn steps_together(shadow_steps: u32, octaves: u32) -> u32 {
-    (SOFTWARE_LOOPS / 2 / (4 + shadow_steps + octaves)).max(1)
+/// Iterations that a node of a program may take in a kernel: a smooth Voronoi texture in four dimensions goes through 625 cells in each
+/// of its octaves.
+const NODE_ITERATIONS: u32 = 700;
+
+/// Iterations of the loops of a program at a point, roughly and from above.
+fn iterations(program: &Program) -> u32 {
+    let loops = program.instructions.iter().filter(|node| node.node_type.shader.contains("for (")).count() as u32;
+    loops.saturating_mul(NODE_ITERATIONS)
 }
 
-impl<'a> RealTimeKernel<'a> {
+/// Steps of one dispatch of a software adapter, whose loops end early otherwise ([`SOFTWARE_LOOPS`]): a step goes through the density, the
+/// samples towards the suns with the density at each, the three axes of a crossing and the octaves.
+fn steps_together(density: u32, shadow_steps: u32, suns: u32, octaves: u32) -> u32 {
+    let each_sun = 4_u32.saturating_add(octaves).saturating_add(shadow_steps.saturating_mul(1 + density));
+    let step = density.saturating_add(each_sun.saturating_mul(suns));
+    (SOFTWARE_LOOPS / 2 / step.max(1)).max(1)
+}
+
+impl<'a> MarchKernel<'a> {
+    /// [`Self::new_async`] for callers that may wait.
+    pub fn new(gpu: &'a Gpu, marched: &Marched<'_>, settings: &RealTimeSettings) -> Result<Self> {
+        gpu.block_on(Self::new_async(gpu, marched, settings))?
+    }
+
     /// Compiles it: what the settings do not ask for is left out.
-    pub fn new(
-        gpu: &'a Gpu,
-        density: &dyn DensityModel,
-        light: &LightModel,
-        settings: &RealTimeSettings,
-    ) -> Result<Self> {
-        let shader = density.shader()?;
-        let mut linker = Linker::bare()?;
-        linker.add(shader.path, shader.source)?;
+    pub async fn new_async(gpu: &'a Gpu, marched: &Marched<'_>, settings: &RealTimeSettings) -> Result<Self> {
+        marched.check()?;
+        let Marched { light, density, container, .. } = *marched;
+        if light.suns.len() > MOST_SUNS {
+            return Err(Error::new(
+                "the lights of the scene",
+                format!("{} suns", light.suns.len()),
+                format!("at most {MOST_SUNS}"),
+                "Take suns away.",
+            ));
+        }
         let mut definitions = Vec::new();
         let mut define = |is_wanted: bool, name: &'static str| definitions.extend(is_wanted.then_some(name));
         define(settings.integration == Integration::Plain, "PLAIN");
@@ -110,38 +181,77 @@ impl<'a> RealTimeKernel<'a> {
         define(terms.powder.strength > 0.0, "POWDER");
         define(terms.silver.strength > 0.0, "SILVER");
         define(terms.ambient != [1.0; 2], "AMBIENT_GRADIENT");
-        let averages = averages(density, light)?;
-        define(averages.is_some() && terms.body.strength > 0.0, "BODY");
-        define(averages.is_some() && terms.body.shadow, "COARSE_SHADOW");
-        linker.add_constants(&coarse::CONSTANTS)?;
-        linker.add("media/averages.wgsl", include_str!("../../../shaders/media/averages.wgsl"))?;
-        let levels =
-            averages.map(|averages| gpu.upload("coarse density", &averages.bytes(), wgpu::BufferUsages::STORAGE));
+        define(terms.body.strength > 0.0, "BODY");
+        define(terms.body.shadow, "COARSE_SHADOW");
+        define(!density.fills_all_cells(), "EMPTY_CELLS");
+        define(light.suns.is_empty(), "NO_SUN");
+        define(light.suns.len() > 1, "SEVERAL_SUNS");
+        define(matches!(container.outline, Outline::Shell { .. }), "SHELL");
+        define(!marched.terms.is_empty(), "TERMS");
+        let mut linker = Linker::new(density.program())?;
+        linker.add_constants(&CONSTANTS)?;
+        match marched.averages {
+            Some(averages) => {
+                linker.add_program(ALONG, &averages.along)?;
+                linker.add_program(AROUND, &averages.around)?;
+            }
+            None => {
+                for path in [ALONG, AROUND] {
+                    linker.add_program(path, &Program::constant("averages", 0.0))?;
+                }
+            }
+        }
+        for term in marched.terms {
+            linker.add(term.import_path(), &term.shader())?;
+        }
+        linker.add("generated/terms.wgsl", &terms_module(marched))?;
+        let textures = gpu.upload_textures(linker.textures())?;
         let source = include_str!("../../../shaders/engines/march.wgsl");
         let module = linker.link_with("engines/march.wgsl", source, &definitions)?;
         let single = |values: [f64; 3]| values.map(|value| value as f32);
+        let vector = |value: DVec3| value.as_vec3().to_array();
+        let region = container.outline.region();
+        let [inner, outer] = match container.outline {
+            Outline::Box(_) => [0.0; 2],
+            Outline::Shell { inner, outer } => [inner as f32, outer as f32],
+        };
+        let mut suns: Vec<Sun> = light
+            .suns
+            .iter()
+            .map(|sun| Sun {
+                way: vector(container.way(DVec3::from(sun.direction))),
+                direction: vector(sun.towards()),
+                irradiance: single(sun.irradiance),
+                ..Sun::zeroed()
+            })
+            .collect();
+        // A buffer cannot be empty.
+        suns.resize(suns.len().max(1), Sun::zeroed());
+        let cells: Vec<u32> = match density.fills_all_cells() {
+            true => vec![1],
+            false => density.cells().into_iter().map(u32::from).collect(),
+        };
         let uniform = MarchUniform {
-            extinction: single(density.extinction()),
+            extinction: single(marched.extinction),
             steps: settings.steps,
-            sun: single(light.sun),
-            shadow_steps: light.shadow.steps,
             ambient: single(light.ambient),
+            shadow_steps: light.shadow.steps,
+            low: vector(region.low),
             shadow_length: match light.shadow.length {
                 ShadowLength::Fixed(length) => length as f32,
                 ShadowLength::ToExit => 0.0,
             },
-            to_sun: light.to_sun().as_vec3().to_array(),
+            high: vector(region.high),
+            depth_compression: terms.octaves.compression as f32,
             albedo: match light.source {
                 SourceFactor::Density => [0.0; 3],
                 SourceFactor::Albedo(albedo) => single(albedo),
             },
+            powder_ambient: terms.powder.ambient as f32,
             anisotropy: light.phase.anisotropy.map(|anisotropy| anisotropy as f32),
             second: light.phase.second as f32,
             least_density: settings.least_density as f32,
             least_transmittance: settings.least_transmittance as f32,
-            count: 0,
-            first_step: 0,
-            end_step: 0,
             octaves: terms.octaves.count,
             contribution: terms.octaves.contribution as f32,
             attenuation: terms.octaves.attenuation as f32,
@@ -154,69 +264,123 @@ impl<'a> RealTimeKernel<'a> {
             ambient_top: terms.ambient[1] as f32,
             body_strength: terms.body.strength as f32,
             body_length: terms.body.length as f32,
-            powder_ambient: terms.powder.ambient as f32,
-            depth_compression: terms.octaves.compression as f32,
+            inner,
+            outer,
+            suns: light.suns.len() as u32,
+            ..MarchUniform::zeroed()
         };
-        let together = match gpu.adapter().is_software() {
-            true => steps_together(uniform.shadow_steps, uniform.octaves),
+        let is_software = gpu.adapter().is_software();
+        let iterations = iterations(density.program());
+        let together = match is_software {
+            true => steps_together(iterations, uniform.shadow_steps, uniform.suns, uniform.octaves),
             false => settings.steps.max(1),
         };
-        let mut layouts = vec![Layout::of::<MarchUniform>(), Layout::of::<Ray>(), Layout::of::<Pixel>()];
-        layouts.extend(shader.layouts);
+        let layouts = [Layout::of::<MarchUniform>(), Layout::of::<Ray>(), Layout::of::<Pixel>(), Layout::of::<Sun>()];
         Ok(Self {
             gpu,
-            kernel: gpu.kernel("real_time", &module, &layouts)?,
+            outline: container.outline,
+            kernel: gpu.kernel_async("engine_march", &module, &layouts).await?,
             uniform,
-            model: shader.buffers(gpu),
-            levels,
+            suns: gpu.upload("suns", bytemuck::cast_slice(&suns), wgpu::BufferUsages::STORAGE),
+            cells: gpu.upload("cells", bytemuck::cast_slice(&cells), wgpu::BufferUsages::STORAGE),
+            textures,
             together,
+            // A program with loops costs some hundred times what a texture does.
+            densities: if iterations > 0 { DENSITIES / 16 } else { DENSITIES },
         })
+    }
+
+    /// Rays that are marched in one go, at most: so many that a submission takes a software adapter some 50 ms.
+    pub fn rays_together(&self) -> usize {
+        let per_step = 1 + (self.uniform.suns * self.uniform.shadow_steps) as usize;
+        let per_ray = self.uniform.steps.min(self.together) as usize * per_step;
+        (self.densities / per_ray).max(1).next_multiple_of(self.kernel.workgroup()[0] as usize)
+    }
+
+    /// Marches rays, as many as fit a buffer; their [`Pixel`]s stay on the adapter, in their order.
+    pub fn march_on_adapter(&self, rays: &[RealTimeRay]) -> Result<wgpu::Buffer> {
+        let data: Vec<Ray> = rays
+            .iter()
+            .map(|ray| {
+                let inside = ray.inside(&self.outline);
+                Ray {
+                    origin: inside.origin.as_vec3().to_array(),
+                    length: inside.length as f32,
+                    way: inside.way.as_vec3().to_array(),
+                    jitter: ray.jitter as f32,
+                    direction: inside.direction.as_vec3().to_array(),
+                    farthest: inside.farthest as f32,
+                    first: inside.first as f32,
+                    gap: inside.gap as f32,
+                    ..Ray::zeroed()
+                }
+            })
+            .collect();
+        let gpu = self.gpu;
+        let output = gpu.device().create_buffer(&wgpu::BufferDescriptor {
+            label: Some("pixels"),
+            size: (data.len() * size_of::<Pixel>()) as u64,
+            usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC | wgpu::BufferUsages::COPY_DST,
+            mapped_at_creation: false,
+        });
+        let together = self.rays_together();
+        for (part, rays) in data.chunks(together).enumerate() {
+            let first = part * together;
+            let rays_buffer = gpu.upload("rays", bytemuck::cast_slice(rays), wgpu::BufferUsages::STORAGE);
+            // Offsets of bindings are multiples of 256 bytes, which whole workgroups of pixels are.
+            let pixels = wgpu::BindingResource::Buffer(wgpu::BufferBinding {
+                buffer: &output,
+                offset: (first * size_of::<Pixel>()) as u64,
+                size: std::num::NonZeroU64::new((rays.len() * size_of::<Pixel>()) as u64),
+            });
+            for first_step in (0..self.uniform.steps).step_by(self.together as usize) {
+                let end_step = first_step.saturating_add(self.together);
+                let uniform = MarchUniform { count: rays.len() as u32, first_step, end_step, ..self.uniform };
+                let uniform = gpu.upload("march", bytemuck::bytes_of(&uniform), wgpu::BufferUsages::UNIFORM);
+                let bindings = Bindings::new()
+                    .bind(0, 0, uniform.as_entire_binding())
+                    .bind(0, 1, rays_buffer.as_entire_binding())
+                    .bind(0, 2, pixels.clone())
+                    .bind(0, 3, self.suns.as_entire_binding())
+                    .bind(0, 4, self.cells.as_entire_binding())
+                    .group(1, &self.textures);
+                gpu.dispatch(&self.kernel, &bindings, [rays.len() as u32, 1, 1])?;
+            }
+        }
+        Ok(output)
     }
 
     /// Marches rays; pixels in their order.
     pub fn march(&self, rays: &[RealTimeRay]) -> Result<Vec<RealTimePixel>> {
-        let data: Vec<Ray> = rays
-            .iter()
-            .map(|ray| {
-                let inside = ray.inside();
-                Ray {
-                    origin: inside.origin.as_vec3().to_array(),
-                    length: inside.length as f32,
-                    direction: inside.direction.as_vec3().to_array(),
-                    jitter: ray.jitter as f32,
-                    farthest: inside.farthest as f32,
-                    padding: [0.0; 7],
-                }
-            })
-            .collect();
-        let per_ray = self.uniform.steps as usize * (1 + self.uniform.shadow_steps as usize);
-        let most = (DENSITIES / per_ray).max(1).next_multiple_of(self.kernel.workgroup()[0] as usize);
-        let mut pixels = Vec::with_capacity(rays.len());
-        for part in data.chunks(most) {
-            let rays = self.gpu.upload("rays", bytemuck::cast_slice(part), wgpu::BufferUsages::STORAGE);
-            let size = (part.len() * size_of::<Pixel>()) as u64;
-            let output = self.gpu.device().create_buffer(&wgpu::BufferDescriptor {
-                label: Some("pixels"),
-                size,
-                usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC,
-                mapped_at_creation: false,
-            });
-            for first_step in (0..self.uniform.steps).step_by(self.together as usize) {
-                let end_step = first_step.saturating_add(self.together);
-                let uniform = MarchUniform { count: part.len() as u32, first_step, end_step, ..self.uniform };
-                let uniform = self.gpu.upload("march", bytemuck::bytes_of(&uniform), wgpu::BufferUsages::UNIFORM);
-                let own = [&uniform, &rays, &output].into_iter().chain(&self.levels);
-                let bindings = Bindings::new().group(0, own).group(1, &self.model);
-                self.gpu.dispatch(&self.kernel, &bindings, [part.len() as u32, 1, 1])?;
-            }
-            let found: Vec<Pixel> = bytemuck::pod_collect_to_vec(&self.gpu.read_back(&output, size)?);
-            pixels.extend(found.into_iter().map(|pixel| RealTimePixel {
-                radiance: pixel.radiance.map(f64::from),
-                transmittance: pixel.transmittance.map(f64::from),
-                samples: pixel.samples,
-                dense: pixel.dense,
-            }));
+        if rays.is_empty() {
+            return Ok(Vec::new());
         }
-        Ok(pixels)
+        let output = self.march_on_adapter(rays)?;
+        let bytes = self.gpu.read_back(&output, (rays.len() * size_of::<Pixel>()) as u64)?;
+        let found: Vec<Pixel> = bytemuck::pod_collect_to_vec(&bytes);
+        let widened = |pixel: Pixel| RealTimePixel {
+            radiance: pixel.radiance.map(f64::from),
+            transmittance: pixel.transmittance.map(f64::from),
+            samples: pixel.samples,
+            dense: pixel.dense,
+        };
+        Ok(found.into_iter().map(widened).collect())
     }
+}
+
+/// Import paths of the averages.
+const ALONG: &str = "cloudparity::averages::along";
+const AROUND: &str = "cloudparity::averages::around";
+
+/// The sum of a system's own terms as a module; 0 without any.
+fn terms_module(marched: &Marched<'_>) -> String {
+    let mut text = String::from("#define_import_path cloudparity::engines::own_terms\n");
+    let mut sum = String::from("vec3f(0.0)");
+    for term in marched.terms {
+        let path = term.import_path();
+        let name = path.rsplit("::").next().unwrap_or(path);
+        writeln!(text, "#import {path}").expect("writing to a string cannot fail");
+        write!(sum, " + {name}::source(place, height, extinction)").expect("writing to a string cannot fail");
+    }
+    text + &format!("fn source(place: vec3f, height: f32, extinction: f32) -> vec3f {{ return {sum}; }}\n")
 }

@@ -1,35 +1,34 @@
-//! The march of a real-time engine: a fixed number of equal steps through the box of a density model, lit by a light model.
+//! The march of a real-time engine: a fixed number of equal steps through the domain of a density, lit by a light model.
 //!
-//! Unlike [`super::march`], which computes single scattering as a reference does, this one computes what engines compute: the light
-//! at a sample is a model ([`crate::engines::light`]), thin samples are skipped, rays end early, and published forms keep their defects.
-//! Everything is f64; the twin on the adapter is `shaders/engines/march.wgsl`.
+//! Unlike the deterministic integrator, which computes single scattering as a reference does, this one computes what engines compute: the
+//! light at a sample is a model ([`crate::engines::light`]), thin samples are skipped, rays end early, and published forms keep their
+//! defects. Arithmetic is f64 but for the density, which is its program's f32; the twin on the adapter is `shaders/engines/march.wgsl`.
 //!
-//! A ray that crosses the box from t0 to t1 takes `steps` samples at t0 + (i + j) s with s = (t1 - t0) / steps and jitter j in
-//! [0, 1]. With the density's extinction e and source S at a sample, the transmittance T as it was before,
+//! A ray that crosses the domain over a length L (of both parts together, where it crosses a shell twice) takes `steps` samples at
+//! (i + j) s with s = L / steps and jitter j in [0, 1]. With the density's extinction e and source S at a sample, the transmittance T as
+//! it was before,
 //!
 //! - plain: C += T S s;
 //! - energy-conserving: C += T S (1 - exp(-e s)) / e (Hillaire 2015, "Physically Based and Unified Volumetric Rendering in
 //!   Frostbite");
 //!
-//! and T *= exp(-e s).
+//! and T *= exp(-e s). Lengths are in the engine's unit ([`Container::unit`]), directions unit vectors of the world; places are in the
+//! density's frame, whose axes need not be of one length or at right angles.
 
 pub mod adapter;
 
 use crate::base::error::{Error, Result};
-use crate::engines::light::{LightModel, ShadowExtinction, ShadowLength, SourceFactor};
-use crate::media::averages::CoarseDensity;
-use crate::media::density::DensityModel;
-use crate::media::medium::Region;
-use crate::media::transfer::Integration;
-use crate::media::transfer::{step_weight, transmittance};
+use crate::engines::domain::{Container, Outline, Segments};
+use crate::engines::light::{LightModel, LightTerm, Lit, ShadowExtinction, ShadowLength, SourceFactor};
+use crate::media::averages::Averages;
+use crate::media::density::{Density, DensityEvaluator};
+use crate::media::transfer::{Integration, smooth, step_weight, transmittance};
 use glam::DVec3;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
+use std::sync::Arc;
 
-/// The box that every density model lives in.
-pub const BOX: Region = Region { low: DVec3::splat(-0.5), high: DVec3::splat(0.5) };
-
-/// A crossing shorter than this, in sides of the box, is left out.
+/// A crossing shorter than this, in units of length, is left out.
 const SHORTEST: f64 = 1e-3;
 
 /// Rays of a task.
@@ -50,12 +49,30 @@ pub struct RealTimeSettings {
     pub least_transmittance: f64,
 }
 
+/// What is marched through: a density in its domain, with what it does to light.
+pub struct Marched<'a> {
+    /// The domain in the scene.
+    pub container: &'a Container,
+    /// The density in its frame.
+    pub density: &'a Density,
+    /// Extinction per unit of density and of length, per channel.
+    pub extinction: [f64; 3],
+    /// Averages of the density, for light that reads them.
+    pub averages: Option<&'a Averages>,
+    /// How it is lit.
+    pub light: &'a LightModel,
+    /// Further terms of the light.
+    pub terms: &'a [Arc<dyn LightTerm>],
+}
+
 /// A ray to be marched.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RealTimeRay {
-    /// Start in the local box's frame.
+    /// Start in the density's frame.
     pub origin: DVec3,
-    /// Direction in the same frame, of any length but 0: distances along the ray are in sides of the box.
+    /// Displacement there per unit of length.
+    pub way: DVec3,
+    /// Unit direction in the world.
     pub direction: DVec3,
     /// Distance along the ray beyond which something opaque hides the cloud; infinite where nothing does.
     pub farthest: f64,
@@ -76,34 +93,72 @@ pub struct RealTimePixel {
     pub dense: u32,
 }
 
-/// The part of a ray that lies in the box.
+/// The parts of a ray that lie in the domain.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Inside {
-    /// Where it begins: where the ray enters the box, or its start.
+    /// Where the first part begins: where the ray enters, or its start.
     pub origin: DVec3,
-    /// Unit direction.
+    /// Displacement per unit of length.
+    pub way: DVec3,
+    /// Unit direction in the world.
     pub direction: DVec3,
-    /// Its length; 0 where the ray misses the box or crosses less than a thousandth of a side.
+    /// Length of both parts; 0 where the ray misses or crosses less than a thousandth of a unit.
     pub length: f64,
+    /// Length of the first part, and of what lies between it and the second.
+    pub first: f64,
+    /// See `first`.
+    pub gap: f64,
     /// Distance from `origin` beyond which something opaque hides the cloud.
     pub farthest: f64,
 }
 
-impl RealTimeRay {
-    /// The part of the ray in the box, in f64 for both backends: a start far away costs no accuracy. A ray without a direction
-    /// misses the box.
-    pub fn inside(&self) -> Inside {
-        let direction = unit(self.direction).unwrap_or(DVec3::ZERO);
-        let missed = Inside { origin: self.origin, direction, length: 0.0, farthest: self.farthest };
-        let Some((enter, leave)) = BOX.segment(self.origin, direction).filter(|_| direction != DVec3::ZERO) else {
-            return missed;
-        };
-        let start = enter.max(0.0);
-        let length = leave - start;
-        if length.is_nan() || length < SHORTEST {
-            return missed;
+impl Container {
+    /// A ray of the world: a direction of any length but 0, `farthest` in metres.
+    pub fn ray(&self, origin: DVec3, direction: DVec3, farthest: f64, jitter: f64) -> RealTimeRay {
+        let direction = unit(direction).unwrap_or(DVec3::ZERO);
+        RealTimeRay {
+            origin: self.to_local.transform_point3(origin),
+            way: self.to_local.transform_vector3(direction * self.unit),
+            direction,
+            farthest: farthest / self.unit,
+            jitter,
         }
-        Inside { origin: self.origin + direction * start, direction, length, farthest: self.farthest - start }
+    }
+
+    /// Displacement in the density's frame per unit of length along a direction of the world, of any length but 0; NaN for 0, so that
+    /// it is seen.
+    pub fn way(&self, direction: DVec3) -> DVec3 {
+        self.to_local.transform_vector3(unit(direction).unwrap_or(DVec3::NAN) * self.unit)
+    }
+}
+
+impl RealTimeRay {
+    /// The parts of the ray in a domain, in f64 for both backends: a start far away costs no accuracy. A ray without a direction
+    /// misses.
+    pub fn inside(&self, outline: &Outline) -> Inside {
+        let found = if self.way == DVec3::ZERO || !self.way.is_finite() {
+            Segments::default()
+        } else {
+            outline.segments(self.origin, self.way)
+        };
+        let length = found.first + found.second;
+        let is_missed = length.is_nan() || length < SHORTEST;
+        Inside {
+            origin: if is_missed { self.origin } else { self.origin + self.way * found.start },
+            way: self.way,
+            direction: self.direction,
+            length: if is_missed { 0.0 } else { length },
+            first: found.first,
+            gap: found.gap,
+            farthest: self.farthest - if is_missed { 0.0 } else { found.start },
+        }
+    }
+}
+
+impl Inside {
+    /// Distance from the origin after so much of the length.
+    fn distance(&self, passed: f64) -> f64 {
+        if passed > self.first { passed + self.gap } else { passed }
     }
 }
 
@@ -117,156 +172,166 @@ pub fn unit(vector: DVec3) -> Option<DVec3> {
 struct Way {
     inside: Inside,
     jitter: f64,
-    /// Of the octaves of the light, phase functions included.
-    weights: Vec<f64>,
+    /// Of the octaves of the light of each sun, phase functions included.
+    weights: Vec<Vec<f64>>,
     is_done: bool,
     pixel: RealTimePixel,
 }
 
-/// The averages of the density that a light model reads, if it reads any; an error where the density gives none.
-pub fn averages<'a>(density: &'a dyn DensityModel, light: &LightModel) -> Result<Option<&'a CoarseDensity>> {
-    if !light.terms.needs_coarse() {
-        return Ok(None);
-    }
-    density.coarse().map(Some).ok_or_else(|| {
-        Error::new(
+impl Marched<'_> {
+    /// Refuses a light that reads averages which are not there.
+    pub fn check(&self) -> Result<()> {
+        if !self.light.terms.needs_coarse() || self.averages.is_some() {
+            return Ok(());
+        }
+        Err(Error::new(
             "the march of an engine",
             "a density without averages",
             "averages, which the light terms body and coarse shadow read",
-            "Give the density with its averages (density::coarse::WithCoarse), or leave these terms out.",
-        )
-    })
-}
-
-/// Marches rays on all cores; pixels in the order of the rays. An error where the light reads averages that the density does not give.
-pub fn march(
-    density: &dyn DensityModel,
-    light: &LightModel,
-    settings: &RealTimeSettings,
-    rays: &[RealTimeRay],
-) -> Result<Vec<RealTimePixel>> {
-    let coarse = averages(density, light)?;
-    Ok(rays.par_chunks(RAYS).flat_map_iter(|rays| march_together(density, coarse, light, settings, rays)).collect())
-}
-
-/// Marches rays step by step together, so that the density gets batches.
-fn march_together(
-    density: &dyn DensityModel,
-    coarse: Option<&CoarseDensity>,
-    light: &LightModel,
-    settings: &RealTimeSettings,
-    rays: &[RealTimeRay],
-) -> Vec<RealTimePixel> {
-    let to_sun = light.to_sun();
-    let extinction = density.extinction();
-    let mean_extinction = extinction.iter().sum::<f64>() / 3.0;
-    let body = coarse.filter(|_| light.terms.body.strength > 0.0);
-    let mut ways: Vec<Way> = rays.iter().map(|ray| Way::new(ray, light, to_sun)).collect();
-    for number in 0..settings.steps {
-        let mut samples = Vec::new();
-        for (index, way) in ways.iter_mut().enumerate().filter(|(_, way)| !way.is_done) {
-            let step = way.inside.length / f64::from(settings.steps);
-            let passed = (f64::from(number) + way.jitter) * step;
-            let left = way.inside.length - passed;
-            if passed > way.inside.farthest || left < 0.0 {
-                way.is_done = true;
-                continue;
-            }
-            way.pixel.samples += 1;
-            samples.push((index, way.inside.origin + way.inside.direction * passed, step, left));
-        }
-        if samples.is_empty() {
-            break;
-        }
-        let places: Vec<DVec3> = samples.iter().map(|sample| sample.1).collect();
-        let densities = density.densities(&places);
-        // What is no number counts, so that it is seen in the picture.
-        let is_dense = |&at: &usize| densities[at] > settings.least_density || densities[at].is_nan();
-        let dense: Vec<usize> = (0..samples.len()).filter(is_dense).collect();
-        let lit: Vec<DVec3> = dense.iter().map(|&at| places[at]).collect();
-        let depths = shadow_depths(density, coarse, light, to_sun, &lit);
-        for ((&at, depth), place) in dense.iter().zip(depths).zip(lit) {
-            let (index, _, step, left) = samples[at];
-            let fade = if settings.exit_fade { crate::media::transfer::smooth(0.0, 2.0 * step, left) } else { 1.0 };
-            let way = &mut ways[index];
-            way.pixel.dense += 1;
-            let powder = light.terms.powder.factor(densities[at] * mean_extinction);
-            let share = light.terms.powder.ambient;
-            let around = body.map_or(1.0, |coarse| light.terms.body.factor(coarse.around(place) * mean_extinction));
-            let sun_factor = fade * powder * around;
-            let ambient_factor = fade * light.ambient_factor(place.y) * (1.0 + (powder - 1.0) * share);
-            for channel in 0..3 {
-                let extinct = densities[at] * extinction[channel];
-                let factor = match light.source {
-                    SourceFactor::Density => densities[at],
-                    SourceFactor::Albedo(albedo) => albedo[channel] * extinct,
-                };
-                let scattered = light.terms.octaves.sum(&way.weights, depth[channel]);
-                let ambient = light.ambient[channel] * ambient_factor;
-                let source = factor * (light.sun[channel] * scattered * sun_factor + ambient);
-                let through = transmittance(extinct * step);
-                let weight = step_weight(settings.integration, extinct, step);
-                way.pixel.radiance[channel] += way.pixel.transmittance[channel] * source * weight;
-                way.pixel.transmittance[channel] *= through;
-            }
-            way.is_done = DVec3::from(way.pixel.transmittance).length() < settings.least_transmittance;
-        }
+            "Make them (media::averages::Averages), or leave these terms out.",
+        ))
     }
-    ways.into_iter().map(|way| way.pixel).collect()
-}
 
-/// Optical depth towards the sun at each place, per channel, as it counts for the octaves.
-fn shadow_depths(
-    density: &dyn DensityModel,
-    coarse: Option<&CoarseDensity>,
-    light: &LightModel,
-    to_sun: DVec3,
-    places: &[DVec3],
-) -> Vec<[f64; 3]> {
-    let steps = light.shadow.steps;
-    let scale = match light.shadow.extinction {
-        ShadowExtinction::Density => [1.0; 3],
-        ShadowExtinction::View => density.extinction(),
-    };
-    let lengths: Vec<f64> = places
-        .iter()
-        .map(|&place| match light.shadow.length {
-            ShadowLength::Fixed(length) => length,
-            ShadowLength::ToExit => BOX.segment(place, to_sun).map_or(0.0, |(_, leave)| leave.max(0.0)),
-        })
-        .collect();
-    let mut owners = Vec::new();
-    let mut asked = Vec::new();
-    for (index, (&place, length)) in places.iter().zip(&lengths).enumerate() {
-        for number in 0..steps {
-            let at = place + to_sun * (length * (f64::from(number) + 0.5) / f64::from(steps));
-            // On a face is outside.
-            if at.abs().max_element() < 0.5 {
-                owners.push(index);
-                asked.push(at);
+    /// Marches rays on all cores; pixels in the order of the rays. An error where the light reads averages that are not there.
+    pub fn march(&self, settings: &RealTimeSettings, rays: &[RealTimeRay]) -> Result<Vec<RealTimePixel>> {
+        self.check()?;
+        let parts: Vec<Vec<RealTimePixel>> =
+            rays.par_chunks(RAYS).map(|rays| self.march_together(settings, rays)).collect::<Result<_>>()?;
+        Ok(parts.concat())
+    }
+
+    /// Marches rays step by step together, so that the density gets batches.
+    fn march_together(&self, settings: &RealTimeSettings, rays: &[RealTimeRay]) -> Result<Vec<RealTimePixel>> {
+        let light = self.light;
+        let outline = &self.container.outline;
+        let mean_extinction = self.extinction.iter().sum::<f64>() / 3.0;
+        let mut density = DensityEvaluator::new(self.density)?;
+        // Averages are 0 where the density is provably 0 only if their cells are: nothing is left out of them.
+        let everywhere = |program: &Arc<_>| Density::filling(Arc::clone(program), self.density.bounds);
+        let [around, along] = [
+            self.averages.filter(|_| light.terms.body.strength > 0.0).map(|averages| everywhere(&averages.around)),
+            self.averages.filter(|_| light.terms.body.shadow).map(|averages| everywhere(&averages.along)),
+        ];
+        let mut around = around.as_ref().map(DensityEvaluator::new).transpose()?;
+        let mut along = along.as_ref().map(DensityEvaluator::new).transpose()?;
+        let ways_to_suns: Vec<DVec3> =
+            light.suns.iter().map(|sun| self.container.way(DVec3::from(sun.direction))).collect();
+        let mut ways: Vec<Way> = rays.iter().map(|ray| Way::new(ray, outline, light)).collect();
+        for number in 0..settings.steps {
+            let mut samples = Vec::new();
+            for (index, way) in ways.iter_mut().enumerate().filter(|(_, way)| !way.is_done) {
+                let step = way.inside.length / f64::from(settings.steps);
+                let passed = (f64::from(number) + way.jitter) * step;
+                let left = way.inside.length - passed;
+                let distance = way.inside.distance(passed);
+                if distance > way.inside.farthest || left < 0.0 {
+                    way.is_done = true;
+                    continue;
+                }
+                way.pixel.samples += 1;
+                samples.push((index, way.inside.origin + way.inside.way * distance, step, left));
+            }
+            if samples.is_empty() {
+                break;
+            }
+            let places: Vec<DVec3> = samples.iter().map(|sample| sample.1).collect();
+            let densities = density.values(&places);
+            // What is no number counts, so that it is seen in the picture.
+            let is_dense = |&at: &usize| densities[at] > settings.least_density || densities[at].is_nan();
+            let dense: Vec<usize> = (0..samples.len()).filter(is_dense).collect();
+            let lit: Vec<DVec3> = dense.iter().map(|&at| places[at]).collect();
+            let depths: Vec<Vec<[f64; 3]>> = ways_to_suns
+                .iter()
+                .map(|&to_sun| self.shadow_depths(along.as_mut().unwrap_or(&mut density), to_sun, &lit))
+                .collect();
+            let surroundings = around.as_mut().map(|around| around.values(&lit));
+            for (order, (&at, place)) in dense.iter().zip(lit).enumerate() {
+                let (index, _, step, left) = samples[at];
+                let fade = if settings.exit_fade { smooth(0.0, 2.0 * step, left) } else { 1.0 };
+                let way = &mut ways[index];
+                way.pixel.dense += 1;
+                let powder = light.terms.powder.factor(densities[at] * mean_extinction);
+                let share = light.terms.powder.ambient;
+                let body = surroundings
+                    .as_ref()
+                    .map_or(1.0, |around| light.terms.body.factor(around[order] * mean_extinction));
+                let height = outline.height(place);
+                let sun_factor = fade * powder * body;
+                let ambient_factor = fade * light.ambient_factor(height) * (1.0 + (powder - 1.0) * share);
+                let at_place = Lit { place, height, extinction: densities[at] * mean_extinction };
+                let mut further = [0.0; 3];
+                for term in self.terms {
+                    let found = term.source(&at_place);
+                    (0..3).for_each(|channel| further[channel] += fade * found[channel]);
+                }
+                for channel in 0..3 {
+                    let extinct = densities[at] * self.extinction[channel];
+                    let factor = match light.source {
+                        SourceFactor::Density => densities[at],
+                        SourceFactor::Albedo(albedo) => albedo[channel] * extinct,
+                    };
+                    let mut from_suns = 0.0;
+                    for ((sun, weights), depths) in light.suns.iter().zip(&way.weights).zip(&depths) {
+                        let scattered = light.terms.octaves.sum(weights, depths[order][channel]);
+                        from_suns += sun.irradiance[channel] * scattered * sun_factor;
+                    }
+                    let ambient = light.ambient[channel] * ambient_factor;
+                    let source = factor * (from_suns + ambient + further[channel]);
+                    let through = transmittance(extinct * step);
+                    let weight = step_weight(settings.integration, extinct, step);
+                    way.pixel.radiance[channel] += way.pixel.transmittance[channel] * source * weight;
+                    way.pixel.transmittance[channel] *= through;
+                }
+                way.is_done = DVec3::from(way.pixel.transmittance).length() < settings.least_transmittance;
             }
         }
+        Ok(ways.into_iter().map(|way| way.pixel).collect())
     }
-    let mut sums = vec![0.0; places.len()];
-    let found = match coarse.filter(|_| light.terms.body.shadow) {
-        Some(coarse) => asked.iter().map(|&place| coarse.along(place)).collect(),
-        None => density.densities(&asked),
-    };
-    for (owner, found) in owners.into_iter().zip(found) {
-        sums[owner] += found;
+
+    /// Optical depth towards a sun at each place, per channel, as it counts for the octaves. `read` evaluates the density, or its averages.
+    fn shadow_depths(&self, read: &mut DensityEvaluator<'_>, to_sun: DVec3, places: &[DVec3]) -> Vec<[f64; 3]> {
+        let light = self.light;
+        let outline = &self.container.outline;
+        let steps = light.shadow.steps;
+        let scale = match light.shadow.extinction {
+            ShadowExtinction::Density => [1.0; 3],
+            ShadowExtinction::View => self.extinction,
+        };
+        let lengths: Vec<f64> = places
+            .iter()
+            .map(|&place| match light.shadow.length {
+                ShadowLength::Fixed(length) => length,
+                ShadowLength::ToExit => outline.exit(place, to_sun),
+            })
+            .collect();
+        let mut owners = Vec::new();
+        let mut asked = Vec::new();
+        for (index, (&place, length)) in places.iter().zip(&lengths).enumerate() {
+            for number in 0..steps {
+                let at = place + to_sun * (length * (f64::from(number) + 0.5) / f64::from(steps));
+                if outline.holds(at) {
+                    owners.push(index);
+                    asked.push(at);
+                }
+            }
+        }
+        let mut sums = vec![0.0; places.len()];
+        for (owner, found) in owners.into_iter().zip(read.values(&asked)) {
+            sums[owner] += found;
+        }
+        let octaves = &light.terms.octaves;
+        let depths = sums.iter().zip(&lengths).map(|(sum, length)| sum * length / f64::from(steps));
+        depths.map(|depth| scale.map(|scale| octaves.compressed(scale * depth))).collect()
     }
-    let octaves = &light.terms.octaves;
-    let depths = sums.iter().zip(&lengths).map(|(sum, length)| sum * length / f64::from(steps));
-    depths.map(|depth| scale.map(|scale| octaves.compressed(scale * depth))).collect()
 }
 
 impl Way {
-    fn new(ray: &RealTimeRay, light: &LightModel, to_sun: DVec3) -> Self {
-        let inside = ray.inside();
+    fn new(ray: &RealTimeRay, outline: &Outline, light: &LightModel) -> Self {
+        let inside = ray.inside(outline);
         Self {
             inside,
             jitter: ray.jitter,
-            weights: light.weights(inside.direction.dot(to_sun)),
+            weights: light.suns.iter().map(|sun| light.weights(inside.direction.dot(sun.towards()))).collect(),
             is_done: inside.length == 0.0,
             pixel: RealTimePixel { radiance: [0.0; 3], transmittance: [1.0; 3], samples: 0, dense: 0 },
         }
@@ -276,31 +341,42 @@ impl Way {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::engines::domain::Domain;
+    use crate::media::region::Region;
+    use glam::DMat4;
+
+    fn container() -> Container {
+        let region = Region { low: DVec3::splat(-0.5), high: DVec3::splat(0.5) };
+        Container { domain: Domain::Object, to_local: DMat4::IDENTITY, outline: Outline::Box(region), unit: 1.0 }
+    }
 
     #[test]
     fn rays_of_any_length_and_start_cross_alike() {
+        let container = container();
         let direction = DVec3::new(0.6, -0.3, 0.7).normalize();
-        let ray = |origin: DVec3, direction: DVec3| RealTimeRay { origin, direction, farthest: 1e7, jitter: 0.5 };
-        let near = ray(-direction, direction).inside();
+        let inside =
+            |origin: DVec3, direction: DVec3| container.ray(origin, direction, 1e7, 0.5).inside(&container.outline);
+        let near = inside(-direction, direction);
         assert!(near.length > 0.5 && (near.direction.length() - 1.0).abs() < 1e-15);
         for scale in [1e-200, 1e-6, 3.0, 1e200] {
-            let found = ray(-direction, direction * scale).inside();
+            let found = inside(-direction, direction * scale);
             assert!(
                 (found.length - near.length).abs() < 1e-12 && found.origin.distance(near.origin) < 1e-12,
                 "{scale}"
             );
         }
         // 1e6 sides away f64 holds places to 1e-10.
-        let far = ray(-direction * 1e6, direction).inside();
+        let far = inside(-direction * 1e6, direction);
         assert!((far.length - near.length).abs() < 1e-9 && far.origin.distance(near.origin) < 1e-9);
         assert!((far.farthest - (1e7 - 1e6)).abs() < 1.0);
     }
 
     #[test]
     fn what_misses_grazes_or_goes_nowhere_has_no_length() {
+        let container = container();
         let none = |origin: [f64; 3], direction: [f64; 3]| {
             let (origin, direction) = (DVec3::from(origin), DVec3::from(direction));
-            let found = RealTimeRay { origin, direction, farthest: 1.0, jitter: 0.5 }.inside();
+            let found = container.ray(origin, direction, 1.0, 0.5).inside(&container.outline);
             assert_eq!(found.length, 0.0, "{origin} {direction}");
         };
         none([3.0, 3.0, 3.0], [0.0, 1.0, 0.0]);

@@ -1,4 +1,79 @@
-//! Passes over a finished picture.
+//! Passes over a picture that has been marched and composed: each reads and changes a whole frame.
+//!
+//! A pass has a form for a picture in memory and a kernel for a [`Frame`] on the adapter, where it stays: neither reads back or waits. What a
+//! pass needs beside the colour, and what it allocates, is there only where it is listed.
 
 pub mod compositing;
+pub mod frame;
 pub mod god_rays;
+
+use crate::base::error::Result;
+use crate::engines::light::Sun;
+use crate::engines::passes::frame::Frame;
+use crate::gpu::Gpu;
+use crate::scene::image::Image;
+use crate::view::camera::Camera;
+use glam::DVec3;
+use serde::{Deserialize, Serialize};
+use std::pin::Pin;
+use std::sync::Arc;
+
+/// What a frame holds beside its colour.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Channels {
+    /// Share of a background that red, green and blue let through.
+    pub transmittance: bool,
+}
+
+impl Channels {
+    /// What either asks for.
+    pub fn and(self, other: Self) -> Self {
+        Self { transmittance: self.transmittance || other.transmittance }
+    }
+
+    /// What all passes of a list need.
+    pub fn of(passes: &[Arc<dyn Pass>]) -> Self {
+        passes.iter().map(|pass| pass.needs()).fold(Self::default(), Self::and)
+    }
+}
+
+/// What passes know of how a frame was made.
+pub struct View<'a> {
+    /// The camera of the frame, for the frame's size.
+    pub camera: &'a Camera,
+    /// The film's factor on radiance, which the frame's colour has already.
+    pub exposure: f64,
+    /// The suns.
+    pub suns: &'a [Sun],
+    /// Middle of the medium in world space.
+    pub centre: DVec3,
+    /// Metres of the engine's unit of length.
+    pub side: f64,
+}
+
+/// A pass.
+pub trait Pass: Send + Sync {
+    /// Its name in provenance.
+    fn id(&self) -> &'static str;
+
+    /// Its settings as JSON, for provenance.
+    fn settings(&self) -> String;
+
+    /// What it reads of a frame beside the colour.
+    fn needs(&self) -> Channels;
+
+    /// Changes a picture in memory, which holds what the pass needs.
+    fn run(&self, frame: &mut Image, view: &View<'_>) -> Result<()>;
+
+    /// Its kernel; what it allocates for frames is allocated when it runs.
+    fn compile<'a>(&self, gpu: &'a Gpu) -> Compiling<'a>;
+}
+
+/// A pass on its way to an adapter.
+pub type Compiling<'a> = Pin<Box<dyn Future<Output = Result<Box<dyn PassKernel + 'a>>> + 'a>>;
+
+/// A pass on the adapter.
+pub trait PassKernel {
+    /// Submits the work that changes a frame, which holds what the pass needs; waits for nothing.
+    fn run(&self, frame: &Frame, view: &View<'_>) -> Result<()>;
+}

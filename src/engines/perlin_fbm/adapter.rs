@@ -1,14 +1,12 @@
-//! The Perlin-FBM cloud on the adapter: its bake, and its density for marches.
+//! The bake of the Perlin-FBM cloud on the adapter.
 
 use crate::base::error::Result;
-use crate::engines::perlin_fbm::bake::{Bake, MOST_OCTAVES};
-use crate::engines::perlin_fbm::mask::SIDE;
-use crate::engines::perlin_fbm::random::permutation;
-use crate::engines::perlin_fbm::rows::Tables;
-use crate::engines::perlin_fbm::{Cloud, Volume};
-use crate::gpu::ModelShader;
 use crate::gpu::{Bindings, ComputeKernel, Gpu, Layout};
 use crate::graph::wgsl::Linker;
+use crate::nodes::perlin_fbm::Volume;
+use crate::nodes::perlin_fbm::bake::{Bake, MOST_OCTAVES};
+use crate::nodes::perlin_fbm::random::permutation;
+use crate::nodes::perlin_fbm::rows::Tables;
 use crate::shader_struct;
 
 /// Texels of an invocation, one behind the other.
@@ -27,29 +25,10 @@ shader_struct! {
         octaves: u32,
         first: u32,
         count: u32,
-        coverage: f32,
-        softness: f32,
+        low: f32,
+        width: f32,
         intensity: f32,
         padding: u32,
-    }
-}
-
-shader_struct! {
-    /// Uniforms of `shaders/engines/perlin_fbm/density.wgsl`.
-    struct ModelUniform = "density_model_Model" {
-        flattening_low: [f32; 3],
-        mask_radius: f32,
-        flattening_high: [f32; 3],
-        mask_softness: f32,
-        offset: [f32; 3],
-        tiling: f32,
-        strengths: [f32; 2],
-        threshold: f32,
-        multiplier: f32,
-        side: u32,
-        mask_side: u32,
-        reads_textures: u32,
-        shows_mask: u32,
     }
 }
 
@@ -71,19 +50,20 @@ impl<'a> BakeKernel<'a> {
         Ok(Self { gpu, kernels: [kernel(&[])?, kernel(&["LARGE_AXES"])?] })
     }
 
-    /// The texture of `side` texels per axis, in single precision over tables of double: a few texels of a hundred differ by 1
-    /// from [`Bake::volume`].
+    /// The texture of `side` texels per axis, in single precision over tables of double: texels whose value lies within its rounding of a
+    /// byte's edge may differ by 1 from [`Bake::volume`].
     pub fn volume(&self, bake: &Bake, side: usize) -> Result<Volume> {
         bake.check_side(side)?;
         let table = permutation(bake.seed);
         let tables = Tables::<f64>::new(bake, &table, side);
-        let mut axes: Vec<[f32; 2]> = Vec::new();
+        // Words, not floats: a small number's bits are those of a denormal, which an adapter may take for 0.
+        let mut axes: Vec<[u32; 2]> = Vec::new();
         for axis in tables.axes.iter().flatten() {
             let places = axis.fractions.iter().zip(&axis.cells);
-            axes.extend(places.map(|(&fraction, &cell)| [fraction as f32, f32::from_bits(cell as u32)]));
+            axes.extend(places.map(|(&fraction, &cell)| [(fraction as f32).to_bits(), cell as u32]));
         }
         // Coordinates beyond all numbers: what the CPU gives is no number, and its byte is 0.
-        if axes.iter().any(|[fraction, ..]| fraction.is_nan()) {
+        if axes.iter().any(|&[fraction, _]| f32::from_bits(fraction).is_nan()) {
             return Ok(Volume { side, texels: vec![0; side.pow(3)] });
         }
         let pairs: Vec<u8> =
@@ -129,6 +109,7 @@ impl<'a> BakeKernel<'a> {
             output,
         ];
         let octaves = bake.octaves.count;
+        let [low, high] = bake.threshold();
         let invocations = side * side * side.div_ceil(DEPTH);
         let kernel = &self.kernels[usize::from(are_large)];
         let most = (NOISES / (8 * DEPTH * octaves as usize)).next_multiple_of(kernel.workgroup()[0] as usize);
@@ -139,8 +120,8 @@ impl<'a> BakeKernel<'a> {
                 octaves,
                 first: first as u32,
                 count: count as u32,
-                coverage: bake.coverage as f32,
-                softness: bake.softness as f32,
+                low: low as f32,
+                width: (high - low) as f32,
                 intensity: bake.intensity as f32,
                 padding: 0,
             };
@@ -151,38 +132,5 @@ impl<'a> BakeKernel<'a> {
         let [.., output] = &data;
         let words: Vec<u32> = bytemuck::pod_collect_to_vec(&self.gpu.read_back(output, 4 * all as u64)?);
         Ok(Volume { side, texels: words.into_iter().map(|word| word as u8).collect() })
-    }
-}
-
-/// The density of a cloud for the adapter.
-pub(crate) fn density(cloud: &Cloud) -> ModelShader {
-    let parameters = &cloud.parameters;
-    let mask = &parameters.mask;
-    let single = |values: [f64; 3]| values.map(|value| value as f32);
-    let uniform = ModelUniform {
-        flattening_low: single(mask.flattening[0]),
-        mask_radius: mask.radius as f32,
-        flattening_high: single(mask.flattening[1]),
-        mask_softness: mask.softness as f32,
-        offset: single(parameters.offset),
-        tiling: parameters.tiling as f32,
-        strengths: mask.deformations.map(|deformation| deformation.strength as f32),
-        threshold: parameters.threshold as f32,
-        multiplier: parameters.density_multiplier as f32,
-        side: cloud.volume.side as u32,
-        mask_side: SIDE as u32,
-        reads_textures: u32::from(mask.reads_textures),
-        shows_mask: u32::from(parameters.shows_mask),
-    };
-    let [main, fine] = &cloud.mask.textures;
-    ModelShader {
-        path: "engines/perlin_fbm/density.wgsl",
-        source: include_str!("../../../shaders/engines/perlin_fbm/density.wgsl"),
-        uniform: bytemuck::bytes_of(&uniform).to_vec(),
-        storage: vec![
-            cloud.volume.texels.clone(),
-            main.texels.iter().zip(&fine.texels).flat_map(|(&main, &fine)| [main, fine]).collect(),
-        ],
-        layouts: const { &[Layout::of::<ModelUniform>()] },
     }
 }

@@ -6,17 +6,18 @@
 use crate::base::error::Result;
 use crate::engines::defects::Defects;
 use crate::engines::light::terms::Terms;
-use crate::engines::light::{LightModel, ShadowExtinction, ShadowLength, ShadowMarch, SourceFactor, TwoLobes};
+use crate::engines::light::{LightModel, ShadowExtinction, ShadowLength, ShadowMarch, SourceFactor, Sun, TwoLobes};
 use crate::engines::march::RealTimeSettings;
-use crate::engines::parameters::{Parameter, Range, Values};
+use crate::engines::parameters::{DERIVED, Parameter, Range, Values};
 use crate::engines::passes::compositing::Compositing;
 use crate::engines::passes::god_rays::GodRays;
-use crate::engines::perlin_fbm::bake::{Bake, LARGEST, MOST_OCTAVES};
+use crate::engines::perlin_fbm::TINT;
 use crate::engines::perlin_fbm::defects;
-use crate::engines::perlin_fbm::mask::{Deformation, Mask};
-use crate::engines::perlin_fbm::noise::Octaves;
-use crate::engines::perlin_fbm::{Evaluation, Parameters, TINT};
 use crate::media::transfer::Integration;
+use crate::nodes::perlin_fbm::bake::{Bake, LARGEST, MOST_OCTAVES};
+use crate::nodes::perlin_fbm::mask::{Deformation, Mask};
+use crate::nodes::perlin_fbm::noise::Octaves;
+use crate::nodes::perlin_fbm::{Evaluation, Parameters};
 
 /// Short to write.
 const fn parameter(
@@ -62,10 +63,17 @@ pub const PARAMETERS: &[Parameter] = &[
     parameter("flatten_x_negative", 0.9, Range::Any, [0.0, 2.0], "", FLAT),
     parameter("flatten_z_positive", 0.9, Range::Any, [0.0, 2.0], "", FLAT),
     parameter("flatten_z_negative", 0.9, Range::Any, [0.0, 2.0], "", FLAT),
-    parameter("mask_seed", 1.0, Range::Any, [0.0, 1000.0], "", "seed of the main deformation"),
+    parameter("mask_seed", DERIVED, Range::Any, [0.0, 1000.0], "", "seed of the main deformation; not given: seed"),
     parameter("noise_strength", 0.05, Range::Any, [0.0, 0.3], BOX_SIDES, "largest main deformation"),
     parameter("noise_frequency", 2.7, Range::Any, [0.0, 20.0], "units of noise", "main deformation in the radius"),
-    parameter("detail_seed", 10.0, Range::Any, [0.0, 1000.0], "", "seed of the fine deformation"),
+    parameter(
+        "detail_seed",
+        DERIVED,
+        Range::Any,
+        [0.0, 1000.0],
+        "",
+        "seed of the fine deformation; not given: seed + 10",
+    ),
     parameter("detail_strength", 0.036, Range::Any, [0.0, 0.2], BOX_SIDES, "largest fine deformation"),
     parameter("detail_frequency", 10.5, Range::Any, [0.0, 40.0], "units of noise", "fine deformation in the radius"),
     parameter("tiling", 2.0, Range::Positive, [0.5, 6.0], PERIODS, "texture across the box"),
@@ -111,10 +119,8 @@ pub const DOCUMENTED_MASK: &[(&str, f64)] = &[
     ("detail_frequency", 2.0),
 ];
 
-/// The value of a parameter where none is given.
-fn default_of(name: &str) -> f64 {
-    Values::defaults(PARAMETERS).get(name)
-}
+/// What the original adds to the seed for its fine deformation.
+const DETAIL_SEED: f64 = 10.0;
 
 /// What makes the density with the defects that are `kept`, after `seconds` of animation, and what is to be said about it: each defect of
 /// the parameters by name.
@@ -140,13 +146,26 @@ pub fn parameters(values: &Values, kept: &Defects, seconds: f64) -> Result<(Para
         ["flatten_x_negative", "flatten_bottom", "flatten_z_negative"].map(&mut flattening),
         ["flatten_x_positive", "flatten_top", "flatten_z_positive"].map(&mut flattening),
     ];
-    // The original makes the textures of the mask once, from what its mask begins with.
-    let reaching = |name: &str| if kept.has(&defects::MASK_NOISE_KEPT) { default_of(name) } else { get(name) };
-    let deformation = |seed: &str, strength: &str, frequency: &str| Deformation {
-        seed: reaching(seed),
-        strength: get(strength),
-        frequency: reaching(frequency),
-    };
+    // The engine hands its seed, and the seed plus 10, to the mask. The original makes the mask's textures once, from what its mask
+    // begins with, so that they never arrive.
+    let seed = get("seed");
+    let wanted = [
+        Deformation {
+            seed: values.given("mask_seed").unwrap_or(seed),
+            strength: get("noise_strength"),
+            frequency: get("noise_frequency"),
+        },
+        Deformation {
+            seed: values.given("detail_seed").unwrap_or(seed + DETAIL_SEED),
+            strength: get("detail_strength"),
+            frequency: get("detail_frequency"),
+        },
+    ];
+    let first = Mask::default().deformations;
+    let deformations = std::array::from_fn(|number| match kept.has(&defects::MASK_NOISE_KEPT) {
+        true => Deformation { strength: wanted[number].strength, ..first[number] },
+        false => wanted[number],
+    });
     let offset = ["speed_x", "speed_y", "speed_z"].map(|name| (get(name) * seconds).rem_euclid(1.0));
     let parameters = Parameters {
         bake: Bake {
@@ -159,31 +178,28 @@ pub fn parameters(values: &Values, kept: &Defects, seconds: f64) -> Result<(Para
                 lacunarity: get("lacunarity"),
             },
             intensity: get("intensity"),
-            seed: get("seed"),
+            seed,
         },
         texture_size: get("texture_size") as usize,
         mask: Mask {
             radius,
             softness: get("mask_softness"),
             flattening,
-            deformations: [
-                deformation("mask_seed", "noise_strength", "noise_frequency"),
-                deformation("detail_seed", "detail_strength", "detail_frequency"),
-            ],
+            deformations,
             reads_textures: !kept.has(&defects::MASK_NOT_UPLOADED),
         },
         tiling: get("tiling"),
         offset,
         threshold: get("threshold"),
         density_multiplier: get("density_multiplier"),
-        opacity: get("opacity"),
         shows_mask: get("show_mask") == 1.0,
         evaluation: if get("exact") == 1.0 { Evaluation::Exact } else { Evaluation::Baked },
     };
-    if kept.has(&defects::SOURCE_OF_DENSITY) && parameters.opacity * TINT[0] < 1.0 {
+    if kept.has(&defects::SOURCE_OF_DENSITY) && get("opacity") * TINT[0] < 1.0 {
         warnings.push(format!(
             "parameter opacity is {}: as published the albedo is 1 / (opacity x {}), above 1 in red (defect PF-5)",
-            parameters.opacity, TINT[0]
+            get("opacity"),
+            TINT[0]
         ));
     }
     Ok((parameters, warnings))
@@ -202,14 +218,20 @@ pub fn light(values: &Values, kept: &Defects) -> LightModel {
         SourceFactor::Albedo([values.get("albedo"); 3])
     };
     LightModel {
-        sun_direction: [1.0; 3],
-        sun: [1.0; 3],
+        suns: vec![Sun { direction: [1.0; 3], irradiance: [1.0; 3] }],
         ambient: [0.3; 3],
         phase: TwoLobes { anisotropy: [-0.3, 0.3], second: 0.8 },
         shadow: ShadowMarch { steps: values.get("light_steps") as u32, length: shadow_length, extinction },
         source,
         terms: Terms::NONE,
     }
+}
+
+/// Extinction per unit of density, tint and side of the box.
+pub fn opacity(values: &Values) -> Result<f64> {
+    let opacity = values.get("opacity");
+    crate::nodes::perlin_fbm::finite("opacity", opacity)?;
+    Ok(opacity)
 }
 
 /// How the engine marches.

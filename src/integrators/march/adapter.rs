@@ -11,8 +11,8 @@ use crate::graph::wgsl::Linker;
 use crate::integrators::LightMode;
 use crate::integrators::march::light_grid::{LightGrid, Sweep, sweep_axes};
 use crate::integrators::march::{Omission, Stage, ViewRay};
-use crate::media::density_cache::DensityCache;
-use crate::media::medium::{CELLS, Medium};
+use crate::media::density::CELLS;
+use crate::media::medium::Medium;
 use crate::media::transfer::Integration;
 use crate::shader_struct;
 use crate::view::lights::{Source, harmonics};
@@ -105,17 +105,6 @@ shader_struct! {
 }
 
 shader_struct! {
-    struct CacheUniform = "density_cache_Cache" {
-        low: [f32; 3],
-        smallest: f32,
-        scale: [f32; 3],
-        largest: f32,
-        size: [u32; 3],
-        padding: u32,
-    }
-}
-
-shader_struct! {
     struct Ray = "Ray" {
         local: [f32; 3],
         step: f32,
@@ -164,55 +153,21 @@ pub const CONSTANTS: SharedConstants = SharedConstants {
 };
 
 /// Layouts of the structs of the march, of the bake, of the sweeps.
-pub(crate) const LAYOUTS: &[Layout] = &[
-    Layout::of::<StageUniform>(),
-    Layout::of::<Ray>(),
-    Layout::of::<Light>(),
-    Layout::of::<Outcome>(),
-    Layout::of::<CacheUniform>(),
-];
-const BAKE_LAYOUTS: &[Layout] = &[Layout::of::<BakeUniform>(), Layout::of::<CacheUniform>()];
+pub(crate) const LAYOUTS: &[Layout] =
+    &[Layout::of::<StageUniform>(), Layout::of::<Ray>(), Layout::of::<Light>(), Layout::of::<Outcome>()];
+const BAKE_LAYOUTS: &[Layout] = &[Layout::of::<BakeUniform>()];
 const SWEEP_LAYOUTS: &[Layout] = &[Layout::of::<SweepUniform>(), Layout::of::<Offset>(), Layout::of::<WorldUniform>()];
 
-/// The density as kernels read it: the graph, or a grid in group 1.
-struct Density<'a> {
-    medium: &'a Medium,
-    /// Uniform and values of a cache.
-    cache: Option<[wgpu::Buffer; 2]>,
-}
-
-impl<'a> Density<'a> {
-    fn new(gpu: &Gpu, medium: &'a Medium) -> Result<Self> {
-        let Some(cache) = &medium.cache else { return Ok(Self { medium, cache: None }) };
-        let words = cache.words();
-        check_size(gpu, "density cache", words.len() as u64, "--density-cache")?;
-        let uniform = cache_uniform(cache);
-        let layout = gpu.upload("cache", bytemuck::bytes_of(&uniform), wgpu::BufferUsages::UNIFORM);
-        let texels = gpu.upload("texels", &words, wgpu::BufferUsages::STORAGE);
-        Ok(Self { medium, cache: Some([layout, texels]) })
-    }
-
-    /// Links an entry text with the density.
-    fn link(&self, path: &str, source: &str, definitions: &[&str]) -> Result<naga::Module> {
-        link(self.medium, path, source, definitions)
-    }
-
-    /// The buffers of group 1.
-    fn group(&self) -> impl Iterator<Item = &wgpu::Buffer> {
-        self.cache.iter().flatten()
-    }
-}
-
-/// Links an entry text with the density of a medium: its graph, or its cache.
+/// Links an entry text with the density of a medium.
 fn link(medium: &Medium, path: &str, source: &str, definitions: &[&str]) -> Result<naga::Module> {
-    let (mut linker, mut definitions) = (linker(medium)?, definitions.to_vec());
-    definitions.extend(medium.cache.iter().flat_map(|cache| cache.definitions()));
+    let mut linker = Linker::new(medium.density.program())?;
     linker.add_constants(&CONSTANTS)?;
-    linker.link_with(path, source, &definitions)
+    linker.link_with(path, source, definitions)
 }
 
-fn linker(medium: &Medium) -> Result<Linker> {
-    if medium.cache.is_some() { Linker::cached() } else { Linker::new(&medium.density) }
+/// The textures that every kernel linked with the density reads.
+fn textures(gpu: &Gpu, medium: &Medium) -> Result<Option<wgpu::Buffer>> {
+    gpu.upload_textures(Linker::new(medium.density.program())?.textures())
 }
 
 /// The kernel that marches rays, with what the stage leaves out left out.
@@ -220,16 +175,12 @@ pub(crate) fn march_module(stage: &Stage<'_>) -> Result<naga::Module> {
     link(&stage.medium, "integrators/march/march.wgsl", MARCH, &definitions(stage))
 }
 
-fn cache_uniform(cache: &DensityCache) -> CacheUniform {
-    let (low, scale, size, [smallest, largest]) = cache.layout();
-    CacheUniform { low, smallest, scale, largest, size, padding: 0 }
-}
-
 /// Everything on the adapter that marching a ray needs.
 pub(crate) struct Kernels<'a> {
     gpu: &'a Gpu,
     march: ComputeKernel,
-    cache: Option<[wgpu::Buffer; 2]>,
+    /// Textures of the density.
+    textures: Option<wgpu::Buffer>,
     uniform: StageUniform,
     lights: wgpu::Buffer,
     cells: wgpu::Buffer,
@@ -245,23 +196,26 @@ impl<'a> Kernels<'a> {
     pub(crate) fn bake(gpu: &'a Gpu, stage: &Stage<'_>, progress: &(dyn Fn(f64) + Sync)) -> Result<Self> {
         if stage.settings.light == LightMode::Exact {
             return Err(Error::new(
-                "--light exact",
+                "setting light",
                 "the mode exact on the adapter",
                 "grid: shadow rays through the density exist on the CPU only",
-                "Give --light grid, or --backend cpu.",
-            ));
+                "Take the light from a grid, or march on the CPU.",
+            )
+            .with_setting("light")
+            .with_setting("backend"));
         }
         let mut layout = LightGrid::layout(&stage.medium, &stage.settings);
-        let density = Density::new(gpu, &stage.medium)?;
+        let textures = textures(gpu, &stage.medium)?;
         let grid = if stage.leaves_out(Omission::InScatter) {
             zeros(gpu, "light", 1)?
         } else {
-            bake_light(gpu, stage, &density, &mut layout, progress)?
+            bake_light(gpu, stage, textures.as_ref(), &mut layout, progress)?
         };
         let medium = &stage.medium;
         let single = |values: [f64; 3]| values.map(|value| value as f32);
         let vector = |value: DVec3| value.as_vec3().to_array();
-        let middle = medium.to_object.inverse().transform_point3((medium.bounds.low + medium.bounds.high) / 2.0);
+        let middle =
+            medium.to_object.inverse().transform_point3((medium.density.bounds.low + medium.density.bounds.high) / 2.0);
         let uniform = StageUniform {
             extinction: single(medium.extinction),
             anisotropy: medium.anisotropy as f32,
@@ -271,9 +225,9 @@ impl<'a> Kernels<'a> {
             cells: CELLS as u32,
             world: single(stage.world),
             lights: stage.lights.len() as u32,
-            bounds_low: vector(medium.bounds.low),
+            bounds_low: vector(medium.density.bounds.low),
             harmonics: layout.harmonics as u32,
-            bounds_high: vector(medium.bounds.high),
+            bounds_high: vector(medium.density.bounds.high),
             vertices: layout.vertices() as u32,
             grid_low: vector(layout.low),
             rays: 0,
@@ -311,13 +265,13 @@ impl<'a> Kernels<'a> {
             })
             .collect();
         lights.resize(lights.len().max(1), Light::zeroed());
-        let cells: Vec<u32> = medium.cells.iter().map(|&cell| cell.into()).collect();
+        let cells: Vec<u32> = medium.density.cells().into_iter().map(u32::from).collect();
         let storage = wgpu::BufferUsages::STORAGE;
         let module = march_module(stage)?;
         Ok(Self {
             gpu,
             march: gpu.kernel("march", &module, LAYOUTS)?,
-            cache: density.cache,
+            textures,
             uniform,
             lights: gpu.upload("lights", bytemuck::cast_slice(&lights), storage),
             cells: gpu.upload("cells", bytemuck::cast_slice(&cells), storage),
@@ -390,7 +344,7 @@ impl<'a> Kernels<'a> {
             };
             let stage = gpu.upload("stage", bytemuck::bytes_of(&uniform), wgpu::BufferUsages::UNIFORM);
             let buffers = [&stage, &data, &self.lights, &bases, &self.cells, &self.grid, &outcomes];
-            let bindings = Bindings::new().group(0, buffers).group(1, self.cache.iter().flatten());
+            let bindings = Bindings::new().group(0, buffers).group(1, &self.textures);
             gpu.dispatch(&self.march, &bindings, [rays.len() as u32, 1, 1])?;
         }
         let bytes = gpu.read_back(&outcomes, unwritten.len() as u64)?;
@@ -428,13 +382,13 @@ fn definitions(stage: &Stage<'_>) -> Vec<&'static str> {
 fn bake_light(
     gpu: &Gpu,
     stage: &Stage<'_>,
-    density: &Density<'_>,
+    textures: Option<&wgpu::Buffer>,
     layout: &mut LightGrid,
     progress: &(dyn Fn(f64) + Sync),
 ) -> Result<wgpu::Buffer> {
     let world_channels = if stage.directions.is_empty() { 0 } else { layout.extinctions.len() * layout.harmonics };
     let channels = (stage.lights.len() + world_channels).max(1);
-    let density = bake_density(gpu, density, layout, &|done| progress(0.5 * done))?;
+    let density = bake_density(gpu, &stage.medium, textures, layout, &|done| progress(0.5 * done))?;
     let grid = zeros(gpu, "light", layout.vertices() * channels)?;
     let to_cells = layout.to_cells(&stage.medium);
     let bytes = 4 * layout.vertices() as u64;
@@ -463,8 +417,14 @@ fn bake_light(
 }
 
 /// Density at the vertices, on the adapter.
-fn bake_density(gpu: &Gpu, source: &Density<'_>, layout: &LightGrid, progress: &dyn Fn(f64)) -> Result<wgpu::Buffer> {
-    let module = source.link("integrators/march/light_grid_bake.wgsl", BAKE, &[])?;
+fn bake_density(
+    gpu: &Gpu,
+    medium: &Medium,
+    textures: Option<&wgpu::Buffer>,
+    layout: &LightGrid,
+    progress: &dyn Fn(f64),
+) -> Result<wgpu::Buffer> {
+    let module = link(medium, "integrators/march/light_grid_bake.wgsl", BAKE, &[])?;
     let kernel = gpu.kernel("light_grid_bake", &module, BAKE_LAYOUTS)?;
     let density = zeros(gpu, "density", layout.vertices())?;
     let mut slices = Slices::within(FIRST_SLICE, SLICES);
@@ -481,7 +441,7 @@ fn bake_density(gpu: &Gpu, source: &Density<'_>, layout: &LightGrid, progress: &
             padding: 0,
         };
         let bake = gpu.upload("bake", bytemuck::bytes_of(&uniform), wgpu::BufferUsages::UNIFORM);
-        let bindings = Bindings::new().group(0, [&bake, &density]).group(1, source.group());
+        let bindings = Bindings::new().group(0, [&bake, &density]).group(1, textures);
         gpu.dispatch(&kernel, &bindings, [count as u32, 1, 1])?;
         gpu.wait()?;
         slices.adapt(begin.elapsed());
@@ -576,7 +536,7 @@ impl<'a> Sweeps<'a> {
 /// A storage buffer of zeros, which wgpu guarantees for new buffers.
 fn zeros(gpu: &Gpu, label: &str, floats: usize) -> Result<wgpu::Buffer> {
     let size = 4 * floats as u64;
-    check_size(gpu, label, size, "--grid-cells")?;
+    check_size(gpu, label, size, "grid_cells")?;
     Ok(gpu.device().create_buffer(&wgpu::BufferDescriptor {
         label: Some(label),
         size,
@@ -585,8 +545,8 @@ fn zeros(gpu: &Gpu, label: &str, floats: usize) -> Result<wgpu::Buffer> {
     }))
 }
 
-/// An error where a storage buffer is larger than the adapter binds; `option` would make it smaller.
-fn check_size(gpu: &Gpu, label: &str, size: u64, option: &str) -> Result<()> {
+/// An error where a storage buffer is larger than the adapter binds; a lower `setting` would make it smaller.
+fn check_size(gpu: &Gpu, label: &str, size: u64, setting: &'static str) -> Result<()> {
     let limit = gpu.device().limits().max_storage_buffer_binding_size;
     if size <= limit {
         return Ok(());
@@ -595,8 +555,10 @@ fn check_size(gpu: &Gpu, label: &str, size: u64, option: &str) -> Result<()> {
         format!("buffer of {label}"),
         format!("{size} bytes"),
         format!("at most {limit} bytes, the largest that adapter {} binds", gpu.adapter().name),
-        format!("Lower {option}, or give --backend cpu."),
-    ))
+        format!("Lower the setting {setting}, or march on the CPU."),
+    )
+    .with_setting(setting)
+    .with_setting("backend"))
 }
 
 /// A module without imports.
@@ -620,10 +582,8 @@ mod tests {
     fn buffers_lie_in_memory_as_the_kernels_read_them() {
         let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("parity/scenes/homogeneous-cube.scene.json");
         let scene = crate::scene::Scene::load(&path).expect("the committed scene loads");
-        let link = |source: &str| {
-            let program = crate::graph::Program::density(&scene).expect("the density compiles");
-            Linker::new(&program).and_then(|linker| linker.link("test", source)).expect("the kernel links")
-        };
+        let medium = Medium::new(&scene).expect("the medium compiles");
+        let link = |source: &str| link(&medium, "test", source, &[]).expect("the kernel links");
         check_all(&link(BAKE), BAKE_LAYOUTS).expect("the bake");
         check::<BakeUniform>(&link(BAKE)).expect("Bake is in it");
         for (name, source) in [("trace", TRACE), ("gather", GATHER)] {
@@ -634,8 +594,5 @@ mod tests {
         check::<WorldUniform>(&gather).expect("World is in it");
         check_all(&link(MARCH), LAYOUTS).expect("the march");
         check::<Light>(&link(MARCH)).expect("Light is in it");
-        let cached = Linker::cached().and_then(|linker| linker.link("test", MARCH)).expect("the kernel links");
-        check_all(&cached, LAYOUTS).expect("the march through a cache");
-        check::<CacheUniform>(&cached).expect("Cache is in it");
     }
 }

@@ -63,7 +63,7 @@ impl LightGrid {
             let positions: Vec<[f32; 3]> = (start..count.min(start + BAKE_CHUNK))
                 .map(|index| vertex(index, grid.size, grid.low, grid.step).as_vec3().to_array())
                 .collect();
-            grid.density.extend(medium.densities(&positions)?);
+            grid.density.extend(medium.density.values(&positions)?);
             progress(0.5 * grid.density.len() as f64 / count as f64);
         }
         let to_cells = grid.to_cells(medium);
@@ -82,7 +82,7 @@ impl LightGrid {
 
     /// The vertices and what is stored there, with nothing baked yet.
     pub(crate) fn layout(medium: &Medium, settings: &MarchSettings) -> Self {
-        let (size, step) = vertices_of(medium, settings.grid_cells);
+        let (size, step) = vertices_of(&medium.density.occupied, &medium.to_object, settings.grid_cells);
         let mut extinctions: Vec<f64> = Vec::new();
         let extinction_of_channel = medium.extinction.map(|extinction| {
             extinctions.iter().position(|&known| known == extinction).unwrap_or_else(|| {
@@ -93,7 +93,7 @@ impl LightGrid {
         let bands = if medium.anisotropy.abs() < 0.001 { 0 } else { settings.world_bands as usize };
         Self {
             size,
-            low: medium.occupied.low,
+            low: medium.density.occupied.low,
             step,
             density: Vec::new(),
             depths: Vec::new(),
@@ -160,7 +160,7 @@ impl LightGrid {
     /// Depths of density between all vertices and a point given in cells.
     fn depth_to_cell(&self, target: DVec3, to_metres: DMat3) -> Vec<f32> {
         let high = DVec3::from(self.size.map(|count| (count - 1) as f64));
-        let region = crate::media::medium::Region { low: DVec3::ZERO, high };
+        let region = crate::media::region::Region { low: DVec3::ZERO, high };
         (0..self.density.len())
             .into_par_iter()
             .map(|index| {
@@ -510,7 +510,7 @@ mod tests {
         }
     }
 
-    const CUBE: crate::media::medium::Region = crate::media::medium::Region { low: DVec3::ZERO, high: DVec3::ONE };
+    const CUBE: crate::media::region::Region = crate::media::region::Region { low: DVec3::ZERO, high: DVec3::ONE };
 
     /// Length from a vertex to where a ray leaves the cube, and the axis of the face there.
     fn way_out(place: DVec3, direction: DVec3) -> (f64, usize) {

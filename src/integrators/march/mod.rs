@@ -175,31 +175,36 @@ impl<'a> Stage<'a> {
                 "$.integrator.volume_bounces",
                 bounces.to_string(),
                 "0: ray marching computes single scattering",
-                "Give --volume-bounces 0.",
-            ));
+                "Set the volume bounces to 0, or trace paths.",
+            )
+            .with_setting("volume_bounces")
+            .with_setting("integrator"));
         }
         if let Some(image) = &scene.world.image {
             return Err(Error::new(
                 "$.world.image",
                 format!("the picture \"{}\"", image.file),
                 "a constant world: ray marching knows no other",
-                "Leave the picture out, or give --integrator path.",
-            ));
+                "Leave the picture out, or trace paths.",
+            )
+            .with_setting("integrator"));
         }
         let mut stage = Self::new(scene, settings)?;
-        let empty = stage.medium.occupied.is_empty();
+        let empty = stage.medium.density.occupied.is_empty();
         let cached = if settings.density_cache.is_some() { 0.25 } else { 0.0 };
-        stage.medium.cache = match (cache, settings.density_cache) {
+        let cache = match (cache, settings.density_cache) {
             (Some(cache), _) => Some(cache),
             (None, Some(wanted)) if !empty => {
                 let report = |done: f64| progress(cached * done, "density cache");
-                let samples = Samples::bake(&stage.medium, wanted.cells, wanted.format, &report)?;
+                let Medium { density, to_object, .. } = &stage.medium;
+                let samples = Samples::bake(density, to_object, wanted.cells, wanted.format, &report)?;
                 Some(DensityCache::new(&samples, wanted.format, wanted.filter)?)
             }
             _ => None,
         };
-        if let Some(cache) = &stage.medium.cache {
-            stage.cache_report = Some(cache.measure(&stage.medium)?);
+        if let Some(cache) = cache {
+            stage.cache_report = Some(cache.measure(&stage.medium.density)?);
+            stage.medium.density = cache.density;
         }
         stage.left_out = stage.omissions();
         if !stage.leaves_out(Omission::World) {
@@ -231,7 +236,7 @@ impl<'a> Stage<'a> {
         let medium = &self.medium;
         let dark_world = self.world == [0.0; 3];
         let unlit = medium.scattering == [0.0; 3] || self.lights.is_empty() && dark_world;
-        let homogeneous = medium.homogeneous().is_some();
+        let homogeneous = medium.density.homogeneous().is_some();
         let emits = medium.emission != [0.0; 3] || medium.emission_of_density != [0.0; 3];
         let one_step = self.settings.integration == Integration::EnergyConserving || !emits;
         [
@@ -242,7 +247,7 @@ impl<'a> Stage<'a> {
             (Omission::Density, homogeneous),
             (Omission::ViewSteps, homogeneous && unlit && one_step),
             (Omission::ShadowSteps, homogeneous && !unlit && self.settings.light == LightMode::Exact),
-            (Omission::EmptyCells, medium.cells.iter().all(|&holds| holds)),
+            (Omission::EmptyCells, medium.density.fills_all_cells()),
         ]
         .into_iter()
         .filter_map(|(omission, possible)| possible.then_some(omission))
@@ -281,7 +286,7 @@ impl<'a> Stage<'a> {
                     self.view_ray(&camera, DVec2::new(column, line), offset)
                 })
                 .collect();
-            match (kernels, self.medium.homogeneous()) {
+            match (kernels, self.medium.density.homogeneous()) {
                 (_, Some(density)) if self.leaves_out(Omission::ViewSteps) => {
                     rays.iter_mut().flatten().for_each(|ray| ray.cross(self, density));
                 }
@@ -308,12 +313,12 @@ impl Stage<'_> {
         let ray = camera.ray(raster);
         let local_origin = self.medium.to_object.transform_point3(ray.origin);
         let local_direction = self.medium.to_object.transform_vector3(ray.direction);
-        let (_, leave) = self.medium.bounds.segment(local_origin, local_direction)?;
+        let (_, leave) = self.medium.density.bounds.segment(local_origin, local_direction)?;
         // Cycles leaves out a medium that reaches across the far clip.
         if leave > ray.far {
             return None;
         }
-        let (enter, leave) = self.medium.occupied.segment(local_origin, local_direction)?;
+        let (enter, leave) = self.medium.density.occupied.segment(local_origin, local_direction)?;
         let start = enter.max(ray.near);
         if start >= leave {
             return None;
@@ -337,7 +342,7 @@ impl Stage<'_> {
     /// Takes all rays to their ends.
     fn march(&self, rays: &mut [Option<ViewRay>]) -> Result<()> {
         let all_may_hold = self.leaves_out(Omission::EmptyCells);
-        let constant = self.medium.homogeneous().filter(|_| self.leaves_out(Omission::Density));
+        let constant = self.medium.density.homogeneous().filter(|_| self.leaves_out(Omission::Density));
         let lit = !self.leaves_out(Omission::InScatter);
         loop {
             let mut samples = Vec::new();
@@ -348,7 +353,7 @@ impl Stage<'_> {
                 while found < STEPS && ray.next < ray.steps {
                     let distance = ray.start + (ray.next as f64 + ray.offset) * ray.step;
                     let local = ray.local_origin + ray.local_direction * distance;
-                    if all_may_hold || self.medium.may_hold(local) {
+                    if all_may_hold || self.medium.density.may_hold(local) {
                         samples.push(Sample { ray: number, local, distance });
                         found += 1;
                     }
@@ -363,7 +368,7 @@ impl Stage<'_> {
                 None => {
                     let positions: Vec<[f32; 3]> =
                         samples.iter().map(|sample| sample.local.as_vec3().to_array()).collect();
-                    self.medium.densities(&positions)?
+                    self.medium.density.values(&positions)?
                 }
             };
             let incident = if lit { self.incident(&samples, &densities, rays)? } else { vec![[0.0; 3]; samples.len()] };
@@ -452,8 +457,8 @@ impl Stage<'_> {
         }
         let phase = self.phase();
         // A homogeneous medium's depth is its density times the length.
-        let constant = self.medium.homogeneous().filter(|_| self.leaves_out(Omission::ShadowSteps));
-        let longest = (self.medium.occupied.high - self.medium.occupied.low).length()
+        let constant = self.medium.density.homogeneous().filter(|_| self.leaves_out(Omission::ShadowSteps));
+        let longest = (self.medium.density.occupied.high - self.medium.density.occupied.low).length()
             / self.medium.to_object.x_axis.truncate().length().min(1e300);
         let per_ray = (longest / self.settings.shadow_step).ceil().max(1.0) as usize;
         let together = (SHADOW_SAMPLES / (rays_per_sample * per_ray)).max(1);
@@ -475,7 +480,7 @@ impl Stage<'_> {
                     .chain(self.directions.iter().map(|&towards| (towards, f64::INFINITY)));
                 for (towards, distance) in ways {
                     let way = self.medium.to_object.transform_vector3(towards);
-                    let segment = self.medium.occupied.segment(sample.local, way);
+                    let segment = self.medium.density.occupied.segment(sample.local, way);
                     let length = segment.map_or(0.0, |(_, leave)| leave.clamp(0.0, distance));
                     if let Some(density) = constant {
                         shadows.push((0, 0.0, density * length));
@@ -490,7 +495,7 @@ impl Stage<'_> {
                     shadows.push((steps as usize, step, 0.0));
                 }
             }
-            let found = self.medium.densities(&positions)?;
+            let found = self.medium.density.values(&positions)?;
             let mut rest = found.as_slice();
             let depths: Vec<f64> = shadows
                 .iter()

@@ -16,7 +16,6 @@ use crate::graph::wgsl::Linker;
 use crate::integrators::path::tracer::{Counters, EVENTS_BEFORE_ROULETTE, FAINT, Tracer, World, violation};
 use crate::media::majorant::{FINEST, LEVELS, TABLE_LEVEL};
 use crate::media::medium::Medium;
-use crate::scene::Scene;
 use crate::shader_struct;
 use crate::view::sampled_lights::{AdapterLight, POINT, SPOT, SUN_DISC};
 use bytemuck::Zeroable;
@@ -139,6 +138,8 @@ pub(super) struct PathKernel<'a> {
     tree: wgpu::Buffer,
     rates: wgpu::Buffer,
     lights: wgpu::Buffer,
+    /// Textures of the density.
+    textures: Option<wgpu::Buffer>,
     pixels: usize,
     /// Middle of the medium's box in world space: the origin of the shader's places.
     middle: DVec3,
@@ -147,31 +148,34 @@ pub(super) struct PathKernel<'a> {
 impl<'a> PathKernel<'a> {
     /// Compiles the kernel; None where no ray can meet the medium. It knows one object whose coefficients are one
     /// density times constants, one Henyey-Greenstein lobe and a constant world, and refuses the rest.
-    pub(crate) fn new(tracer: &'a Tracer, scene: &Scene, gpu: &'a Gpu) -> Result<Option<Self>> {
+    pub(crate) fn new(tracer: &'a Tracer, gpu: &'a Gpu) -> Result<Option<Self>> {
         let Some(majorants) = &tracer.volume.majorants else { return Ok(None) };
-        let medium = Medium::new(scene).map_err(|cause| {
+        let medium = tracer.volume.single().and_then(Medium::of).map_err(|cause| {
             Error::new(
-                format!("--backend gpu, {}", cause.place),
+                format!("path tracing on the adapter, {}", cause.place),
                 cause.found,
                 "one object whose coefficients are one density times constants, and one Henyey-Greenstein lobe",
-                "Give --backend cpu, which knows all media.",
+                "Trace on the CPU, which knows all media.",
             )
+            .with_setting("backend")
         })?;
         if medium.emission_of_density != [0.0; 3] {
             return Err(Error::new(
-                "--backend gpu",
+                "path tracing on the adapter",
                 "an emission whose strength is the density",
                 "a constant emission: the adapter knows no other yet",
-                "Give --backend cpu.",
-            ));
+                "Trace on the CPU.",
+            )
+            .with_setting("backend"));
         }
         let World::Constant(world) = tracer.world else {
             return Err(Error::new(
-                "--backend gpu, $.world.image",
+                "path tracing on the adapter, $.world.image",
                 "a picture around the scene",
                 "a constant world: the adapter knows no other yet",
-                "Give --backend cpu.",
-            ));
+                "Trace on the CPU.",
+            )
+            .with_setting("backend"));
         };
         let flat = majorants.flat();
         let single = |values: [f64; 3]| values.map(|value| value as f32);
@@ -201,7 +205,8 @@ impl<'a> PathKernel<'a> {
         // A buffer cannot be empty: a scene without lights has one that is never read.
         lights.resize(lights.len().max(1), AdapterLight::zeroed());
         let storage = wgpu::BufferUsages::STORAGE;
-        let mut linker = Linker::new(&medium.density)?;
+        let mut linker = Linker::new(medium.density.program())?;
+        let textures = gpu.upload_textures(linker.textures())?;
         linker.add_constants(&CONSTANTS)?;
         let module = linker.link("integrators/path/path.wgsl", PATH)?;
         let (state_bytes, stage_byte) = layout::place(&module, STATE, "stage")?;
@@ -216,6 +221,7 @@ impl<'a> PathKernel<'a> {
             tree: gpu.upload("majorant tree", bytemuck::cast_slice(&flat.tree), storage),
             rates: gpu.upload("rates and majorants", bytemuck::cast_slice(&flat.rates), storage),
             lights: gpu.upload("lights", bytemuck::cast_slice(&lights), storage),
+            textures,
             pixels: if software { SOFTWARE_PIXELS } else { PIXELS },
             middle,
         }))
@@ -281,7 +287,11 @@ impl<'a> PathKernel<'a> {
             let stage = Stage { budget: budget.size() as u32, ..stage };
             let stage = gpu.upload("stage", bytemuck::bytes_of(&stage), wgpu::BufferUsages::UNIFORM);
             let buffers = [&stage, &rays, &self.tree, &self.rates, &self.lights, &states, &outcomes];
-            gpu.dispatch(&self.kernel, &Bindings::new().group(0, buffers), [pixels as u32, 1, 1])?;
+            gpu.dispatch(
+                &self.kernel,
+                &Bindings::new().group(0, buffers).group(1, &self.textures),
+                [pixels as u32, 1, 1],
+            )?;
             let found: Vec<Outcome> = bytemuck::pod_collect_to_vec(&gpu.read_back(&outcomes, bytes)?);
             budget.adapt(begin.elapsed());
             if let Some(wrong) = found.iter().find(|outcome| outcome.majorant != 0.0) {

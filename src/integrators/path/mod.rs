@@ -15,17 +15,19 @@ mod volume;
 
 pub use crate::media::majorant::Tracking;
 pub use adapter::CONSTANTS;
+#[cfg(feature = "tools")]
 pub(crate) use adapter::LAYOUTS;
 pub use tracer::Counters;
 
 use crate::base::error::{Error, Result};
-use crate::base::files::json;
+use crate::base::files::{json, sha256};
 use crate::base::identity;
 use crate::base::identity::{Identity, Resume};
 use crate::base::progress::Progress as Report;
 use crate::gpu::Backend;
 use crate::gpu::Gpu;
 use crate::media::majorant::Effort;
+use crate::media::objects::{Media, ObjectMedium};
 use crate::scene::Scene;
 use crate::scene::image::Image;
 use crate::view::camera::Camera;
@@ -38,6 +40,7 @@ use accumulation::Accumulation;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
+use std::sync::Arc;
 use std::time::Instant;
 use tracer::{Tracer, Work, World};
 use volume::Volume;
@@ -115,9 +118,49 @@ impl PathSettings {
 
     /// What the samples depend on besides the build: renders that agree in it may go on from each other's state. The
     /// number of samples decides how far majorants are refined, and so belongs to it.
-    fn identity(&self, scene: &Scene, engine: &Engine<'_>) -> String {
+    fn identity(&self, subject: Subject<'_>, engine: &Engine<'_>) -> String {
         let Self { samples, seed, tracking, .. } = self;
-        format!("{} {samples} {seed} {tracking:?} {}", scene.content_hash(), engine.name())
+        format!("{} {samples} {seed} {tracking:?} {}", subject.content_hash(), engine.name())
+    }
+}
+
+/// What is rendered: a scene, or a scene with another medium in the place of its volume.
+#[derive(Clone, Copy)]
+pub struct Subject<'a> {
+    /// Camera, film, lights, world, depth of paths, and the volume where no other medium is given.
+    pub scene: &'a Scene,
+    /// Another medium.
+    pub medium: Option<&'a GivenMedium>,
+}
+
+/// A medium that no scene file describes, such as that of a published system.
+pub struct GivenMedium {
+    /// Everything that it depends on, as text.
+    pub identity: String,
+    /// The medium.
+    pub object: Arc<ObjectMedium>,
+}
+
+impl<'a> From<&'a Scene> for Subject<'a> {
+    fn from(scene: &'a Scene) -> Self {
+        Self { scene, medium: None }
+    }
+}
+
+impl Subject<'_> {
+    fn media(&self) -> Result<Vec<Arc<ObjectMedium>>> {
+        match self.medium {
+            Some(given) => Ok(vec![Arc::clone(&given.object)]),
+            None => Ok(Media::new(self.scene)?.objects),
+        }
+    }
+
+    /// Hash of all that it is.
+    pub fn content_hash(&self) -> String {
+        match self.medium {
+            None => self.scene.content_hash(),
+            Some(given) => sha256(format!("{} {}", self.scene.content_hash(), given.identity).as_bytes()),
+        }
     }
 }
 
@@ -144,10 +187,10 @@ enum Engine<'a> {
 }
 
 impl<'a> Engine<'a> {
-    fn new(tracer: &'a Tracer, scene: &Scene, gpu: Option<&'a Gpu>) -> Result<Self> {
+    fn new(tracer: &'a Tracer, gpu: Option<&'a Gpu>) -> Result<Self> {
         let kernel = match gpu {
             // Where no ray can meet the medium there is nothing to do on an adapter.
-            Some(gpu) => adapter::PathKernel::new(tracer, scene, gpu)?,
+            Some(gpu) => adapter::PathKernel::new(tracer, gpu)?,
             None => None,
         };
         Ok(kernel.map_or(Self::Cpu(tracer), |kernel| Self::Adapter(Box::new(kernel))))
@@ -181,15 +224,16 @@ impl<'a> Engine<'a> {
 ///
 /// With a `state` file, what is done is written there now and then, a render goes on from what it finds there, and the file is removed
 /// at the end. The picture is, bit for bit, the one of an uninterrupted render of as many samples.
-pub fn render(
-    scene: &Scene,
+pub fn render<'a>(
+    subject: impl Into<Subject<'a>>,
     settings: &PathSettings,
     backend: Backend,
     state: Option<&State<'_>>,
     progress: Report<'_>,
 ) -> Result<Image> {
-    let prepared = Prepared::new(scene, settings, backend, progress)?;
-    let image = prepared.render(scene, settings, state, progress)?;
+    let subject = subject.into();
+    let prepared = Prepared::new(subject, settings, backend, progress)?;
+    let image = prepared.render(subject, settings, state, progress)?;
     if let Some(State { path, .. }) = state {
         match std::fs::remove_file(path) {
             Err(cause) if cause.kind() != std::io::ErrorKind::NotFound => {
@@ -202,15 +246,15 @@ pub fn render(
 }
 
 /// [`render`] once per seed, without state files; the seed of `settings` does not count.
-pub fn render_replicas(
-    scene: &Scene,
+pub fn render_replicas<'a>(
+    subject: impl Into<Subject<'a>>,
     settings: &PathSettings,
     backend: Backend,
     seeds: &[u32],
     progress: Report<'_>,
 ) -> Result<Vec<Image>> {
     let mut images = Vec::with_capacity(seeds.len());
-    render_each(scene, settings, backend, seeds, progress, &mut |_, image| {
+    render_each(subject, settings, backend, seeds, progress, &mut |_, image| {
         images.push(image);
         Ok(())
     })?;
@@ -218,19 +262,20 @@ pub fn render_replicas(
 }
 
 /// [`render_replicas`] that hands over each picture, with its seed, as soon as it is there.
-pub fn render_each(
-    scene: &Scene,
+pub fn render_each<'a>(
+    subject: impl Into<Subject<'a>>,
     settings: &PathSettings,
     backend: Backend,
     seeds: &[u32],
     progress: Report<'_>,
     receive: &mut dyn FnMut(u32, Image) -> Result<()>,
 ) -> Result<()> {
-    let prepared = Prepared::new(scene, settings, backend, progress)?;
+    let subject = subject.into();
+    let prepared = Prepared::new(subject, settings, backend, progress)?;
     let count = seeds.len() as f64;
     for (number, &seed) in seeds.iter().enumerate() {
         let report = |done: f64, what: &str| progress((number as f64 + done) / count, what);
-        receive(seed, prepared.render(scene, &PathSettings { seed, ..settings.clone() }, None, &report)?)?;
+        receive(seed, prepared.render(subject, &PathSettings { seed, ..settings.clone() }, None, &report)?)?;
     }
     Ok(())
 }
@@ -244,13 +289,13 @@ struct Prepared {
 }
 
 impl Prepared {
-    fn new(scene: &Scene, settings: &PathSettings, backend: Backend, progress: Report<'_>) -> Result<Self> {
+    fn new(subject: Subject<'_>, settings: &PathSettings, backend: Backend, progress: Report<'_>) -> Result<Self> {
         settings.check()?;
-        memory::check(scene.image_size(), BYTES_PER_PIXEL)?;
+        memory::check(subject.scene.image_size(), BYTES_PER_PIXEL)?;
         let gpu = backend.open()?;
         let begin = Instant::now();
         progress(0.0, PREPARATION);
-        let tracer = Tracer::new(scene, settings)?;
+        let tracer = Tracer::new(subject, settings)?;
         progress(0.0, "paths");
         Ok(Self { tracer, gpu, seconds: begin.elapsed().as_secs_f64() })
     }
@@ -258,13 +303,13 @@ impl Prepared {
     /// One picture, from its state if there is one.
     fn render(
         &self,
-        scene: &Scene,
+        subject: Subject<'_>,
         settings: &PathSettings,
         state: Option<&State<'_>>,
         progress: Report<'_>,
     ) -> Result<Image> {
-        let engine = Engine::new(&self.tracer, scene, self.gpu.as_ref())?;
-        self.tracer.render(scene, settings, &engine, state, self.seconds, progress)
+        let engine = Engine::new(&self.tracer, self.gpu.as_ref())?;
+        self.tracer.render(subject, settings, &engine, state, self.seconds, progress)
     }
 }
 
@@ -285,7 +330,8 @@ impl World {
 }
 
 impl Tracer {
-    fn new(scene: &Scene, settings: &PathSettings) -> Result<Self> {
+    fn new(subject: Subject<'_>, settings: &PathSettings) -> Result<Self> {
+        let scene = subject.scene;
         let size = scene.image_size();
         let events = scene.integrator.volume_bounces.min(scene.integrator.max_bounces).saturating_add(1);
         let paths = f64::from(size[0]) * f64::from(size[1]) * f64::from(settings.samples.min(SAMPLES_FOR_MAJORANTS));
@@ -299,7 +345,7 @@ impl Tracer {
             exposure: f64::from(scene.film.exposure),
             lights: sampled_lights(scene)?,
             world: World::new(scene)?,
-            volume: Volume::new(scene, Effort { rays, tracking: settings.tracking })?,
+            volume: Volume::new(subject.media()?, Effort { rays, tracking: settings.tracking })?,
             events,
         })
     }
@@ -312,7 +358,7 @@ impl Tracer {
     /// One replica, from its state if there is one.
     fn render(
         &self,
-        scene: &Scene,
+        subject: Subject<'_>,
         settings: &PathSettings,
         engine: &Engine<'_>,
         state: Option<&State<'_>>,
@@ -323,7 +369,7 @@ impl Tracer {
         let pixels = self.size.iter().map(|&side| u64::from(side)).product::<u64>();
         let per_pass = (engine.pass_paths() / pixels).clamp(1, MOST_SAMPLES as u64) as u32;
         let build = state.map_or(Identity::current(), |state| &state.resume.build);
-        let mut sums = Accumulation::new(settings.identity(scene, engine), build, pixels as usize);
+        let mut sums = Accumulation::new(settings.identity(subject, engine), build, pixels as usize);
         if let Some(State { path, resume }) = state {
             sums = Accumulation::load(path, sums, resume)?;
         }
@@ -362,7 +408,7 @@ impl Tracer {
                 saved = now;
             }
         }
-        Ok(self.picture(scene, settings, engine, &sums, preparation))
+        Ok(self.picture(subject, settings, engine, &sums, preparation))
     }
 
     /// Sums over some samples of every pixel.
@@ -390,12 +436,13 @@ impl Tracer {
     /// The picture with its provenance.
     fn picture(
         &self,
-        scene: &Scene,
+        subject: Subject<'_>,
         settings: &PathSettings,
         engine: &Engine<'_>,
         sums: &Accumulation,
         preparation: f64,
     ) -> Image {
+        let scene = subject.scene;
         let mut image = Image::new(self.size[0] as usize, self.size[1] as usize);
         let scale = 1.0 / f64::from(sums.progress.samples);
         for (pixel, sum) in image.pixels.iter_mut().zip(&sums.sums) {
@@ -431,6 +478,9 @@ impl Tracer {
         ] {
             image.provenance.insert(name.to_owned(), value);
         }
+        if let Some(given) = subject.medium {
+            image.provenance.insert("medium".to_owned(), given.identity.clone());
+        }
         image
     }
 }
@@ -455,18 +505,19 @@ mod tests {
         };
         let scene = cube();
         let settings = PathSettings { samples: 1 << 16, seed: 3, ..PathSettings::default() };
-        let tracer = Tracer::new(&scene, &settings).expect("a tracer");
-        let engine = Engine::new(&tracer, &scene, Some(&gpu)).expect("a kernel");
+        let tracer = Tracer::new(Subject::from(&scene), &settings).expect("a tracer");
+        let engine = Engine::new(&tracer, Some(&gpu)).expect("a kernel");
         let Engine::Adapter(_) = engine else { panic!("the cube is rendered on the adapter") };
         let folder = tempfile::tempdir().expect("a folder");
         let state = folder.path().join("a.exr.state");
         // The device goes away at the first report, which is after the first pass.
         let report = |_: f64, _: &str| gpu.device().destroy();
-        let error =
-            tracer.render(&scene, &settings, &engine, Some(&State::at(&state)), 0.0, &report).expect_err("it is lost");
+        let error = tracer
+            .render(Subject::from(&scene), &settings, &engine, Some(&State::at(&state)), 0.0, &report)
+            .expect_err("it is lost");
         assert!(error.place.contains("adapter"), "{error}");
         let fresh = Accumulation::new(
-            settings.identity(&scene, &engine),
+            settings.identity(Subject::from(&scene), &engine),
             Identity::current(),
             tracer.size.iter().product::<u32>() as usize,
         );
@@ -481,9 +532,9 @@ mod tests {
         // Passes of four samples.
         scene.film.resolution = [512, 512];
         let settings = PathSettings { samples: 8, seed: 3, ..PathSettings::default() };
-        let tracer = Tracer::new(&scene, &settings).expect("a tracer");
+        let tracer = Tracer::new(Subject::from(&scene), &settings).expect("a tracer");
         let (pass, counters) = tracer.pass(0, 4, settings.seed).expect("a pass");
-        let identity = settings.identity(&scene, &Engine::Cpu(&tracer));
+        let identity = settings.identity(Subject::from(&scene), &Engine::Cpu(&tracer));
         let mut sums = Accumulation::new(identity, Identity::current(), pass.len());
         sums.add(&pass, 4);
         sums.progress.counters.add(&counters);

@@ -12,14 +12,14 @@ use crate::base::error::{Error, Result};
 use crate::graph::bounds::Bounds3;
 use crate::graph::evaluate::Evaluator;
 use crate::media::majorant::{COORDINATE_PADDING, Effort, Majorants, Tracking};
-use crate::media::medium::Region;
-use crate::media::objects::{Media, ObjectMedium, PhaseMixture, Values};
+use crate::media::objects::{ObjectMedium, PhaseMixture, Values};
 use crate::media::phase::PhaseFunction;
+use crate::media::region::Region;
 use crate::nodes::Interval;
 use crate::nodes::closure::Coefficients;
-use crate::scene::Scene;
 use glam::{DMat4, DVec3};
 use rayon::prelude::*;
+use std::sync::Arc;
 
 /// Tentative collisions that are added, for the sake of emission that varies, to a ray along the diagonal of a
 /// medium that emits as much as its bound everywhere. More make emission less noisy and rays slower.
@@ -49,7 +49,7 @@ pub(crate) enum Lobes {
 /// The media of a scene with their majorants.
 pub(crate) struct Volume {
     /// Those that have an inside.
-    objects: Vec<ObjectMedium>,
+    objects: Vec<Arc<ObjectMedium>>,
     /// Coefficients per unit density, of one object in which only the density varies.
     proportional: Option<Coefficients<f64>>,
     /// None where no object has an inside.
@@ -70,9 +70,8 @@ pub(crate) struct Volume {
 }
 
 impl Volume {
-    /// The media of a scene.
-    pub(crate) fn new(scene: &Scene, effort: Effort) -> Result<Self> {
-        let mut objects = Media::new(scene)?.objects;
+    /// The volume of media.
+    pub(crate) fn new(mut objects: Vec<Arc<ObjectMedium>>, effort: Effort) -> Result<Self> {
         objects.retain(|object| !object.bounds.is_empty());
         let proportional = match objects.as_slice() {
             [only] => only.proportional(),
@@ -116,6 +115,19 @@ impl Volume {
         }
         volume.majorants = Some(majorants);
         Ok(volume)
+    }
+
+    /// The only object, or what stands in the way.
+    pub(crate) fn single(&self) -> Result<&ObjectMedium> {
+        match self.objects.as_slice() {
+            [only] => Ok(only),
+            several => Err(Error::new(
+                "the media of the scene",
+                format!("{} objects", several.len()),
+                "one object",
+                "Leave the other objects out, or use the CPU.",
+            )),
+        }
     }
 
     /// The box of the frame that holds all objects; none without an object.
@@ -228,7 +240,7 @@ impl Volume {
     /// camera ray of Cycles goes from face to face, and leaves out the medium behind the last one that it finds.
     /// (Measured for one object, where it leaves out all of an object that reaches across the far clip.)
     pub(crate) fn last_face(&self, origin: DVec3, direction: DVec3, far: f64) -> f64 {
-        let faces = |object: &ObjectMedium| {
+        let faces = |object: &Arc<ObjectMedium>| {
             let origin = object.to_object.transform_point3(origin);
             let direction = object.to_object.transform_vector3(direction);
             object.bounds.segment(origin, direction)
@@ -253,11 +265,12 @@ impl Volume {
 
     /// Evaluates coefficients on the calling thread.
     pub(crate) fn evaluator(&self) -> Result<CoefficientEvaluator<'_>> {
-        let one = |medium| {
-            let program = Evaluator::new(ObjectMedium::program(medium))?;
-            Ok(ObjectEvaluator { medium, program, positions: Vec::new(), lanes: Vec::new(), values: None })
-        };
-        Ok(CoefficientEvaluator { volume: self, objects: self.objects.iter().map(one).collect::<Result<_>>()? })
+        let mut objects = Vec::with_capacity(self.objects.len());
+        for medium in &self.objects {
+            let program = Evaluator::new(medium.program())?;
+            objects.push(ObjectEvaluator { medium, program, positions: Vec::new(), lanes: Vec::new(), values: None });
+        }
+        Ok(CoefficientEvaluator { volume: self, objects })
     }
 }
 
@@ -283,8 +296,8 @@ fn check(unit: &Coefficients<f64>) -> Result<()> {
 
 /// How objects scatter. Lobes of coefficients that are proportional to a density are constant, and so are their
 /// proportions.
-fn lobes(objects: &[ObjectMedium], proportional: bool) -> Result<Lobes> {
-    let mut lobes = objects.iter().flat_map(ObjectMedium::phases);
+fn lobes(objects: &[Arc<ObjectMedium>], proportional: bool) -> Result<Lobes> {
+    let mut lobes = objects.iter().flat_map(|object| object.phases());
     // Where nothing scatters any will do.
     let Some(first) = lobes.next() else { return Ok(Lobes::Single(PhaseFunction::ISOTROPIC)) };
     if let Some(first) = first

@@ -277,7 +277,7 @@ impl Running<'_> {
 
     fn caches(&mut self, cells: u32, desk: &Desk<'_>) -> Result<Vec<CachePoint>> {
         let medium = Medium::new(self.scene)?;
-        if medium.occupied.is_empty() {
+        if medium.density.occupied.is_empty() {
             return Ok(Vec::new());
         }
         let inputs = self.inputs(&Job::Steps)?;
@@ -288,7 +288,7 @@ impl Running<'_> {
             }
         }
         let uncached = self.uncached.as_ref().expect("it was just made or read");
-        let samples = Samples::bake(&medium, cells, CacheFormat::F32, &|_| {})?;
+        let samples = Samples::bake(&medium.density, &medium.to_object, cells, CacheFormat::F32, &|_| {})?;
         let mut found = Vec::new();
         for format in FORMATS {
             for filter in FILTERS {
@@ -382,16 +382,18 @@ fn check(settings: &ConvergenceSettings) -> Result<()> {
             "setting steps",
             format!("{steps:?}"),
             format!("at least four rising numbers from 1 to {most}: the finest is left out of fits, which need three"),
-            "Give for example 4, 8, 16, 32 and 64.",
-        ));
+            "Take for example 4, 8, 16, 32, 64.",
+        )
+        .with_setting("steps"));
     }
     if settings.cache_cells.contains(&0) {
         return Err(Error::new(
             "setting cache_cells",
             format!("{:?}", settings.cache_cells),
             "at least 1 cell along the longest side",
-            "Give for example 16, 32 and 64.",
-        ));
+            "Take for example 16, 32, 64.",
+        )
+        .with_setting("cache_cells"));
     }
     Ok(())
 }
@@ -596,10 +598,7 @@ impl Convergence {
 impl Integration {
     /// The name in settings and on the command line.
     pub fn name(self) -> &'static str {
-        match self {
-            Self::EnergyConserving => "energy-conserving",
-            Self::Plain => "plain",
-        }
+        self.into()
     }
 }
 

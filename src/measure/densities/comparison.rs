@@ -3,7 +3,7 @@
 //! The density of a scene's node graph takes the place of a published engine's, with the engine's extinction, albedo and phase
 //! function, so that pictures differ by the density alone. One factor on each density brings the mean optical depth along the box's
 //! vertical lines to the same value. Both are then rendered by the engine's light as published, by every light model on its mended form, and by
-//! path tracing with the light transport that these stand for. Path tracing sees both as grids of the same voxels, those of the statistics.
+//! path tracing of the densities themselves with the light transport that these stand for.
 
 use crate::base::error::{Error, Result};
 use crate::base::files;
@@ -11,29 +11,30 @@ use crate::base::identity::Identity;
 use crate::base::progress::Progress;
 use crate::bridge;
 use crate::bridge::Kernel;
+use crate::engines::Model;
 use crate::engines::defects::Defects;
-use crate::engines::graph::GraphDensity;
+use crate::engines::domain::Container;
 use crate::engines::light::models::LIGHTS;
 use crate::engines::light::{SourceFactor, TwoLobes};
 use crate::engines::parameters::Values;
 use crate::engines::render;
 use crate::engines::render::{EngineJitter, EngineSettings};
-use crate::engines::{Build, Model};
 use crate::gpu::Backend;
 use crate::gpu::Gpu;
 use crate::graph::evaluate::Points;
 use crate::integrators::path;
-use crate::integrators::path::PathSettings;
+use crate::integrators::path::{GivenMedium, PathSettings, Subject};
 use crate::measure::densities::statistics::FieldStatistics;
 use crate::measure::images::{self, DisplaySettings};
-use crate::measure::voxels::{grid_scene, sample};
-use crate::media::density::DensityModel;
+use crate::media::density::Density;
+use crate::media::medium::Medium;
+use crate::media::region::Region;
 use crate::scene::image::Image;
 use crate::scene::{Display, Scene};
 use glam::DVec3;
 use indexmap::IndexMap;
+use ndarray::Array3;
 use rand::{Rng as _, SeedableRng as _};
-use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 use std::path::Path;
@@ -43,7 +44,7 @@ use std::time::Instant;
 /// What is compared and how closely.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Settings {
-    /// Places per axis of the statistics, and voxels per axis of path tracing.
+    /// Places per axis of the statistics.
     pub places: usize,
     /// Paths per pixel.
     pub samples: u32,
@@ -135,32 +136,7 @@ const REPEATS: usize = 5;
 const SEED: u64 = 42;
 
 /// Places that are evaluated together.
-const BATCH: usize = 1 << 14;
-
-/// A density times a factor.
-struct Scaled {
-    density: Box<dyn DensityModel>,
-    factor: f64,
-}
-
-impl DensityModel for Scaled {
-    fn densities(&self, places: &[DVec3]) -> Vec<f64> {
-        self.density.densities(places).into_iter().map(|density| density * self.factor).collect()
-    }
-
-    fn extinction(&self) -> [f64; 3] {
-        self.density.extinction()
-    }
-
-    fn shader(&self) -> Result<crate::gpu::ModelShader> {
-        Err(Error::new(
-            "density model",
-            "a density times a factor",
-            "a density with a shader of its own",
-            "Leave --gpu out.",
-        ))
-    }
-}
+const BATCH: usize = 1 << 18;
 
 /// Compares the density of a scene's graph with a model's; pictures are written to `folder` as they are made.
 pub fn run(
@@ -172,26 +148,30 @@ pub fn run(
     progress: Progress<'_>,
 ) -> Result<Comparison> {
     check(settings)?;
-    if matches!(model.build, Build::OfScene(_)) {
+    if model.is_of_scene {
         return Err(Error::new(
-            "--model",
+            "density model",
             format!("\"{}\"", model.id),
             "a density model that is not the scene's own",
             "Give another one: cloudparity models lists them.",
-        ));
+        )
+        .with_setting("model"));
     }
     std::fs::create_dir_all(folder).map_err(|cause| Error::io(folder, "a folder for the results", &cause))?;
     let engine = |defects: &Defects| model.engine(scene, values, defects, 0.0);
     let mended = engine(&Defects::NONE)?;
-    let (extinction, light) = (mended.density.extinction(), mended.light.clone());
+    let (extinction, light) = (mended.extinction, mended.light.clone());
     let SourceFactor::Albedo([albedo, ..]) = light.source else {
         unreachable!("the mended form of an engine has an albedo");
     };
     let mean_extinction = extinction.iter().sum::<f64>() / 3.0;
 
     progress(0.0, "statistics of the fields");
-    let graph = GraphDensity::new(scene, extinction)?;
-    let fields = [sample(scene, &graph, settings.places)?, sample(scene, mended.density.as_ref(), settings.places)?];
+    let graph = Medium::new(scene)?.density;
+    let fields = [
+        sample(&mended.container, &graph, settings.places)?,
+        sample(&mended.container, &mended.density, settings.places)?,
+    ];
     let depths = fields.each_ref().map(|field| field.mean().expect("a field has places") * mean_extinction);
     let names = [("graph", format!("node graph of {}", scene.name)), (model.id, model.id.to_owned())];
     for (depth, (_, title)) in depths.iter().zip(&names) {
@@ -209,8 +189,8 @@ pub fn run(
 
     progress(0.1, "cost per sample");
     let gpu = Gpu::open().ok();
-    let [graph_cost, model_cost] = costs(&graph, mended.density.as_ref(), settings.timed_points, gpu.as_ref())?;
-    let evaluators = ["f32, vectors", "f64, scalar"];
+    let [graph_cost, model_cost] = costs(&graph, &mended.density, settings.timed_points, gpu.as_ref())?;
+    let evaluators = ["f32, vectors", "f32, scalar"];
     let figures = |index: usize, (cpu_nanoseconds, gpu_nanoseconds): (f64, Option<f64>)| Side {
         id: names[index].0.to_owned(),
         title: names[index].1.clone(),
@@ -222,10 +202,7 @@ pub fn run(
     };
     let sides = [figures(0, graph_cost), figures(1, model_cost)];
 
-    let densities: [Arc<dyn DensityModel>; 2] = [
-        Arc::new(Scaled { density: Box::new(graph), factor: factors[0] }),
-        Arc::new(Scaled { density: mended.density, factor: factors[1] }),
-    ];
+    let densities = [graph.scaled(factors[0]), mended.density.scaled(factors[1])];
     let mut pictures = Vec::new();
     let mut done = 0.15;
     let mut keep = |light: &str, title: &str, density: &str, image: &Image| -> Result<()> {
@@ -254,7 +231,7 @@ pub fn run(
     let share = 0.5 / (2 * lights.len()) as f64;
     for (lit, id, title) in lights {
         for (density, side) in densities.iter().zip(&sides) {
-            let engine = lit.with_density(Box::new(Arc::clone(density)));
+            let engine = lit.with_density(density.clone());
             let report = |part: f64, what: &str| progress(done + share * part, what);
             let image = render::render(scene, &engine, &engine_settings, Backend::Cpu, &report)?;
             keep(id, &title, &side.id, &image)?;
@@ -262,10 +239,15 @@ pub fn run(
         }
     }
     let path_settings = PathSettings { samples: settings.samples, ..PathSettings::default() };
-    for ((field, side), factor) in fields.iter().zip(&sides).zip(factors) {
-        let medium = grid_scene(scene, &field.mapv(|density| density * factor), extinction, albedo, &light.phase)?;
+    for ((density, side), factor) in densities.iter().zip(&sides).zip(factors) {
+        let engine = mended.with_density(density.clone());
+        let medium = GivenMedium {
+            identity: format!("density {} times {factor} as {}", side.title, engine.medium_identity()),
+            object: Arc::new(engine.medium()?),
+        };
+        let subject = Subject { scene, medium: Some(&medium) };
         let report = |part: f64, what: &str| progress(done + 0.17 * part, what);
-        let image = path::render(&medium, &path_settings, Backend::Cpu, None, &report)?;
+        let image = path::render(subject, &path_settings, Backend::Cpu, None, &report)?;
         keep("path", "Path tracing", &side.id, &image)?;
         done += 0.17;
     }
@@ -299,36 +281,51 @@ fn check(settings: &Settings) -> Result<()> {
     Ok(())
 }
 
-/// Nanoseconds per density on the CPU and on the adapter, of the graph and of the model, at the same random places.
-fn costs(
-    graph: &GraphDensity,
-    model: &dyn DensityModel,
-    count: usize,
-    gpu: Option<&Gpu>,
-) -> Result<[(f64, Option<f64>); 2]> {
-    let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(SEED);
-    let places: Vec<DVec3> =
-        (0..count).map(|_| DVec3::from(std::array::from_fn(|_| random.random_range(-0.5..0.5)))).collect();
-    let positions = graph.positions(&places);
-    let local: Vec<[f32; 3]> = places.iter().map(|place| place.as_vec3().to_array()).collect();
-    // The graph's evaluator takes all cores by itself; a model is called from all of them, as the march does.
-    let graph_cpu = nanoseconds(count, || graph.medium().densities(&positions).map(drop))?;
-    let model_cpu = nanoseconds(count, || {
-        let sum: f64 = places.par_chunks(BATCH / 16).map(|part| model.densities(part).iter().sum::<f64>()).sum();
-        std::hint::black_box(sum);
-        Ok(())
-    })?;
-    let (mut graph_gpu, mut model_gpu) = (None, None);
-    if let Some(gpu) = gpu {
-        let kernel = gpu.field(&graph.medium().density)?;
-        graph_gpu = Some(nanoseconds(count, || kernel.evaluate(Points::new(&positions)).map(drop))?);
-        // A model without a shader has no cost there.
-        if let Ok(shader) = model.shader() {
-            let kernel = gpu.density_field(&shader)?;
-            model_gpu = Some(nanoseconds(count, || kernel.evaluate(Points::new(&local)).map(drop))?);
-        }
+/// Densities in the middle of `places`^3 equal parts of the box, by the object's x, y and z.
+fn sample(container: &Container, density: &Density, places: usize) -> Result<Array3<f64>> {
+    let Region { low, high } = container.outline.region();
+    let step = (high - low) / places as f64;
+    let place = |index: usize| {
+        let number = [index / (places * places), index / places % places, index % places];
+        low + step * (DVec3::from(number.map(|number| number as f64)) + 0.5)
+    };
+    let mut values = Vec::with_capacity(places.pow(3));
+    for start in (0..places.pow(3)).step_by(BATCH) {
+        let asked: Vec<[f32; 3]> =
+            (start..places.pow(3).min(start + BATCH)).map(|index| place(index).as_vec3().to_array()).collect();
+        values.extend(density.values(&asked)?.into_iter().map(f64::from));
     }
-    Ok([(graph_cpu, graph_gpu), (model_cpu, model_gpu)])
+    if let Some(index) = values.iter().position(|value| !value.is_finite()) {
+        return Err(Error::new(
+            format!("the density at {} of the object", place(index)),
+            values[index].to_string(),
+            "a finite density",
+            "Mend the graph: cloudparity eval shows its values.",
+        ));
+    }
+    Ok(Array3::from_shape_vec((places, places, places), values).expect("one value per place"))
+}
+
+/// Nanoseconds per density on the CPU and on the adapter, of the graph and of the model, at the same random places.
+fn costs(graph: &Density, model: &Density, count: usize, gpu: Option<&Gpu>) -> Result<[(f64, Option<f64>); 2]> {
+    let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(SEED);
+    let Region { low, high } = model.bounds;
+    let positions: Vec<[f32; 3]> = (0..count)
+        .map(|_| {
+            let part = DVec3::from(std::array::from_fn(|_| random.random_range(0.0..1.0)));
+            (low + part * (high - low)).as_vec3().to_array()
+        })
+        .collect();
+    let cost = |density: &Density| -> Result<(f64, Option<f64>)> {
+        let cpu = nanoseconds(count, || density.values(&positions).map(drop))?;
+        // A model without a shader has no cost there.
+        let kernel = gpu.and_then(|gpu| gpu.field(density.program()).ok());
+        let on_adapter = kernel
+            .map(|kernel| nanoseconds(count, || kernel.evaluate(Points::new(&positions)).map(drop)))
+            .transpose()?;
+        Ok((cpu, on_adapter))
+    };
+    Ok([cost(graph)?, cost(model)?])
 }
 
 /// Median time of some repetitions after one that does not count, over the number of points.

@@ -1,6 +1,6 @@
 //! What was measured of every node in every mode, as committed: how far it is from Cycles, and what a point costs.
 //!
-//! `cloudparity modes --summary` writes the errors, `cloudparity bench-nodes` the costs ([`super::costs`]). Both are compiled in, for
+//! `cloudparity modes` writes the errors as its summary, `cloudparity bench-nodes` the costs ([`super::costs`]). Both are compiled in, for
 //! the table of nodes ([`super::table`]). A mode is named as [`super::suite::Case`] names it.
 
 use crate::base::error::{Error, Result};
@@ -156,8 +156,9 @@ impl NodeErrors {
                 place,
                 format!("rows measured with {}", measured_with(self)),
                 format!("rows measured with {}", measured_with(&newer)),
-                "Measure all nodes: leave --node out.",
-            ));
+                "Measure all nodes, not one alone.",
+            )
+            .with_setting("node"));
         }
         self.builds = resume.join(place, &self.builds)?;
         self.rows.retain(|row| !newer.rows.iter().any(|new| new.node == row.node));

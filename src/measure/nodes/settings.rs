@@ -73,8 +73,9 @@ pub fn draw(scene: &mut Scene, random: &mut ChaCha8Rng) -> Result<IndexMap<Strin
             format!("material {}", scene.graph().material),
             "no group node with an unlinked number input",
             "inputs to draw random values for",
-            "Probe the scene without --random-settings.",
-        ));
+            "Probe the scene without random settings.",
+        )
+        .with_setting("random_settings"));
     }
     Ok(drawn)
 }

@@ -284,11 +284,12 @@ pub fn cases(points: usize, seed: u64, node: Option<&str>, selection: Selection)
     if cases.is_empty() {
         let labels: Vec<&str> = evaluated().map(|node| node.label).collect();
         return Err(Error::new(
-            "--node",
+            "node",
             format!("\"{}\"", node.unwrap_or_default()),
             format!("one of: {}", labels.join(", ")),
             "Write Blender's label of the node.",
-        ));
+        )
+        .with_setting("node"));
     }
     Ok(cases)
 }

@@ -471,14 +471,14 @@ impl Table {
         let mut text = String::from(
             "# Nodes\n\n\
              Every node that this version knows, from its registry: what it computes, its sockets by identifier, its modes, how far\n\
-             it was measured to be from Cycles, and what a point costs. Made by `cloudparity nodes --markdown`; a test compares.\n\n",
+             it was measured to be from Cycles, and what a point costs. Made by `cloudparity nodes`; a test compares.\n\n",
         );
         match &self.errors {
             Some(from) => line(
                 &mut text,
                 format_args!(
                     "Errors are the largest of a mode's outputs against Blender {} (Cycles' SSE4.2 kernel), relative to \
-                     max(1, |Cycles|),\nover the points of `cloudparity modes --points {}`: half of those of textures lie far \
+                     max(1, |Cycles|),\nover {} points of each mode (`cloudparity modes`): half of those of textures lie far \
                      beyond every limit, and arithmetic nodes\nget special values, too. WGSL ran on {} and is judged at \
                      ordinary points.",
                     from.blender,
@@ -486,7 +486,7 @@ impl Table {
                     from.adapter.as_deref().unwrap_or("no adapter")
                 ),
             ),
-            None => line(&mut text, format_args!("Errors: not measured (`cloudparity modes --summary`).")),
+            None => line(&mut text, format_args!("Errors: not measured (the summary of `cloudparity modes`).")),
         }
         match &self.costs_from {
             Some(machine) => line(

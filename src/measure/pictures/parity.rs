@@ -47,9 +47,6 @@ pub struct EntryResult {
     pub identity: String,
     /// The builds that rendered and judged it.
     pub builds: Vec<Identity>,
-    /// What Cycles' render warned of, where it was rendered for this.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub warnings: Vec<String>,
 }
 
 /// Difference of the image mean of one channel, as shares of the reference.
@@ -114,7 +111,7 @@ impl Experiment for Parity<'_> {
 
     fn run(&mut self, job: &usize, desk: &Desk<'_>) -> Result<Found<EntryResult>> {
         let case = &self.cases[*job];
-        let Pictures { references, ours, warnings, build } = case.pictures(desk)?;
+        let Pictures { references, ours, build } = case.pictures(desk)?;
         desk.report(0.9, "comparison");
         let references = references.into_iter().map(|reference| reference.path).collect();
         let request = DiffRequest {
@@ -130,7 +127,7 @@ impl Experiment for Parity<'_> {
         let mut builds = vec![build, desk.ledger.own().clone()];
         builds.dedup();
         let found = entry_result(&case.entry, &result);
-        Ok(Found::Record(EntryResult { identity: desk.key.to_owned(), builds, warnings, ..found }))
+        Ok(Found::Record(EntryResult { identity: desk.key.to_owned(), builds, ..found }))
     }
 
     fn heard(&mut self, _job: &usize, record: &EntryResult, desk: &Desk<'_>) -> Result<()> {
@@ -181,7 +178,6 @@ fn entry_result(entry: &Entry, result: &DiffResult) -> EntryResult {
         debiased_relmse: statistics.and_then(|statistics| statistics.relmse.debiased),
         identity: String::new(),
         builds: Vec::new(),
-        warnings: Vec::new(),
     }
 }
 

@@ -18,6 +18,7 @@ use crate::media::medium::Medium;
 use crate::scene::Scene;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value as Json, json};
+use std::sync::Arc;
 use std::time::Instant;
 
 /// A kernel that is compiled.
@@ -91,9 +92,9 @@ struct Once {
 
 /// The density that the kernels of a scene read. Scenes without one, of several media or densities, have no kernels: they are
 /// rendered on the CPU, and the error says why.
-pub fn density(scene: &Scene) -> Result<Program> {
+pub fn density(scene: &Scene) -> Result<Arc<Program>> {
     // Several closures have one density where they share it, which the medium finds out.
-    Program::density(scene).or_else(|_| Medium::new(scene).map(|medium| medium.density))
+    Program::density(scene).map(Arc::new).or_else(|_| Medium::new(scene).map(|medium| medium.density.program().clone()))
 }
 
 /// Kernels that are compiled again and again.

@@ -212,7 +212,8 @@ fn rate(points: usize, mut seconds: Vec<f64>) -> Result<f64> {
             format!("a time of {median} s for {points} points"),
             "a time that grows with the points",
             "Measure more points, on a machine that does nothing else.",
-        ));
+        )
+        .with_setting("points"));
     }
     Ok(points as f64 / median)
 }

@@ -3,12 +3,12 @@
 use crate::base::error::Result;
 use crate::base::ledger::{Found, Purpose};
 use crate::base::progress::Progress;
-use crate::engines::perlin_fbm::Volume;
 use crate::engines::perlin_fbm::adapter::BakeKernel;
-use crate::engines::perlin_fbm::bake::Bake;
 use crate::gpu::Gpu;
 use crate::measure::experiment;
 use crate::measure::experiment::{Desk, Done, Experiment};
+use crate::nodes::perlin_fbm::Volume;
+use crate::nodes::perlin_fbm::bake::Bake;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value as Json, json};
 use std::time::Instant;

@@ -166,7 +166,7 @@ fn head(case: &Case, evaluator: Evaluator) -> Head {
         guards: vec!["safe-division", "safe-power", "negative-density"],
         cycles: match evaluator {
             Evaluator::Gpu => "within the limit or bound of the CPU, which is Cycles' own f32".into(),
-            _ => "yes by design: the bits of Cycles' SSE4.2 kernel; `--cycles` measures it".into(),
+            _ => "yes by design: the bits of Cycles' SSE4.2 kernel; asking Cycles measures it".into(),
         },
     }
 }

@@ -7,23 +7,25 @@
 //! which judge the CPU, too.
 
 use crate::base::error::Result;
+use crate::engines::domain::{Container, Domain, Outline};
 use crate::engines::light::terms::Terms;
-use crate::engines::light::{LightModel, ShadowExtinction, ShadowLength, ShadowMarch, SourceFactor, TwoLobes};
-use crate::engines::march as engine_march;
-use crate::engines::march::adapter::RealTimeKernel;
-use crate::engines::march::{RealTimePixel, RealTimeRay, RealTimeSettings};
+use crate::engines::light::{LightModel, ShadowExtinction, ShadowLength, ShadowMarch, SourceFactor, Sun, TwoLobes};
+use crate::engines::march::adapter::MarchKernel;
+use crate::engines::march::{Marched, RealTimePixel, RealTimeRay, RealTimeSettings};
 use crate::gpu::Backend;
 use crate::gpu::Gpu;
-use crate::gpu::ModelShader;
+use crate::graph::Program;
 use crate::integrators::path;
 use crate::integrators::path::PathSettings;
 use crate::integrators::{MarchSettings, march, mean_world_side};
 use crate::measure::stability::{Bound, Head, Judgement, Subject, fields};
-use crate::media::density::DensityModel;
+use crate::media::density::Density;
+use crate::media::region::Region;
 use crate::media::transfer::Integration;
 use crate::scene::image::Image;
 use crate::scene::{self, LightKind, Matrix, PixelFilter, Projection, Scene};
 use glam::{DMat4, DVec3};
+use std::sync::Arc;
 
 /// Pixels of a picture.
 const SIZE: [u32; 2] = [32, 18];
@@ -342,53 +344,68 @@ fn parallel(base: &Scene, to_world: DMat4, low: DVec3, high: DVec3) -> Scene {
     scene
 }
 
-/// A density that is the same everywhere, with a shader of its own.
+/// A density that is the same everywhere in a box from -0.5 to 0.5.
 pub struct Uniform {
     /// The density.
     pub density: f64,
     /// Extinction per unit of density and side of the box.
     pub extinction: [f64; 3],
+    container: Container,
+    program: Density,
 }
 
-/// The shader of [`Uniform`].
-const UNIFORM: &str = "#define_import_path cloudparity::density_model
+impl Uniform {
+    /// A density that f32 holds.
+    pub fn new(density: f64, extinction: [f64; 3]) -> Self {
+        let region = Region { low: DVec3::splat(-0.5), high: DVec3::splat(0.5) };
+        let program = Arc::new(Program::constant("Density", density as f32));
+        Self { density, extinction, container: unit_box(), program: Density::filling(program, region) }
+    }
 
-struct Model {
-    density: vec4f,
+    /// What an engine marches through.
+    pub fn marched<'a>(&'a self, light: &'a LightModel) -> Marched<'a> {
+        Marched {
+            container: &self.container,
+            density: &self.program,
+            extinction: self.extinction,
+            averages: None,
+            light,
+            terms: &[],
+        }
+    }
+
+    /// Marches rays on the CPU.
+    pub fn march(
+        &self,
+        light: &LightModel,
+        settings: &RealTimeSettings,
+        rays: &[RealTimeRay],
+    ) -> Result<Vec<RealTimePixel>> {
+        self.marched(light).march(settings, rays)
+    }
+
+    /// Marches rays on the adapter.
+    pub fn march_on(
+        &self,
+        gpu: &Gpu,
+        light: &LightModel,
+        settings: &RealTimeSettings,
+        rays: &[RealTimeRay],
+    ) -> Result<Vec<RealTimePixel>> {
+        MarchKernel::new(gpu, &self.marched(light), settings)?.march(rays)
+    }
 }
 
-@group(1) @binding(0) var<uniform> model: Model;
-
-fn density(place: vec3f) -> f32 {
-    return model.density.x;
-}
-";
-
-impl DensityModel for Uniform {
-    fn densities(&self, places: &[DVec3]) -> Vec<f64> {
-        vec![self.density; places.len()]
-    }
-
-    fn extinction(&self) -> [f64; 3] {
-        self.extinction
-    }
-
-    fn shader(&self) -> Result<ModelShader> {
-        Ok(ModelShader {
-            path: "stability/uniform.wgsl",
-            source: UNIFORM,
-            uniform: bytemuck::cast_slice(&[self.density as f32, 0.0, 0.0, 0.0]).to_vec(),
-            storage: Vec::new(),
-            layouts: &[],
-        })
-    }
+/// A box from -0.5 to 0.5 in the world.
+fn unit_box() -> Container {
+    let region = Region { low: DVec3::splat(-0.5), high: DVec3::splat(0.5) };
+    Container { domain: Domain::Object, to_local: DMat4::IDENTITY, outline: Outline::Box(region), unit: 1.0 }
 }
 
 /// Ambient light alone, or a sun in the direction given, of one lobe.
 pub fn light(sun_direction: Option<[f64; 3]>, anisotropy: f64) -> LightModel {
     LightModel {
-        sun_direction: sun_direction.unwrap_or([0.0, 1.0, 0.0]),
-        sun: if sun_direction.is_some() { [10.0, 9.0, 8.0] } else { [0.0; 3] },
+        suns: sun_direction.map(|direction| Sun { direction, irradiance: [10.0, 9.0, 8.0] }).into_iter().collect(),
         ambient: if sun_direction.is_some() { [0.0; 3] } else { [1.0, 0.5, 0.25] },
         phase: TwoLobes { anisotropy: [anisotropy; 2], second: 0.0 },
         shadow: ShadowMarch { steps: 6, length: ShadowLength::ToExit, extinction: ShadowExtinction::View },
@@ -405,11 +422,9 @@ pub fn steps(steps: u32, integration: Integration) -> RealTimeSettings {
 /// Rays through the box of engines: through it, in a face, along an edge, from inside, from a face, from 1e6 sides away, grazing a corner,
 /// past it, and with directions of length 1e-6 and 1e6.
 pub fn rays() -> Vec<RealTimeRay> {
-    let ray = |origin: [f64; 3], direction: [f64; 3]| RealTimeRay {
-        origin: DVec3::from(origin),
-        direction: DVec3::from(direction),
-        farthest: f64::INFINITY,
-        jitter: 0.5,
+    let container = unit_box();
+    let ray = |origin: [f64; 3], direction: [f64; 3]| {
+        container.ray(DVec3::from(origin), DVec3::from(direction), f64::INFINITY, 0.5)
     };
     let diagonal = DVec3::new(0.6, -0.3, 0.7).normalize();
     let far = -diagonal * 1e6;
@@ -457,14 +472,14 @@ pub(super) fn engine_rows(gpu: Option<&Gpu>) -> Result<Vec<Judgement>> {
             let density = uniform(depth, STEPS);
             let settings = steps(STEPS, integration);
             let ambient = light(None, 0.0);
-            ours.extend(numbers(&engine_march::march(&density, &ambient, &settings, &rays)?));
+            ours.extend(numbers(&density.march(&ambient, &settings, &rays)?));
             for ray in &rays {
-                let length = ray.inside().length;
+                let length = ray.inside(&unit_box().outline).length;
                 exact.extend(closed_form(&density, &ambient, STEPS, length, integration, false));
                 loose.extend(closed_form(&density, &ambient, STEPS, length, integration, true));
             }
             if let Some(gpu) = gpu {
-                theirs.extend(numbers(&RealTimeKernel::new(gpu, &density, &ambient, &settings)?.march(&rays)?));
+                theirs.extend(numbers(&density.march_on(gpu, &ambient, &settings, &rays)?));
             }
         }
         let head = |mark: &str, limit: f64, reason: &str| Head {
@@ -506,7 +521,7 @@ pub(super) fn engine_rows(gpu: Option<&Gpu>) -> Result<Vec<Judgement>> {
 /// A medium of a depth per step, along a side of the box, of the green channel.
 fn uniform(depth: f64, steps: u32) -> Uniform {
     // The density is one that f32 holds; extinctions are powers of two.
-    Uniform { density: f64::from((depth * f64::from(steps)) as f32), extinction: [0.5, 1.0, 2.0] }
+    Uniform::new(f64::from((depth * f64::from(steps)) as f32), [0.5, 1.0, 2.0])
 }
 
 /// Radiance of the channels and transmittance of the channels of a ray, with ambient light alone; with the bounds of f32, or exact.
@@ -569,7 +584,7 @@ fn plain_over_truth() -> Result<Vec<Judgement>> {
             let density = uniform(depth, STEPS);
             let ambient = light(None, 0.0);
             let of = |integration| -> Result<f64> {
-                Ok(numbers(&engine_march::march(&density, &ambient, &steps(STEPS, integration), ray)?)[1])
+                Ok(numbers(&density.march(&ambient, &steps(STEPS, integration), ray)?)[1])
             };
             let (plain, truth) = (of(Integration::Plain)?, of(Integration::EnergyConserving)?);
             let depth = density.density / f64::from(STEPS);
@@ -604,7 +619,7 @@ fn of_places(
 ) -> Result<Vec<f64>> {
     let mut distances = vec![0.0_f64; truths.len()];
     let mut take = |light: &LightModel, rays: &[RealTimeRay]| -> Result<()> {
-        let found = numbers(&engine_march::march(density, light, settings, rays)?);
+        let found = numbers(&density.march(light, settings, rays)?);
         for (distance, (found, truth)) in distances.iter_mut().zip(found.iter().zip(truths)) {
             *distance = distance.max(2.0 * (found - truth).abs());
         }
@@ -616,7 +631,9 @@ fn of_places(
             rays.iter().map(|ray| RealTimeRay { origin: ray.origin + aside, ..*ray }).collect();
         take(light, &moved)?;
         let mut turned = light.clone();
-        turned.sun_direction = (light.to_sun() + by * ULP).to_array();
+        for sun in &mut turned.suns {
+            sun.direction = (sun.towards() + by * ULP).to_array();
+        }
         take(&turned, rays)?;
     }
     Ok(distances)
@@ -654,11 +671,13 @@ fn sun_rows(gpu: Option<&Gpu>) -> Result<Vec<Judgement>> {
                 // As f32 holds it, so that both sides have the same lobe.
                 let light = light(Some(sun), f64::from(eccentricity as f32));
                 let density = uniform(0.03, STEPS);
-                let ours = numbers(&engine_march::march(&density, &light, &settings, &rays)?);
-                theirs.extend(numbers(&RealTimeKernel::new(gpu, &density, &light, &settings)?.march(&rays)?));
+                let ours = numbers(&density.march(&light, &settings, &rays)?);
+                theirs.extend(numbers(&density.march_on(gpu, &light, &settings, &rays)?));
                 let moved = of_places(&density, &light, &settings, &rays, &ours)?;
                 for ((ray, truths), moved) in rays.iter().zip(ours.chunks(6)).zip(moved.chunks(6)) {
-                    let relative = of_directions(ray.inside().direction, light.to_sun(), eccentricity) + 400.0 * ULP;
+                    let relative =
+                        of_directions(ray.inside(&unit_box().outline).direction, light.suns[0].towards(), eccentricity)
+                            + 400.0 * ULP;
                     let both = truths.iter().zip(moved);
                     bounds.extend(both.map(|(&truth, moved)| Bound { truth, distance: truth * relative + moved }));
                 }
@@ -703,7 +722,14 @@ fn step_rows(gpu: Option<&Gpu>) -> Result<Vec<Judgement>> {
         let (settings, ambient) = (steps(count, Integration::EnergyConserving), light(None, 0.0));
         let forms = |single: bool| -> Vec<Bound> {
             let of = |ray: &RealTimeRay| {
-                closed_form(&density, &ambient, count, ray.inside().length, Integration::EnergyConserving, single)
+                closed_form(
+                    &density,
+                    &ambient,
+                    count,
+                    ray.inside(&unit_box().outline).length,
+                    Integration::EnergyConserving,
+                    single,
+                )
             };
             rays.iter().flat_map(of).collect()
         };
@@ -720,12 +746,12 @@ fn step_rows(gpu: Option<&Gpu>) -> Result<Vec<Judgement>> {
             guards: vec!["loop-budget", "mean-transmittance"],
             cycles: "yes: a homogeneous medium does not depend on steps (measured)".into(),
         };
-        let ours = numbers(&engine_march::march(&density, &ambient, &settings, &rays)?);
+        let ours = numbers(&density.march(&ambient, &settings, &rays)?);
         let scale = f64::from(f32::MIN_POSITIVE);
         let reason = "limit: a few roundings of f64 per step";
         rows.push(head("cpu", 1e-15 * f64::from(10 * count + 100), reason).judge(scale, &ours, &forms(false)));
         if let Some(gpu) = gpu {
-            let theirs = numbers(&RealTimeKernel::new(gpu, &density, &ambient, &settings)?.march(&rays)?);
+            let theirs = numbers(&density.march_on(gpu, &ambient, &settings, &rays)?);
             let reason = "limit: 64 steps of 3 roundings; bound: error of WGSL's exponentials, added up over the steps";
             rows.push(head("wgsl", 192.0 * ULP / 2.0, reason).judge(scale, &theirs, &forms(true)));
         }

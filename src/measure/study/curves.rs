@@ -11,10 +11,10 @@
 use crate::base::error::{Error, Result};
 use crate::base::files;
 use crate::base::identity;
-use crate::bridge::Message;
 use crate::bridge::reference::{ReferenceSettings, cache_folder, references};
 use crate::engines;
-use crate::integrators::path::PathSettings;
+use crate::engines::defects::Defects;
+use crate::integrators::path::{PathSettings, Subject};
 use crate::measure::combination::Combination;
 use crate::measure::errors;
 use crate::measure::errors::{Errors, Uncertain};
@@ -22,8 +22,10 @@ use crate::measure::experiment::Desk;
 use crate::measure::seeds;
 use crate::measure::study::running::Running;
 use crate::measure::timing::{cycles_seconds, timed_picture};
-use crate::measure::truth::TruthRecord;
+use crate::measure::truth::{Truth, TruthRecord};
+use crate::measure::voxels;
 use crate::scene::image::Image;
+use crate::scene::volume_grid::VolumeGrid;
 use crate::scene::{PixelFilter, Scene, Shape};
 use rand::{SeedableRng as _, seq::SliceRandom as _};
 use serde::{Deserialize, Serialize};
@@ -110,11 +112,12 @@ impl Running<'_> {
     /// A point of path tracing's curve.
     pub(super) fn path_point(&mut self, of: &Combination, samples: u32, desk: &Desk<'_>) -> Result<CurvePoint> {
         let (scene, truth) = (self.study.scene(&of.scene), self.truth(of, desk)?);
-        let medium = self.study.file.truth.medium(scene, &of.density)?;
+        let medium = Truth::medium(scene, &of.density)?;
+        let subject = Subject { scene, medium: medium.as_ref() };
         // No seed that a truth has.
         let seed = seeds::first(&json!({"curve of": truth.scene_sha256, "density": of.density, "samples": samples}));
         let settings = PathSettings { samples, seed, ..PathSettings::default() };
-        let (image, [prepare_seconds, seconds]) = timed_picture(&medium, &settings)?;
+        let (image, [prepare_seconds, seconds]) = timed_picture(subject, &settings)?;
         let made = Made {
             samples,
             seconds: Some(seconds),
@@ -165,30 +168,32 @@ impl Running<'_> {
             ));
         }
         let cache = cache_folder()?;
-        let mut large = self.study.file.truth.medium(scene, &of.density)?;
+        let model = engines::find(&of.density)?;
+        let mut large = if model.is_of_scene {
+            scene.clone()
+        } else {
+            let engine = model.engine(scene, &model.values(None, &[])?, &Defects::NONE, 0.0)?;
+            let (mut large, grid) = voxels::scene(scene, &engine, self.study.file.truth.voxels)?;
+            put_grid_into(&cache, &mut large, &grid)?;
+            large
+        };
         large.film.resolution = large.film.resolution.map(|side| side * CELLS);
-        if of.density != engines::graph::MODEL.id {
-            put_grid_into(&cache, &mut large)?;
-        }
         let settings = ReferenceSettings { samples: most / PARTS, ..ReferenceSettings::default() };
         let found = references(&large, &settings, &[CYCLES_SEED], &cache, |message| {
-            if let Message::Progress(done, what) = message {
-                desk.report(done, &what);
-            }
+            desk.report(message.done, &message.what);
         })?;
         Ok(found[0].path.clone())
     }
 }
 
 /// Gives the grid of a scene that was made in memory a file in the cache, by the hash of its values.
-fn put_grid_into(cache: &Path, scene: &mut Scene) -> Result<()> {
-    let Some(handle) = &scene.volume.grid else { return Ok(()) };
+fn put_grid_into(cache: &Path, scene: &mut Scene, grid: &VolumeGrid) -> Result<()> {
     let Shape::Grid { file, sha256 } = &mut scene.volume.shape else { return Ok(()) };
     let name = format!("{sha256}.vdb");
     let path = cache.join(&name);
     if !path.exists() {
         std::fs::create_dir_all(cache).map_err(|cause| Error::io(cache, "a folder for references", &cause))?;
-        crate::bridge::volume_grid::write(handle.grid().grid(), &path, false)?;
+        crate::bridge::volume_grid::write(grid, &path, false)?;
     }
     let bytes = std::fs::read(&path).map_err(|cause| Error::io(&path, "an OpenVDB file", &cause))?;
     *sha256 = files::sha256(&bytes);

@@ -161,7 +161,7 @@ pub enum Owner {
     Light,
     /// The density model: `cloudparity models` lists its parameters.
     Density,
-    /// A stored value of the scene, as `--set` takes it.
+    /// A stored value of the scene, as [`crate::scene::Scene::set`] takes it.
     Scene,
 }
 

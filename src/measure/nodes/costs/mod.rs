@@ -252,6 +252,7 @@ fn begin(settings: &Settings, gpu: Option<&Gpu>, path: Option<&Path>) -> Result<
             expected,
             "Name another file, or remove this one to measure everything again.",
         )
+        .with_setting("output")
     };
     let known: Costs = serde_json::from_str(&text)
         .map_err(|cause| refused(cause.to_string(), "a document of cloudparity bench-nodes".to_owned()))?;
@@ -292,20 +293,22 @@ fn wanted_modes(settings: &Settings) -> Result<Vec<(&'static NodeType, Map<Strin
     }
     if chosen.is_empty() && all.iter().any(|node| wanted.is_none_or(|label| label == node.label)) {
         return Err(Error::new(
-            "--mode",
+            "mode",
             format!("\"{}\"", settings.mode.as_deref().unwrap_or_default()),
             "a part of a mode's words, as the table shows them",
             "Leave it out to see all modes.",
-        ));
+        )
+        .with_setting("mode"));
     }
     if chosen.is_empty() {
         let labels: Vec<&str> = all.iter().map(|node| node.label).collect();
         return Err(Error::new(
-            "--node",
+            "node",
             format!("\"{}\"", wanted.unwrap_or_default()),
             format!("one of: {}", labels.join(", ")),
             "Write Blender's label of the node.",
-        ));
+        )
+        .with_setting("node"));
     }
     Ok(chosen)
 }

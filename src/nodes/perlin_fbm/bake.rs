@@ -1,12 +1,13 @@
 //! The byte volume: octaves of noise, made periodic, thresholded.
 
 use crate::base::error::{Error, Result};
-use crate::engines::perlin_fbm::noise::{Octaves, octaves};
-use crate::engines::perlin_fbm::random::{Permutation, permutation};
-use crate::engines::perlin_fbm::{Volume, above_zero, finite, rows};
-use crate::media::transfer::smooth;
+use crate::base::interpolation::smooth;
+use crate::nodes::perlin_fbm::noise::{Number, Octaves, octaves};
+use crate::nodes::perlin_fbm::random::{Permutation, permutation};
+use crate::nodes::perlin_fbm::{Volume, above_zero, finite, rows};
 use num_traits::Float;
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 
 /// Most texels per axis: 16 MiB.
 pub const LARGEST: usize = 256;
@@ -15,7 +16,8 @@ pub const LARGEST: usize = 256;
 pub const MOST_OCTAVES: u32 = 64;
 
 /// Parameters of a bake.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
 pub struct Bake {
     /// Centre of the threshold, 0 to 1.
     pub coverage: f64,
@@ -79,8 +81,9 @@ impl Bake {
         self.volume_in::<f64>(side)
     }
 
-    /// The texture in the precision `T`. In single precision a few texels of a hundred differ by 1.
-    pub fn volume_in<T: Float + Send + Sync>(&self, side: usize) -> Result<Volume> {
+    /// The texture in the precision `T`. In single precision some texels differ by 1: those whose value lies within the rounding of a
+    /// byte's edge, whatever the seed.
+    pub fn volume_in<T: Float + Number>(&self, side: usize) -> Result<Volume> {
         self.check_side(side)?;
         let values = rows::blend::<T>(self, &permutation(self.seed), side);
         Ok(Volume { side, texels: values.into_par_iter().map(|value| self.byte(value)).collect() })
@@ -92,7 +95,7 @@ impl Bake {
         let table = permutation(self.seed);
         let texel = |index: usize| {
             let place = [index % side, index / side % side, index / (side * side)];
-            self.byte(self.blend(&table, place.map(|number| number as f64 / (side - 1) as f64)))
+            self.byte(self.blend::<f64>(&table, place.map(|number| number as f64 / (side - 1) as f64)))
         };
         Ok(Volume { side, texels: (0..side.pow(3)).map(texel).collect() })
     }
@@ -111,20 +114,21 @@ impl Bake {
     }
 
     /// The periodic noise mapped to about [0, 1], at a place of the unit box: eight shifted copies, each with the weight of its corner.
-    pub fn blend<T: Float>(&self, table: &Permutation, place: [T; 3]) -> T {
-        let convert = |value: f64| T::from(value).expect("a float holds any double, rounded");
-        let (scale, seed) = (convert(self.noise_scale), convert(self.seed));
+    pub fn blend<T: Number>(&self, table: &Permutation, place: [f64; 3]) -> T {
+        let (scale, seed) = (self.noise_scale, self.seed);
         let base = place.map(|coordinate| coordinate * scale + seed);
-        let mut sum = T::zero();
+        let weights = place.map(T::number);
+        let one = T::number(1.0);
+        let mut sum = T::number(0.0);
         for corner in CORNERS {
             let shifted = std::array::from_fn(|axis| if corner[axis] == 1 { base[axis] - scale } else { base[axis] });
-            let mut term = octaves(table, shifted, &self.octaves);
+            let mut term = octaves::<T>(table, shifted, &self.octaves);
             for axis in 0..3 {
-                term = term * if corner[axis] == 1 { place[axis] } else { T::one() - place[axis] };
+                term = term * if corner[axis] == 1 { weights[axis] } else { one - weights[axis] };
             }
             sum = sum + term;
         }
-        (sum + T::one()) / (T::one() + T::one())
+        (sum + one) / T::number(2.0)
     }
 
     /// The value in [0, 1] at a place in periods of the texture, that no texture rounds: what a texture of ever more texels and bits
@@ -134,19 +138,25 @@ impl Bake {
     }
 
     /// The thresholded value of the blended noise. NaN, a negative value to a broken power, gives 0.
-    fn density<T: Float>(&self, value: T) -> T {
-        let convert = |value: f64| T::from(value).expect("a float holds any double, rounded");
-        let [coverage, softness, intensity] = [self.coverage, self.softness, self.intensity].map(convert);
-        let powered = value.powf(intensity);
+    ///
+    /// The threshold's width is the difference of its ends, as in the original, but taken before it becomes a `T`: the difference of two
+    /// f32 would be off by 2^-24 / softness.
+    pub fn density<T: Float + Number>(&self, value: T) -> T {
+        let powered = value.powf(T::number(self.intensity));
         if powered.is_nan() {
             return T::zero();
         }
-        smooth(coverage - softness, coverage + softness, powered)
+        let [low, high] = self.threshold();
+        smooth(T::zero(), T::one(), (powered - T::number(low)) / T::number(high - low))
+    }
+
+    /// Where the threshold begins and ends.
+    pub(crate) fn threshold(&self) -> [f64; 2] {
+        [self.coverage - self.softness, self.coverage + self.softness]
     }
 
     /// The texel of a value of the blended noise. NaN, a negative value to a broken power, gives 0.
-    pub fn byte<T: Float>(&self, value: T) -> u8 {
-        let most = T::from(255.0).expect("a small whole number");
-        (self.density(value) * most).floor().to_u8().unwrap_or(0)
+    pub fn byte<T: Float + Number>(&self, value: T) -> u8 {
+        (self.density(value) * T::number(255.0)).floor().to_u8().unwrap_or(0)
     }
 }

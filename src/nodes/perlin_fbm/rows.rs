@@ -6,9 +6,9 @@
 //! that is 0 changes no value, and the interpolation along x, y and z keeps its order, so every rounding is that of the
 //! straightforward evaluation.
 
-use crate::engines::perlin_fbm::bake::{Bake, CORNERS};
-use crate::engines::perlin_fbm::random::Permutation;
-use num_traits::Float;
+use crate::nodes::perlin_fbm::bake::{Bake, CORNERS};
+use crate::nodes::perlin_fbm::noise::{Number, cell_and_part, fade, lerp};
+use crate::nodes::perlin_fbm::random::Permutation;
 use rayon::prelude::*;
 
 /// The 16 gradients: what each axis counts for.
@@ -48,10 +48,9 @@ pub(crate) struct Axis<T> {
     before: Vec<usize>,
 }
 
-impl<T: Float> Axis<T> {
-    fn new(coordinates: impl Iterator<Item = T>) -> Self {
-        let convert = |value: f64| T::from(value).expect("a small whole number");
-        let [six, ten, fifteen] = [6.0, 10.0, 15.0].map(convert);
+impl<T: Number> Axis<T> {
+    /// From coordinates in f64, which lose their cell before they become a `T`.
+    fn new(coordinates: impl Iterator<Item = f64>) -> Self {
         let mut axis = Self {
             cells: Vec::new(),
             fractions: Vec::new(),
@@ -60,21 +59,20 @@ impl<T: Float> Axis<T> {
             before: Vec::new(),
         };
         // The floor at the second of the last two points.
-        let mut last = T::nan();
+        let mut last = f64::NAN;
         for coordinate in coordinates {
             let floor = coordinate.floor();
-            let cell = (floor.to_i64().unwrap_or(0) & 255) as usize;
-            let t = coordinate - floor;
+            let (cell, part) = cell_and_part(coordinate);
             if floor == last {
                 axis.points.push((cell + 1) & 255);
-            } else if floor + T::one() != last {
+            } else if floor + 1.0 != last {
                 axis.points.extend([cell, (cell + 1) & 255]);
             }
-            last = floor + T::one();
+            last = floor + 1.0;
             axis.before.push(axis.points.len() - 2);
             axis.cells.push(cell);
-            axis.fractions.push(t);
-            axis.fades.push(t * t * t * (t * (t * six - fifteen) + ten));
+            axis.fractions.push(part);
+            axis.fades.push(fade(part));
         }
         axis
     }
@@ -94,9 +92,9 @@ pub(crate) struct Tables<'a, T> {
 }
 
 /// The blended noise of all texels, x fastest.
-pub(crate) fn blend<T: Float + Send + Sync>(bake: &Bake, table: &Permutation, side: usize) -> Vec<T> {
+pub(crate) fn blend<T: Number>(bake: &Bake, table: &Permutation, side: usize) -> Vec<T> {
     let tables = Tables::new(bake, table, side);
-    let mut values = vec![T::zero(); side.pow(3)];
+    let mut values = vec![T::number(0.0); side.pow(3)];
     // Layers of one z, whose rows run through y.
     values.par_chunks_mut(side * side).enumerate().for_each(|(z, layer)| {
         fearless_simd::dispatch!(crate::nodes::lane_level(), simd => {
@@ -107,21 +105,20 @@ pub(crate) fn blend<T: Float + Send + Sync>(bake: &Bake, table: &Permutation, si
     values
 }
 
-impl<'a, T: Float> Tables<'a, T> {
+impl<'a, T: Number> Tables<'a, T> {
     pub(crate) fn new(bake: &Bake, table: &'a Permutation, side: usize) -> Self {
-        let convert = |value: f64| T::from(value).expect("a float holds any double, rounded");
-        let [scale, seed, persistence, lacunarity] =
-            [bake.noise_scale, bake.seed, bake.octaves.persistence, bake.octaves.lacunarity].map(convert);
-        let places: Vec<T> = (0..side).map(|number| convert(number as f64) / convert((side - 1) as f64)).collect();
+        let (scale, seed) = (bake.noise_scale, bake.seed);
+        let persistence = T::number(bake.octaves.persistence);
+        let places: Vec<f64> = (0..side).map(|number| number as f64 / (side - 1) as f64).collect();
         let mut tables = Self {
             first: table,
             last: std::array::from_fn(|index| table[usize::from(table[index])] & 15),
-            places: places.clone(),
+            places: places.iter().map(|&place| T::number(place)).collect(),
             axes: [Vec::new(), Vec::new()],
             amplitudes: Vec::new(),
-            amplitude_sum: T::zero(),
+            amplitude_sum: T::number(0.0),
         };
-        let (mut amplitude, mut frequency) = (T::one(), T::one());
+        let (mut amplitude, mut frequency) = (T::number(1.0), 1.0);
         for _ in 0..bake.octaves.count {
             for (copy, axes) in tables.axes.iter_mut().enumerate() {
                 axes.push(Axis::new(places.iter().map(|&place| {
@@ -132,7 +129,7 @@ impl<'a, T: Float> Tables<'a, T> {
             tables.amplitudes.push(amplitude);
             tables.amplitude_sum = tables.amplitude_sum + amplitude;
             amplitude = amplitude * persistence;
-            frequency = frequency * lacunarity;
+            frequency *= bake.octaves.lacunarity;
         }
         tables
     }
@@ -140,11 +137,12 @@ impl<'a, T: Float> Tables<'a, T> {
     #[inline(always)]
     fn layer(&self, z: usize, layer: &mut [T]) {
         let side = self.places.len();
-        let mut noise = vec![T::zero(); side];
+        let mut noise = vec![T::number(0.0); side];
+        let one = T::number(1.0);
         let mut slopes: Vec<Slopes<T>> = Vec::new();
         for (y, row) in layer.chunks_exact_mut(side).enumerate() {
             for corner in CORNERS {
-                noise.fill(T::zero());
+                noise.fill(T::number(0.0));
                 for octave in 0..self.amplitudes.len() {
                     let [along_x, along_y, along_z] = corner.map(|copy| &self.axes[copy][octave]);
                     self.dot_products(along_x, [(along_y, y), (along_z, z)], &mut slopes);
@@ -156,14 +154,14 @@ impl<'a, T: Float> Tables<'a, T> {
                         &mut noise,
                     );
                 }
-                let weight = |axis: usize, place: T| if corner[axis] == 1 { place } else { T::one() - place };
+                let weight = |axis: usize, place: T| if corner[axis] == 1 { place } else { one - place };
                 let [along_y, along_z] = [weight(1, self.places[y]), weight(2, self.places[z])];
                 for ((sum, noise), &place) in row.iter_mut().zip(&noise).zip(&self.places) {
                     *sum = *sum + *noise / self.amplitude_sum * weight(0, place) * along_y * along_z;
                 }
             }
             for value in row {
-                *value = (*value + T::one()) / (T::one() + T::one());
+                *value = (*value + one) / T::number(2.0);
             }
         }
     }
@@ -173,9 +171,10 @@ impl<'a, T: Float> Tables<'a, T> {
     fn dot_products(&self, along_x: &Axis<T>, across: [(&Axis<T>, usize); 2], slopes: &mut Vec<Slopes<T>>) {
         let [y, z] = across.map(|(axis, place)| axis.fractions[place]);
         let [cell_y, cell_z] = across.map(|(axis, place)| axis.cells[place]);
-        let part = |sign: i8| T::from(sign).expect("a small whole number");
+        let one = T::number(1.0);
+        let part = |sign: i8| T::number(f64::from(sign));
         let dot: [[[T; 2]; 16]; 4] = std::array::from_fn(|row| {
-            let [from_y, from_z] = [(y, row & 1), (z, row >> 1)].map(|(t, up)| if up == 1 { t - T::one() } else { t });
+            let [from_y, from_z] = [(y, row & 1), (z, row >> 1)].map(|(t, up)| if up == 1 { t - one } else { t });
             std::array::from_fn(|gradient| {
                 let [a, b, c] = GRADIENTS[gradient].map(part);
                 [a, b * from_y + c * from_z]
@@ -196,12 +195,12 @@ impl<'a, T: Float> Tables<'a, T> {
 
 /// Adds one octave of noise along a row.
 #[inline(always)]
-fn add_octave<T: Float>(axis: &Axis<T>, fades: [T; 2], slopes: &[Slopes<T>], amplitude: T, noise: &mut [T]) {
-    let lerp = |t: T, a: T, b: T| a + t * (b - a);
+fn add_octave<T: Number>(axis: &Axis<T>, fades: [T; 2], slopes: &[Slopes<T>], amplitude: T, noise: &mut [T]) {
+    let one = T::number(1.0);
     let texels = axis.before.iter().zip(&axis.fractions).zip(&axis.fades);
     for (((&before, &from), &fade), sum) in texels.zip(noise) {
         let [low, high] = [&slopes[before], &slopes[before + 1]];
-        let to = from - T::one();
+        let to = from - one;
         let rows: [T; 4] =
             std::array::from_fn(|row| lerp(fade, low[0][row] * from + low[1][row], high[0][row] * to + high[1][row]));
         let value = lerp(fades[1], lerp(fades[0], rows[0], rows[1]), lerp(fades[0], rows[2], rows[3]));

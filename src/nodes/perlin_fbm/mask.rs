@@ -1,16 +1,18 @@
 //! The mask: the signed distance of a sphere that is flattened in six directions and deformed by two textures of noise.
 
 use crate::base::error::Result;
-use crate::engines::perlin_fbm::noise::{Field, noise};
-use crate::engines::perlin_fbm::random::{Permutation, permutation};
-use crate::engines::perlin_fbm::{Volume, Wrap, above_zero, finite};
+use crate::nodes::perlin_fbm::noise::{Field, noise};
+use crate::nodes::perlin_fbm::random::{Permutation, permutation};
+use crate::nodes::perlin_fbm::{Volume, above_zero, finite};
+use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
 /// Texels of a mask texture per axis.
 pub const SIDE: usize = 128;
 
 /// Parameters of the mask, in units of the local box.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
 pub struct Mask {
     /// Radius of the sphere; not above 0: no cloud.
     pub radius: f64,
@@ -26,7 +28,8 @@ pub struct Mask {
 }
 
 /// A deformation of the sphere.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Deformation {
     /// Seed of its noise.
     pub seed: f64,
@@ -118,42 +121,8 @@ impl Deformation {
 }
 
 impl Baked {
-    /// Signed distance at a place of the local box, positive inside; -1 without a radius.
-    pub fn distance(&self, place: [f64; 3]) -> f64 {
-        self.distance_by(place, |number, direction| {
-            if !self.mask.reads_textures {
-                return -1.0;
-            }
-            let at = direction.map(|part| part * self.mask.radius * 0.5 + 0.5);
-            2.0 * self.textures[number].sample(at, Wrap::Clamp) - 1.0
-        })
-    }
-
-    /// The same by the noise itself instead of its textures.
-    pub fn exact_distance(&self, place: [f64; 3]) -> f64 {
-        self.distance_by(place, |number, direction| {
-            if !self.mask.reads_textures {
-                return -1.0;
-            }
-            self.mask.deformations[number].value(&self.tables[number], direction)
-        })
-    }
-
-    /// The distance with the deformations, each -1 to 1, that `deformation` gives by number and unit direction.
-    fn distance_by(&self, place: [f64; 3], deformation: impl Fn(usize, [f64; 3]) -> f64) -> f64 {
-        let Mask { radius, flattening, deformations, .. } = self.mask;
-        if radius <= 0.0 {
-            return -1.0;
-        }
-        let stretched: [f64; 3] =
-            std::array::from_fn(|axis| place[axis] / flattening[usize::from(place[axis] > 0.0)][axis]);
-        let length = stretched.iter().map(|part| part * part).sum::<f64>().sqrt();
-        if length == 0.0 {
-            return radius;
-        }
-        let direction = stretched.map(|part| part / length);
-        let displacement: f64 =
-            (0..2).map(|number| deformation(number, direction) * deformations[number].strength).sum();
-        radius + displacement - length
+    /// The noise of the main (0) or fine (1) deformation in a direction of any length but 0: what its texture holds as bytes.
+    pub fn exact(&self, number: usize, direction: [f64; 3]) -> f64 {
+        self.mask.deformations[number].value(&self.tables[number], direction)
     }
 }

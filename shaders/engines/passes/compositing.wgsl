@@ -1,0 +1,82 @@
+// Rays of a march over a background, averaged into pixels: twin of Compositing::compose in src/engines/passes/compositing.rs, one
+// invocation per pixel.
+//
+// Conditions: BACKGROUND (else the frame gets an alpha), PER_PIXEL (each pixel has its own), ALPHA_OF_RED (all channels let through what red
+// does), ALPHA_TWICE (radiance is multiplied by alpha), TRANSMITTANCE (the frame keeps what each channel lets through).
+
+struct Composite {
+    background: vec3f,
+    exposure: f32,
+    // Pixels of this dispatch: the first one's number in the frame, how many, rays of each, and pixels before them in `marched`.
+    first: u32,
+    count: u32,
+    rays: u32,
+    begin: u32,
+}
+
+// As the march writes it.
+struct Pixel {
+    radiance: vec3f,
+    samples: u32,
+    transmittance: vec3f,
+    dense: u32,
+}
+
+@group(0) @binding(0) var<uniform> composite: Composite;
+// The rays of a pixel lie one behind the other.
+@group(0) @binding(1) var<storage, read> marched: array<Pixel>;
+@group(0) @binding(2) var<storage, read_write> colour: array<vec4f>;
+#ifdef TRANSMITTANCE
+// Three numbers per pixel.
+@group(0) @binding(3) var<storage, read_write> frame_transmittance: array<f32>;
+#endif
+#ifdef PER_PIXEL
+// Three numbers per pixel.
+@group(0) @binding(4) var<storage, read> backgrounds: array<f32>;
+#endif
+
+@compute @workgroup_size(64)
+fn main(@builtin(global_invocation_id) invocation: vec3u) {
+    if invocation.x >= composite.count { return; }
+    let pixel = composite.first + invocation.x;
+    let first_ray = (composite.begin + invocation.x) * composite.rays;
+#ifdef PER_PIXEL
+    let background = vec3f(backgrounds[3u * pixel], backgrounds[3u * pixel + 1u], backgrounds[3u * pixel + 2u]);
+#else
+    let background = composite.background;
+#endif
+    var radiance = vec3f(0.0);
+    var transmittance = vec3f(0.0);
+    for (var number = 0u; number < composite.rays; number++) {
+        let ray = marched[first_ray + number];
+#ifdef ALPHA_OF_RED
+        let through = vec3f(ray.transmittance.x);
+#else
+        let through = ray.transmittance;
+#endif
+        var shown = ray.radiance;
+#ifdef BACKGROUND
+#ifdef ALPHA_TWICE
+        shown *= 1.0 - through;
+#endif
+        shown += through * background;
+#endif
+        radiance += shown;
+        transmittance += ray.transmittance;
+    }
+    let share = 1.0 / f32(composite.rays);
+    transmittance *= share;
+#ifdef BACKGROUND
+    let alpha = 1.0;
+#else ifdef ALPHA_OF_RED
+    let alpha = 1.0 - transmittance.x;
+#else
+    let alpha = 1.0 - (transmittance.x + transmittance.y + transmittance.z) / 3.0;
+#endif
+    colour[pixel] = vec4f(radiance * (share * composite.exposure), alpha);
+#ifdef TRANSMITTANCE
+    frame_transmittance[3u * pixel] = transmittance.x;
+    frame_transmittance[3u * pixel + 1u] = transmittance.y;
+    frame_transmittance[3u * pixel + 2u] = transmittance.z;
+#endif
+}

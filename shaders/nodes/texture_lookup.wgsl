@@ -1,0 +1,6 @@
+// The value of a texture at an index: TEXTURE is declared before.
+#import cloudparity::texture
+
+fn evaluate(index: vec3f) -> f32 {
+    return texture::read(TEXTURE, index);
+}

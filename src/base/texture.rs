@@ -1,0 +1,498 @@
+//! Numbers on a regular grid that programs read: the one kind of texture, with the smallest and largest values of its blocks.
+//!
+//! A texel's value stands *at* its index; between texels a reader interpolates ([`crate::nodes::texture_lookup`] is the one read, and
+//! `shaders/nodes/shared/texture.wgsl` its twin). Textures are filtered in the shader, since the filter of graphics hardware has
+//! weights of 8 bits.
+
+use crate::base::error::{Error, Result};
+use crate::base::files::sha256;
+use half::f16;
+use serde::{Deserialize, Serialize};
+use std::sync::{Arc, OnceLock};
+
+/// How texels are stored.
+#[derive(
+    Debug,
+    Clone,
+    Copy,
+    PartialEq,
+    Eq,
+    Serialize,
+    Deserialize,
+    strum::Display,
+    strum::EnumMessage,
+    strum::IntoStaticStr,
+    strum::VariantArray,
+)]
+#[serde(rename_all = "lowercase")]
+#[strum(serialize_all = "lowercase")]
+pub enum TexelFormat {
+    /// 32 bits, as they are.
+    F32,
+    /// IEEE 754 binary16: relative error up to 2^-11, values up to 65504.
+    F16,
+    /// 8 bits between the smallest and the largest value: error up to 1/510 of that range.
+    Unorm8,
+}
+
+/// How a texture is read between its texels.
+#[derive(
+    Debug,
+    Clone,
+    Copy,
+    PartialEq,
+    Eq,
+    Serialize,
+    Deserialize,
+    strum::Display,
+    strum::EnumMessage,
+    strum::IntoStaticStr,
+    strum::VariantArray,
+)]
+#[serde(rename_all = "lowercase")]
+#[strum(serialize_all = "lowercase")]
+pub enum TextureFilter {
+    /// The value of the nearest texel.
+    Nearest,
+    /// Linear along each axis, x first.
+    Trilinear,
+}
+
+/// What lies outside of a texture.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Outside {
+    /// Its nearest texel.
+    Clamp,
+    /// The texture again.
+    Repeat,
+    /// 0, to which the outermost texel falls along one more.
+    Zero,
+}
+
+/// Texels as they are stored, x fastest.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Texels {
+    /// The values.
+    F32(Vec<f32>),
+    /// Bits of binary16.
+    F16(Vec<u16>),
+    /// Parts of 255 of a range above its low end.
+    Unorm8 {
+        /// A byte per texel.
+        bytes: Vec<u8>,
+        /// The values that 0 and 255 stand for.
+        range: [f32; 2],
+    },
+}
+
+/// A grid of numbers.
+#[derive(Debug)]
+pub struct Texture {
+    size: [usize; 3],
+    texels: Texels,
+    filter: TextureFilter,
+    outside: Outside,
+    identity: OnceLock<String>,
+    pyramid: OnceLock<Vec<Level>>,
+}
+
+/// Smallest and largest values of blocks of 2^(l+1) texels per axis, x fastest.
+#[derive(Debug)]
+struct Level {
+    size: [usize; 3],
+    ranges: Vec<[f32; 2]>,
+}
+
+/// Blocks per axis that a question for a range looks at, at most.
+const BLOCKS: i64 = 4;
+
+impl Texture {
+    /// A texture of texels that are stored already; x runs fastest.
+    ///
+    /// # Panics
+    /// Where the number of texels is not the product of the size, or a side is 0.
+    pub fn new(size: [usize; 3], texels: Texels, filter: TextureFilter, outside: Outside) -> Self {
+        assert!(size.iter().all(|&side| side > 0) && size.iter().product::<usize>() == texels.len());
+        Self { size, texels, filter, outside, identity: OnceLock::new(), pyramid: OnceLock::new() }
+    }
+
+    /// A texture of values, stored in a format; values that it cannot hold are refused. `place` says what is stored.
+    pub fn store(
+        size: [usize; 3],
+        values: Vec<f32>,
+        format: TexelFormat,
+        filter: TextureFilter,
+        outside: Outside,
+        place: &str,
+    ) -> Result<Self> {
+        let low = values.iter().copied().fold(f32::INFINITY, f32::min);
+        let high = values.iter().copied().fold(f32::NEG_INFINITY, f32::max);
+        let most = match format {
+            TexelFormat::F32 => f32::INFINITY,
+            TexelFormat::F16 => f16::MAX.to_f32(),
+            TexelFormat::Unorm8 => f32::MAX,
+        };
+        // f32 and f16 carry NaN into the picture, where it is seen; 8 bits have none.
+        let nan = format == TexelFormat::Unorm8 && values.iter().any(|value| value.is_nan());
+        if nan || high > most {
+            return Err(Error::new(
+                format!("{place}, format {}", format.name()),
+                if nan { "NaN at a vertex".to_owned() } else { format!("a value of {high:e}") },
+                format!("numbers up to {most:e}"),
+                "Store 32 bits, or correct the density (cloudparity eval shows it).",
+            )
+            .with_setting("cache_format"));
+        }
+        let parts = (high - low).max(0.0);
+        let texels = match format {
+            TexelFormat::F32 => Texels::F32(values),
+            TexelFormat::F16 => Texels::F16(values.iter().map(|&value| f16::from_f32(value).to_bits()).collect()),
+            TexelFormat::Unorm8 => Texels::Unorm8 {
+                bytes: values
+                    .iter()
+                    .map(|&value| if parts > 0.0 { ((value - low) / parts * 255.0).round() as u8 } else { 0 })
+                    .collect(),
+                range: [low, high],
+            },
+        };
+        Ok(Self::new(size, texels, filter, outside))
+    }
+
+    /// The same texture under an identity that is known already, such as the hash of a file.
+    pub fn with_identity(self, identity: String) -> Self {
+        Self { identity: OnceLock::from(identity), ..self }
+    }
+
+    /// Texels along x, y and z.
+    pub fn size(&self) -> [usize; 3] {
+        self.size
+    }
+
+    /// The stored texels.
+    pub fn texels(&self) -> &Texels {
+        &self.texels
+    }
+
+    /// How it is read between texels.
+    pub fn filter(&self) -> TextureFilter {
+        self.filter
+    }
+
+    /// What lies outside.
+    pub fn outside(&self) -> Outside {
+        self.outside
+    }
+
+    /// What tells it from another: a hash of all that it is, unless one was given.
+    pub fn identity(&self) -> &str {
+        self.identity.get_or_init(|| {
+            let head = format!("{:?} {:?} {:?} {:?} ", self.size, self.filter, self.outside, self.texels.format());
+            sha256(&[head.as_bytes(), &self.texels.words()].concat())
+        })
+    }
+
+    /// The texel at an index that is inside.
+    #[inline(always)]
+    pub fn texel(&self, [x, y, z]: [usize; 3]) -> f32 {
+        let index = (z * self.size[1] + y) * self.size[0] + x;
+        match &self.texels {
+            Texels::F32(values) => values[index],
+            Texels::F16(values) => f16::from_bits(values[index]).to_f32(),
+            Texels::Unorm8 { bytes, range: [low, high] } => low + (high - low) * (f32::from(bytes[index]) / 255.0),
+        }
+    }
+
+    /// Where an index lies along an axis, by what lies outside; none where that is 0.
+    #[inline(always)]
+    pub fn inside(&self, axis: usize, index: i32) -> Option<usize> {
+        let side = self.size[axis] as i32;
+        if (0..side).contains(&index) {
+            return Some(index as usize);
+        }
+        match self.outside {
+            Outside::Clamp => Some(index.clamp(0, side - 1) as usize),
+            Outside::Repeat => Some(index.rem_euclid(side) as usize),
+            Outside::Zero => None,
+        }
+    }
+
+    /// The texel at what [`Self::inside`] gave along x, y and z.
+    #[inline(always)]
+    pub fn value(&self, inside: [Option<usize>; 3]) -> f32 {
+        match inside {
+            [Some(x), Some(y), Some(z)] => self.texel([x, y, z]),
+            _ => 0.0,
+        }
+    }
+
+    /// Enclosure of the values from one index to another, both included: exact for few texels, else that of the blocks they lie in.
+    pub fn range(&self, first: [i64; 3], last: [i64; 3]) -> [f32; 2] {
+        let mut found: Option<[f32; 2]> = None;
+        let mut add = |range: [f32; 2]| found = Some(found.map_or(range, |found| hull(found, range)));
+        // Along each axis the parts of the texture that are asked for.
+        let mut parts: [Vec<[i64; 2]>; 3] = Default::default();
+        for axis in 0..3 {
+            let side = self.size[axis] as i64;
+            let (first, last) = (first[axis], last[axis].max(first[axis]));
+            parts[axis] = match self.outside {
+                Outside::Clamp => vec![[first.clamp(0, side - 1), last.clamp(0, side - 1)]],
+                Outside::Repeat if last - first >= side - 1 => vec![[0, side - 1]],
+                Outside::Repeat => {
+                    let (first, last) = (first.rem_euclid(side), last.rem_euclid(side));
+                    if first <= last { vec![[first, last]] } else { vec![[first, side - 1], [0, last]] }
+                }
+                Outside::Zero => {
+                    if first < 0 || last >= side {
+                        add([0.0; 2]);
+                    }
+                    let (first, last) = (first.max(0), last.min(side - 1));
+                    if first <= last { vec![[first, last]] } else { Vec::new() }
+                }
+            };
+        }
+        for x in &parts[0] {
+            for y in &parts[1] {
+                for z in &parts[2] {
+                    add(self.range_inside([x[0], y[0], z[0]], [x[1], y[1], z[1]]));
+                }
+            }
+        }
+        found.unwrap_or([0.0; 2])
+    }
+
+    fn range_inside(&self, first: [i64; 3], last: [i64; 3]) -> [f32; 2] {
+        let levels = self.pyramid.get_or_init(|| self.levels());
+        let widest = (0..3).map(|axis| last[axis] - first[axis] + 1).max().unwrap_or(1);
+        let mut level = 0;
+        while widest >> level > BLOCKS && level < levels.len() {
+            level += 1;
+        }
+        let mut found: Option<[f32; 2]> = None;
+        let (begin, end) = (first.map(|index| index >> level), last.map(|index| index >> level));
+        for z in begin[2]..=end[2] {
+            for y in begin[1]..=end[1] {
+                for x in begin[0]..=end[0] {
+                    let place = [x as usize, y as usize, z as usize];
+                    let range = match level.checked_sub(1) {
+                        None => [self.texel(place); 2],
+                        Some(coarse) => levels[coarse].at(place),
+                    };
+                    found = Some(found.map_or(range, |found| hull(found, range)));
+                }
+            }
+        }
+        found.unwrap_or([0.0; 2])
+    }
+
+    fn levels(&self) -> Vec<Level> {
+        let mut levels: Vec<Level> = Vec::new();
+        let mut finer = self.size;
+        while finer.iter().any(|&side| side > 1) {
+            let size = finer.map(|side| side.div_ceil(2));
+            let mut ranges = Vec::with_capacity(size.iter().product());
+            for index in 0..size.iter().product() {
+                let place = [index % size[0], index / size[0] % size[1], index / (size[0] * size[1])];
+                let mut found: Option<[f32; 2]> = None;
+                for corner in 0..8 {
+                    let at: [usize; 3] = std::array::from_fn(|axis| 2 * place[axis] + (corner >> axis & 1));
+                    if (0..3).any(|axis| at[axis] >= finer[axis]) {
+                        continue;
+                    }
+                    let range = levels.last().map_or_else(|| [self.texel(at); 2], |level| level.at(at));
+                    found = Some(found.map_or(range, |found| hull(found, range)));
+                }
+                ranges.push(found.expect("a block has a texel"));
+            }
+            levels.push(Level { size, ranges });
+            finer = size;
+        }
+        levels
+    }
+}
+
+impl Level {
+    fn at(&self, [x, y, z]: [usize; 3]) -> [f32; 2] {
+        self.ranges[(z * self.size[1] + y) * self.size[0] + x]
+    }
+}
+
+/// NaN in one of them stays in the hull, as the whole line.
+fn hull(a: [f32; 2], b: [f32; 2]) -> [f32; 2] {
+    if a[0].is_nan() || b[0].is_nan() {
+        return [f32::NAN; 2];
+    }
+    [a[0].min(b[0]), a[1].max(b[1])]
+}
+
+impl Texels {
+    fn len(&self) -> usize {
+        match self {
+            Self::F32(values) => values.len(),
+            Self::F16(values) => values.len(),
+            Self::Unorm8 { bytes, .. } => bytes.len(),
+        }
+    }
+
+    /// How they are stored.
+    pub fn format(&self) -> TexelFormat {
+        match self {
+            Self::F32(_) => TexelFormat::F32,
+            Self::F16(_) => TexelFormat::F16,
+            Self::Unorm8 { .. } => TexelFormat::Unorm8,
+        }
+    }
+
+    /// The values that the ends of the stored numbers stand for; 0 and 1 where they stand for themselves.
+    pub fn stored_range(&self) -> [f32; 2] {
+        match self {
+            Self::Unorm8 { range, .. } => *range,
+            _ => [0.0, 1.0],
+        }
+    }
+
+    /// Words of 32 bits that they fill.
+    pub fn word_count(&self) -> usize {
+        (self.len() * self.format().bytes()).div_ceil(4)
+    }
+
+    /// As kernels read them: two or four to a word from its low end, filled up to whole words.
+    pub fn words(&self) -> Vec<u8> {
+        let mut bytes: Vec<u8> = match self {
+            Self::F32(values) => bytemuck::cast_slice(values).to_vec(),
+            Self::F16(values) => bytemuck::cast_slice(values).to_vec(),
+            Self::Unorm8 { bytes, .. } => bytes.clone(),
+        };
+        bytes.resize(bytes.len().next_multiple_of(4), 0);
+        bytes
+    }
+}
+
+impl TexelFormat {
+    /// The name in settings.
+    pub fn name(self) -> &'static str {
+        self.into()
+    }
+
+    /// Bytes of a texel.
+    pub fn bytes(self) -> usize {
+        match self {
+            Self::F32 => 4,
+            Self::F16 => 2,
+            Self::Unorm8 => 1,
+        }
+    }
+}
+
+impl TextureFilter {
+    /// The name in settings.
+    pub fn name(self) -> &'static str {
+        self.into()
+    }
+}
+
+/// A texture that several programs share.
+#[derive(Clone)]
+pub struct TextureHandle(Arc<Texture>);
+
+impl TextureHandle {
+    /// Shares a texture.
+    pub fn new(texture: Texture) -> Self {
+        Self(Arc::new(texture))
+    }
+}
+
+impl std::ops::Deref for TextureHandle {
+    type Target = Texture;
+
+    fn deref(&self) -> &Texture {
+        &self.0
+    }
+}
+
+impl PartialEq for TextureHandle {
+    fn eq(&self, other: &Self) -> bool {
+        Arc::ptr_eq(&self.0, &other.0) || self.identity() == other.identity()
+    }
+}
+
+impl std::fmt::Debug for TextureHandle {
+    fn fmt(&self, out: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(out, "texture {}", self.identity())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn texture(outside: Outside) -> Texture {
+        let size = [5, 3, 7];
+        let values = (0..105).map(|number| ((number * 37) % 101) as f32 - 50.0).collect();
+        Texture::new(size, Texels::F32(values), TextureFilter::Trilinear, outside)
+    }
+
+    #[test]
+    fn ranges_hold_every_value_and_are_exact_for_few() {
+        for outside in [Outside::Clamp, Outside::Repeat, Outside::Zero] {
+            let texture = texture(outside);
+            for number in 0..4000_i64 {
+                let at = |step: i64, spread: i64| (number * step / 7) % spread - spread / 2;
+                let first = [at(3, 17), at(5, 13), at(11, 19)];
+                let last = [first[0] + at(13, 9).abs(), first[1] + at(17, 5).abs(), first[2] + at(19, 11).abs()];
+                let range = texture.range(first, last);
+                let mut exact = [f32::INFINITY, f32::NEG_INFINITY];
+                for x in first[0]..=last[0] {
+                    for y in first[1]..=last[1] {
+                        for z in first[2]..=last[2] {
+                            let at = [x, y, z];
+                            let value =
+                                texture.value(std::array::from_fn(|axis| texture.inside(axis, at[axis] as i32)));
+                            exact = [exact[0].min(value), exact[1].max(value)];
+                        }
+                    }
+                }
+                assert!(
+                    range[0] <= exact[0] && range[1] >= exact[1],
+                    "{outside:?} {first:?} {last:?}: {range:?} {exact:?}"
+                );
+                if (0..3).all(|axis| last[axis] - first[axis] < 4) {
+                    assert_eq!(range, exact, "{outside:?} {first:?} {last:?}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn equal_textures_are_equal_and_others_are_not() {
+        let [one, same] = [0, 1].map(|_| TextureHandle::new(texture(Outside::Zero)));
+        assert_eq!(one, same);
+        assert_ne!(one, TextureHandle::new(texture(Outside::Clamp)));
+    }
+
+    #[test]
+    fn formats_hold_what_they_say() {
+        let store = |values: &[f32], format| {
+            Texture::store(
+                [values.len(), 1, 1],
+                values.to_vec(),
+                format,
+                TextureFilter::Nearest,
+                Outside::Clamp,
+                "a test",
+            )
+        };
+        let values = [0.5, -3.0, 17.25, 1000.0];
+        for (format, error) in
+            [(TexelFormat::F32, 0.0), (TexelFormat::F16, 0.25), (TexelFormat::Unorm8, 1003.0 / 510.0)]
+        {
+            let texture = store(&values, format).expect("ordinary values");
+            for (index, value) in values.iter().enumerate() {
+                let found = texture.texel([index, 0, 0]);
+                // The last bits of the product and sum that decode a byte.
+                assert!((found - value).abs() <= error * (1.0 + 1e-5), "{format:?} {value} {found}");
+            }
+        }
+        assert!(store(&[1e6], TexelFormat::F16).expect_err("too large").to_string().contains("f16"));
+        assert!(store(&[f32::NAN], TexelFormat::Unorm8).expect_err("no NaN").to_string().contains("NaN"));
+    }
+}
