@@ -44,6 +44,23 @@ const ALLOWED: &[(&str, &[&str])] = &[
     ),
 ];
 
+/// Modules of `measure` that its questions share. Every other one is a question: questions never use each other, and what is shared uses none.
+const SHARED: &[&str] = &[
+    "combination",
+    "domain",
+    "errors",
+    "evaluators",
+    "experiment",
+    "images",
+    "scenes",
+    "seeds",
+    "suite",
+    "timing",
+    "toml_files",
+    "truth",
+    "voxels",
+];
+
 /// An arrow: from a module path to a module path.
 type Arrow = (Vec<String>, Vec<String>);
 
@@ -136,6 +153,19 @@ fn backwards(arrows: &[Arrow]) -> BTreeSet<String> {
         let (Some(uses), [to_folder, ..]) = (allowed(&from[0]), to.as_slice()) else { continue };
         // Names of the root that are no folder: the error type and its result.
         if allowed(to_folder).is_some() && *to_folder != from[0] && !uses.contains(&to_folder.as_str()) {
+            wrong.insert(format!("{} -> {}", from.join("::"), to.join("::")));
+        }
+    }
+    wrong
+}
+
+/// Arrows within `measure` to a question from another question or from what they share, as text.
+fn between_questions(arrows: &[Arrow]) -> BTreeSet<String> {
+    let mut wrong = BTreeSet::new();
+    for (from, to) in arrows {
+        let ([a, from_module, ..], [b, to_module, ..]) = (from.as_slice(), to.as_slice()) else { continue };
+        let is_question = !SHARED.contains(&to_module.as_str());
+        if a == "measure" && b == "measure" && from_module != to_module && is_question {
             wrong.insert(format!("{} -> {}", from.join("::"), to.join("::")));
         }
     }
@@ -249,6 +279,27 @@ fn no_arrow_runs_back_and_no_folder_is_in_a_circle() {
 }
 
 #[test]
+fn questions_of_measure_never_use_each_other() {
+    let arrows = all_arrows();
+    let modules: BTreeSet<&str> = arrows
+        .iter()
+        .filter(|(from, _)| from[0] == "measure" && from.len() > 1)
+        .map(|(from, _)| from[1].as_str())
+        .collect();
+    // Names that are not there any more would hide a question of the same name.
+    for name in SHARED {
+        assert!(
+            modules.contains(name) || std::path::Path::new("src/measure").join(format!("{name}.rs")).exists(),
+            "{name}"
+        );
+    }
+    let questions: Vec<&&str> = modules.iter().filter(|name| !SHARED.contains(name)).collect();
+    println!("questions: {questions:?}");
+    assert!(questions.len() >= 9, "{questions:?}");
+    assert_eq!(between_questions(&arrows), BTreeSet::new(), "arrows between questions");
+}
+
+#[test]
 fn the_table_itself_has_no_circle() {
     for (number, (folder, uses)) in ALLOWED.iter().enumerate() {
         let before: Vec<&str> = ALLOWED[..number].iter().map(|(name, _)| *name).collect();
@@ -278,6 +329,20 @@ fn a_planted_arrow_that_runs_back_is_found() {
         "use crate::Error;",
     ] {
         assert_eq!(backwards(&arrows(text, &module)), BTreeSet::new(), "{text}");
+    }
+    // Between questions of `measure`, and from what they share to one of them.
+    for (place, text, wanted) in [
+        ("study", "use crate::measure::tuning::Tuning;", "measure::study -> measure::tuning::Tuning"),
+        ("truth", "use super::study::Study;", "measure::truth -> measure::study::Study"),
+        ("speed", "use crate::measure::{errors, pictures::parity};", "measure::speed -> measure::pictures::parity"),
+    ] {
+        let module: Vec<String> = ["measure", place].map(str::to_owned).to_vec();
+        assert!(between_questions(&arrows(text, &module)).contains(wanted), "{text}");
+    }
+    for text in ["use crate::measure::errors::Errors;", "use crate::measure::study::file;", "use super::truth::Truth;"]
+    {
+        let module: Vec<String> = ["measure", "study"].map(str::to_owned).to_vec();
+        assert_eq!(between_questions(&arrows(text, &module)), BTreeSet::new(), "{text}");
     }
     // A circle of two folders, each arrow for itself.
     let text = |path: &str| arrows(&format!("use crate::{path};"), &[]);

@@ -7,7 +7,7 @@ mod support;
 use cloudparity::bridge::{Kernel, probe};
 use cloudparity::graph::evaluate::Points;
 use cloudparity::graph::{Operand, Program, Target};
-use cloudparity::measure::fields::statistics::equal;
+use cloudparity::measure::errors::values::equal;
 use cloudparity::measure::nodes::suite::{attribute_name, attribute_nodes, modes};
 use cloudparity::nodes::{self, Mode};
 use cloudparity::scene::Scene;

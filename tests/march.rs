@@ -6,7 +6,8 @@ use cloudparity::gpu::Backend;
 use cloudparity::integrators;
 use cloudparity::integrators::march::Omission;
 use cloudparity::integrators::{Jitter, LightMode, MarchSettings};
-use cloudparity::measure::convergence::{ConvergenceSettings, measure};
+use cloudparity::measure::convergence::{Convergence, ConvergenceSettings, measure};
+use cloudparity::measure::experiment::Outcome;
 use cloudparity::measure::speed::leaving_out;
 use cloudparity::media::density_cache::CacheReport;
 use cloudparity::media::density_cache::{CacheFilter, CacheFormat, CacheSettings};
@@ -14,6 +15,7 @@ use cloudparity::media::transfer::Integration;
 use cloudparity::scene::image::Image;
 use cloudparity::scene::{Input, Scene};
 use std::collections::BTreeSet;
+use std::path::Path;
 use support::cube::{SCATTERING, SUN, color, homogeneous, phase, ramp, set, slanted_sun, sphere};
 
 const FORMATS: [CacheFormat; 3] = [CacheFormat::F32, CacheFormat::F16, CacheFormat::Unorm8];
@@ -344,6 +346,46 @@ fn the_adapter_reads_caches_as_the_cpu_does() {
     }
 }
 
+fn measured(scene: &Scene, settings: &ConvergenceSettings, folder: Option<&Path>) -> Convergence {
+    let found = measure(scene, settings, folder, &Default::default(), &|_, _| {});
+    found.and_then(Outcome::all).expect("it is measured")
+}
+
+#[test]
+fn an_interrupted_measurement_of_convergence_goes_on() {
+    let mut scene = homogeneous();
+    ramp(&mut scene, "Y", 2.0);
+    scene.film.resolution = [8, 8];
+    let settings = ConvergenceSettings {
+        steps: vec![2, 4, 8, 16],
+        cache_cells: vec![3, 5],
+        march: MarchSettings { sub_pixels: 1, light: LightMode::Grid, grid_cells: 8, ..MarchSettings::default() },
+    };
+    let folder = tempfile::tempdir().expect("a folder");
+    let whole = measured(&scene, &settings, Some(folder.path()));
+    // Times are measured: equal ones were read.
+    assert_eq!(measured(&scene, &settings, Some(folder.path())), whole);
+    // Without the record of five cells: they are compared with the picture that was kept.
+    let is_of_five = |path: &Path| {
+        let text = std::fs::read_to_string(path).expect("a record");
+        text.contains("\"cells\": 5")
+    };
+    let records: Vec<_> = std::fs::read_dir(folder.path().join("records"))
+        .expect("a folder")
+        .map(|entry| entry.expect("an entry").path())
+        .collect();
+    assert_eq!(records.len(), 3);
+    let lost: Vec<_> = records.into_iter().filter(|path| is_of_five(path)).collect();
+    assert_eq!(lost.len(), 1);
+    std::fs::remove_file(&lost[0]).expect("removed");
+    let again = measured(&scene, &settings, Some(folder.path()));
+    assert_eq!(again.points, whole.points);
+    for (again, whole) in again.caches.iter().zip(&whole.caches) {
+        assert_eq!(again.error, whole.error);
+    }
+    assert_eq!(again.caches.len(), 12);
+}
+
 #[test]
 fn orders_of_convergence_are_those_of_theory() {
     // Smooth: density 0 to 2 along the view, lit from above. The midpoint rule is of second order, plain of first.
@@ -360,7 +402,7 @@ fn orders_of_convergence_are_those_of_theory() {
     };
     let mut smooth = homogeneous();
     ramp(&mut smooth, "Y", 2.0);
-    let found = measure(&smooth, &settings(&[7]), &|_, _| {}).expect("it is measured");
+    let found = measured(&smooth, &settings(&[7]), None);
     assert_eq!(found.points.len(), 10);
     assert_eq!(found.reference_steps, 512);
     let order = |integration: Integration| {
@@ -390,7 +432,7 @@ fn orders_of_convergence_are_those_of_theory() {
     sphere(&mut jump);
     jump.camera.ortho_scale = 1.2;
     jump.film.resolution = [12, 12];
-    let found = measure(&jump, &settings(&[]), &|_, _| {}).expect("it is measured");
+    let found = measured(&jump, &settings(&[]), None);
     assert!(found.caches.is_empty());
     let by_pixel: Vec<_> = found.orders.iter().filter(|order| order.figure != "relative_mean_error").collect();
     assert_eq!(by_pixel.len(), 4);

@@ -5,7 +5,7 @@ mod support;
 use assert_cmd::Command;
 use cloudparity::graph::Program;
 use cloudparity::graph::evaluate::Points;
-use cloudparity::measure::fields::statistics::Comparison;
+use cloudparity::measure::errors::values::Comparison;
 use cloudparity::scene::{Input, Scene};
 use std::path::Path;
 use support::require;

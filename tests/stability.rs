@@ -24,7 +24,9 @@ fn adapter() -> Option<Gpu> {
 fn measured(scene: &str, pictures_of: &str) -> Table {
     let gpu = adapter();
     let [scene, pictures_of] = [scene, pictures_of].map(support::scene);
-    let table = stability::run(&scene, &pictures_of, gpu.as_ref(), &|_, _| ()).expect("the suite runs");
+    let table = stability::run(&scene, &pictures_of, gpu.as_ref(), None, &Default::default(), &|_, _| ())
+        .and_then(|outcome| outcome.all())
+        .expect("the suite runs");
     let failing: Vec<_> = table.rows.iter().filter(|row| row.verdict == Verdict::Fails).collect();
     assert!(failing.is_empty(), "{failing:#?}");
     assert!(table.rows.iter().all(|row| row.nonfinite == 0), "a value is NaN or infinite");
@@ -200,7 +202,7 @@ fn every_guard_and_its_test_is_in_the_sources() {
 #[test]
 fn scenes_that_the_suite_does_not_know_are_refused() {
     let two = support::scene("overlapping-cubes");
-    let error = stability::run(&two, &two, None, &|_, _| ()).expect_err("two objects");
+    let error = stability::run(&two, &two, None, None, &Default::default(), &|_, _| ()).expect_err("two objects");
     assert!(error.place.starts_with("object") && error.expected.contains("one"), "{error}");
     cargo_bin_cmd!("cloudparity")
         .args(["stability", "nowhere.scene.json"])

@@ -7,11 +7,15 @@ use cloudparity::base::identity::{Identity, Resume};
 use cloudparity::engines::defects::Defects;
 use cloudparity::engines::render::{EngineJitter, EngineRenderer, EngineSettings};
 use cloudparity::gpu::Gpu;
+use cloudparity::measure::experiment::{Outcome, Settings, Shard};
 use cloudparity::measure::study::file::StudyFile;
-use cloudparity::measure::study::{Clock, Results, Study};
+use cloudparity::measure::study::{Results, Study};
+use cloudparity::measure::timing::Clock;
 use cloudparity::measure::tuning::Tuning;
+use rand::{Rng as _, SeedableRng as _};
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use std::time::{Duration, Instant, SystemTime};
+use std::time::{Instant, SystemTime};
 
 /// A ramp in the sun, single scattering, whose truth single scattering with many steps is.
 fn study_file(folder: &Path, steps: &str) -> PathBuf {
@@ -44,8 +48,12 @@ fn study_file(folder: &Path, steps: &str) -> PathBuf {
     path
 }
 
+fn run_as(path: &Path, folder: &Path, settings: &Settings) -> cloudparity::Result<Outcome<Results>> {
+    Study::load(path).expect("a study").run(folder, settings, &|_, _| ())
+}
+
 fn run(path: &Path, folder: &Path) -> Results {
-    Study::load(path).expect("a study").run(folder, &Resume::default(), &|_, _| ()).expect("results")
+    run_as(path, folder, &Settings::default()).and_then(Outcome::all).expect("results")
 }
 
 /// Names and times of change of the records of runs and truths.
@@ -100,41 +108,112 @@ fn errors_are_those_of_the_settings_and_nothing_is_measured_twice() {
     assert!(csv.lines().all(|line| line.matches(',').count() == 23), "{csv}");
 }
 
-#[test]
-fn a_killed_study_goes_on_where_it_stopped() {
-    let folder = tempfile::tempdir().expect("a folder");
-    let path = study_file(folder.path(), "[2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16, 64, 128, 256]");
-    let output = folder.path().join("out");
-    let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_cloudparity"));
-    let mut child = command.arg("study").arg(&path).arg("-o").arg(&output).spawn().expect("it starts");
-    let begin = Instant::now();
-    let done = || std::fs::read_dir(output.join("runs")).map_or(0, Iterator::count);
-    while done() < 5 {
-        assert!(begin.elapsed() < Duration::from_secs(300), "no runs in five minutes");
-        std::thread::sleep(Duration::from_millis(5));
-    }
-    child.kill().expect("it is killed");
-    child.wait().expect("it ends");
-    let is_record =
-        |path: &PathBuf| path.extension().is_some_and(|extension| extension == "json" || extension == "exr");
-    let kept: Vec<_> = records(&output).into_iter().filter(|(path, _)| is_record(path)).collect();
-    let half: Vec<Vec<u8>> = kept.iter().map(|(path, _)| std::fs::read(path).expect("readable")).collect();
-    let results = run(&path, &output);
-    assert_eq!(results.runs.len(), 72);
-    assert!(kept.len() < records(&output).len(), "it was killed in the middle");
-    for ((path, _), before) in kept.iter().zip(half) {
-        let after = std::fs::read(path).expect("still there");
-        if path.extension().is_some_and(|extension| extension == "exr") {
-            assert_eq!(after, before, "{}", path.display());
-        } else {
-            // HDR-FLIP is added to a record at the end; what was measured stays.
-            let [before, after] = [before, after].map(|bytes| {
-                let mut value: serde_json::Value = serde_json::from_slice(&bytes).expect("JSON");
-                value["flip"] = serde_json::Value::Null;
-                value
-            });
-            assert_eq!(after, before, "{}", path.display());
+/// Records and pictures below a folder, by name: time of change and bytes.
+fn kept(folder: &Path) -> BTreeMap<PathBuf, (SystemTime, Vec<u8>)> {
+    let mut found = BTreeMap::new();
+    for part in ["truth", "runs", "curves"] {
+        for entry in std::fs::read_dir(folder.join(part)).into_iter().flatten() {
+            let path = entry.expect("an entry").path();
+            // What a process was writing when it was killed is no record.
+            if path.file_name().is_some_and(|name| name.to_string_lossy().starts_with('.')) {
+                continue;
+            }
+            let changed = std::fs::metadata(&path).and_then(|metadata| metadata.modified()).expect("a time");
+            let name = path.strip_prefix(folder).expect("below it").to_owned();
+            found.insert(name, (changed, std::fs::read(&path).expect("readable")));
         }
+    }
+    found
+}
+
+#[test]
+fn a_study_that_is_killed_at_ten_random_moments_loses_nothing_and_makes_nothing_twice() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = study_file(folder.path(), "[2, 3, 4, 5, 6, 7, 8, 64]");
+    let text = std::fs::read_to_string(&path).expect("a study").replace("[axes]", "[curves]\npath = [2, 4]\n[axes]");
+    std::fs::write(&path, text).expect("written");
+    let begin = Instant::now();
+    let whole = run(&path, &folder.path().join("whole"));
+    let needed = begin.elapsed();
+    let names = |kept: &BTreeMap<PathBuf, _>| kept.keys().cloned().collect::<Vec<_>>();
+    let wanted = kept(&folder.path().join("whole"));
+
+    let output = folder.path().join("out");
+    let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(1);
+    let mut before: BTreeMap<PathBuf, (SystemTime, Vec<u8>)> = BTreeMap::new();
+    let mut grown = 0;
+    for _ in 0..10 {
+        let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_cloudparity"));
+        let mut child = command.arg("study").arg(&path).arg("-o").arg(&output).spawn().expect("it starts");
+        // Of the time that it takes as a whole, a tenth each on average.
+        std::thread::sleep(needed.mul_f64(random.random_range(0.0..0.2)));
+        child.kill().expect("it is killed");
+        child.wait().expect("it ends");
+        let now = kept(&output);
+        for (name, record) in &before {
+            assert_eq!(now.get(name), Some(record), "{} is lost or made again", name.display());
+        }
+        grown += usize::from(now.len() > before.len());
+        before = now;
+    }
+    assert!(grown >= 2, "it was killed in the middle of its work: {grown} times something was kept");
+    let results = run(&path, &output);
+    let after = kept(&output);
+    for (name, record) in &before {
+        assert_eq!(after.get(name), Some(record), "{} is lost or made again", name.display());
+    }
+    assert_eq!(names(&after), names(&wanted), "the records of an uninterrupted study");
+    assert_eq!((results.runs.len(), results.curves.len()), (32, 2));
+    // What does not depend on time is the same.
+    let errors = |results: &Results| results.runs.iter().map(|run| (run.id.clone(), run.errors)).collect::<Vec<_>>();
+    assert_eq!(errors(&results), errors(&whole));
+}
+
+#[test]
+fn shards_of_a_study_meet_in_one_folder_or_are_copied_together() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = study_file(folder.path(), "[2, 8]");
+    let whole = run(&path, &folder.path().join("whole"));
+    let wanted: Vec<PathBuf> = kept(&folder.path().join("whole")).into_keys().collect();
+
+    // Two processes at the same time in one folder.
+    let output = folder.path().join("one");
+    let start = |shard: &str| {
+        let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_cloudparity"));
+        command.arg("study").arg(&path).arg("-o").arg(&output).args(["--shard", shard]).spawn().expect("it starts")
+    };
+    for mut child in [start("1/2"), start("2/2")] {
+        assert!(child.wait().expect("it ends").success());
+    }
+    assert_eq!(kept(&output).into_keys().collect::<Vec<_>>(), wanted);
+    let found = Results::load(&output).expect("one of them summed up");
+    let ids = |results: &Results| results.runs.iter().map(|run| run.id.clone()).collect::<Vec<_>>();
+    assert_eq!(ids(&found), ids(&whole));
+
+    // Two folders, copied together.
+    let half = |number: u32, folder: &Path| {
+        let settings = Settings { shard: Shard::new(number, 2).expect("a shard"), ..Settings::default() };
+        run_as(&path, folder, &settings).expect("a half")
+    };
+    let [a, b] = ["a", "b"].map(|name| folder.path().join(name));
+    assert!(matches!(half(1, &a), Outcome::Part { .. }) && matches!(half(2, &b), Outcome::Part { .. }));
+    for part in ["truth", "runs", "pictures"] {
+        std::fs::create_dir_all(a.join(part)).expect("a folder");
+        for entry in std::fs::read_dir(b.join(part)).into_iter().flatten() {
+            let from = entry.expect("an entry").path();
+            std::fs::copy(&from, a.join(part).join(from.file_name().expect("a name"))).expect("copied");
+        }
+    }
+    let before = kept(&a);
+    assert_eq!(ids(&run(&path, &a)), ids(&whole));
+    assert_eq!(kept(&a), before, "nothing was left to be made");
+
+    // What is no shard.
+    for shard in ["3/2", "0/2", "1/0", "half", "1/2/3", ""] {
+        let mut command = cargo_bin_cmd!("cloudparity");
+        let found = command.arg("study").arg(&path).arg("-o").arg(&output).args([&format!("--shard={shard}")]);
+        let said = String::from_utf8(found.assert().code(2).get_output().stderr.clone()).expect("text");
+        assert!(said.contains(shard) && said.contains("--shard") && said.contains("1 to the count"), "{said}");
     }
 }
 
@@ -246,7 +325,7 @@ fn a_folder_belongs_to_one_process_at_a_time() {
     let lock = cloudparity::base::files::Lock::take(&output).expect("nobody has it");
     let error = Study::load(&path)
         .expect("a study")
-        .run(&output, &Resume::default(), &|_, _| ())
+        .run(&output, &Settings::default(), &|_, _| ())
         .expect_err("taken")
         .to_string();
     assert!(error.contains("another process"), "{error}");
@@ -262,7 +341,7 @@ fn truths_are_made_beforehand_and_an_interrupted_one_goes_on() {
     std::fs::write(&path, text).expect("written");
     let output = folder.path().join("out");
     let study = Study::load(&path).expect("a study");
-    let made = study.prepare(&output, &Resume::default(), &|_, _| ()).expect("truths");
+    let made = study.prepare(&output, &Settings::default(), &|_, _| ()).and_then(Outcome::all).expect("truths").truths;
     assert!(made.len() == 1 && made[0].seconds > 0.0 && made[0].replicas.len() == 8, "{made:?}");
     // As if it had been interrupted between two replicas.
     let lost = output.join(&made[0].replicas[5]);
@@ -271,7 +350,7 @@ fn truths_are_made_beforehand_and_an_interrupted_one_goes_on() {
     std::fs::remove_file(output.join(format!("truth/{}.json", made[0].id))).expect("removed");
     let stays = output.join(&made[0].replicas[0]);
     let before = std::fs::metadata(&stays).expect("a file").modified().expect("a time");
-    let results = study.run(&output, &Resume::default(), &|_, _| ()).expect("results");
+    let results = run(&path, &output);
     assert_eq!(std::fs::metadata(&stays).expect("a file").modified().expect("a time"), before);
     let [old, new] = [bytes, std::fs::read(&lost).expect("made again")].map(|bytes| {
         let file = folder.path().join("replica.exr");
@@ -287,7 +366,7 @@ fn truths_are_made_beforehand_and_an_interrupted_one_goes_on() {
     assert!((8.0..32.0).contains(&ratio), "{ratio}: {:?} {:?}", few.errors, many.errors);
     assert!(few.seconds > Some(0.0) && few.seconds < many.seconds);
     // A second time nothing is rendered.
-    assert_eq!(study.run(&output, &Resume::default(), &|_, _| ()).expect("results"), results);
+    assert_eq!(run(&path, &output), results);
 }
 
 #[test]
@@ -297,12 +376,18 @@ fn a_front_is_verified_and_a_wrong_one_is_found_out() {
     let output = folder.path().join("out");
     let mut results = run(&path, &output);
     let study = Study::load(&path).expect("a study");
-    let found = study.verify(&results, &output, &Resume::default(), &|_, _| ()).expect("a verification");
+    let found = study
+        .verify(&results, &output, &Settings::default(), &|_, _| ())
+        .and_then(Outcome::all)
+        .expect("a verification");
     assert!(!found.is_empty() && found.iter().all(|one| one.agrees), "{found:?}");
     for run in &mut results.runs {
         run.errors.relmse.value *= 1.5;
     }
-    let found = study.verify(&results, &output, &Resume::default(), &|_, _| ()).expect("a verification");
+    let found = study
+        .verify(&results, &output, &Settings::default(), &|_, _| ())
+        .and_then(Outcome::all)
+        .expect("a verification");
     assert!(found.iter().any(|one| !one.agrees), "{found:?}");
 }
 
@@ -315,7 +400,7 @@ fn folders_and_truths_that_do_not_fit_are_refused() {
     let refused = || {
         Study::load(&path)
             .expect("a study")
-            .run(&output, &Resume::default(), &|_, _| ())
+            .run(&output, &Settings::default(), &|_, _| ())
             .expect_err("refused")
             .to_string()
     };
@@ -341,8 +426,8 @@ fn work_of_another_build_is_refused_by_both_names_and_gone_on_with_knowingly() {
     let output = folder.path().join("out");
     let study = Study::load(&path).expect("a study");
     let [ours, other] = ["aa", "bb"].map(|hash| Identity::of("0.1.0", hash));
-    let by = |build: &Identity, mix_builds| Resume { build: build.clone(), mix_builds };
-    let go_on = |path: &Path, resume: &Resume| Study::load(path).expect("a study").run(&output, resume, &|_, _| ());
+    let by = |build: &Identity, mix_builds| Settings::of(Resume { build: build.clone(), mix_builds });
+    let go_on = |path: &Path, settings: &Settings| run_as(path, &output, settings).and_then(Outcome::all);
     let first = go_on(&path, &by(&other, false)).expect("a new folder");
     assert_eq!(first.builds, std::slice::from_ref(&other));
     let before = records(&output);
@@ -353,7 +438,7 @@ fn work_of_another_build_is_refused_by_both_names_and_gone_on_with_knowingly() {
     ];
     for error in refusals {
         let error = error.expect("refused");
-        assert!(error.place.ends_with("study.json") && error.remedy.contains("mix_builds"), "{error}");
+        assert!(error.place.ends_with("study.json") && error.settings == ["mix_builds"], "{error}");
         assert!(error.found.contains("0.1.0+bb") && error.expected.contains("0.1.0+aa"), "{error}");
     }
     assert_eq!(records(&output), before, "nothing is made anew");
@@ -366,7 +451,8 @@ fn work_of_another_build_is_refused_by_both_names_and_gone_on_with_knowingly() {
     // Neither has the folder to itself any more.
     assert!(go_on(&longer, &by(&other, false)).is_err() && go_on(&longer, &by(&ours, false)).is_err());
     // In a folder of its own, every key of the build is another.
-    let own = study.run(&folder.path().join("own"), &by(&ours, false), &|_, _| ()).expect("a new folder");
+    let own =
+        run_as(&path, &folder.path().join("own"), &by(&ours, false)).and_then(Outcome::all).expect("a new folder");
     assert!(own.runs.iter().all(|run| first.runs.iter().all(|theirs| theirs.id != run.id)));
     assert_ne!(own.truths[0].id, first.truths[0].id);
 

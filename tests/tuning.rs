@@ -4,9 +4,11 @@ mod support;
 
 use assert_cmd::cargo::cargo_bin_cmd;
 use cloudparity::base::identity::{Identity, Resume};
+use cloudparity::measure::experiment::{Outcome, Settings};
 use cloudparity::measure::tuning::preset::Preset;
-use cloudparity::measure::tuning::{Outcome, Scored, Tuning};
+use cloudparity::measure::tuning::{Scored, Tuning, TuningResults};
 use cloudparity::scene::image::Image;
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 /// A ramp under single scattering, for which an engine of many steps is right at exposure 1 without powder.
@@ -47,8 +49,18 @@ fn tuning_file(folder: &Path, generations: u32) -> PathBuf {
     path
 }
 
-fn run(path: &Path, folder: &Path) -> Outcome {
-    Tuning::load(path).expect("a tuning").run(folder, &Resume::default(), &|_, _| ()).expect("an outcome")
+fn run(path: &Path, folder: &Path) -> TuningResults {
+    let tuning = Tuning::load(path).expect("a tuning");
+    tuning.run(folder, &Settings::default(), &|_, _| ()).and_then(Outcome::all).expect("results")
+}
+
+/// The records of candidates: name and bytes.
+fn evaluations(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
+    std::fs::read_dir(folder.join("evaluations"))
+        .expect("a folder")
+        .map(|entry| entry.expect("an entry").path())
+        .map(|path| (PathBuf::from(path.file_name().expect("a name")), std::fs::read(&path).expect("readable")))
+        .collect()
 }
 
 #[test]
@@ -59,18 +71,29 @@ fn a_search_finds_a_known_answer_goes_on_and_its_preset_renders_it() {
     let folder = tempfile::tempdir().expect("a folder");
     let output = folder.path().join("out");
     // A search that was cut off after three generations, and went on.
-    run(&tuning_file(folder.path(), 3), &folder.path().join("short"));
+    let short = run(&tuning_file(folder.path(), 3), &folder.path().join("short"));
     let whole = run(&tuning_file(folder.path(), 40), &output);
-    for generation in 0..3 {
-        let name = format!("search/{generation:04}.json");
-        let [short, long] =
-            ["short", "out"].map(|run| std::fs::read(folder.path().join(run).join(&name)).expect("kept"));
-        assert_eq!(short, long, "a search is determined by its seed: {name}");
+    assert_eq!(short.history[..], whole.history[..3], "a search is determined by its seed");
+    let before = evaluations(&output);
+    assert_eq!(before.len(), whole.evaluations);
+    assert!(evaluations(&folder.path().join("short")).iter().all(|(name, _)| before.contains_key(name)));
+    // The search is interrupted near its end: its own record is not there, and neither are those of some candidates.
+    let lost: Vec<&PathBuf> = before.keys().step_by(100).collect();
+    for name in &lost {
+        std::fs::remove_file(output.join("evaluations").join(name)).expect("a candidate is lost");
     }
-    let before = std::fs::read(output.join("search/0000.json")).expect("kept");
-    std::fs::remove_file(output.join("search/0039.json")).expect("the last generation is lost");
+    for entry in std::fs::read_dir(output.join("records")).expect("a folder") {
+        let path = entry.expect("an entry").path();
+        if std::fs::read_to_string(&path).expect("a record").contains("\"history\"") {
+            std::fs::remove_file(&path).expect("the search is not done");
+        }
+    }
     let again = run(&tuning_file(folder.path(), 40), &output);
-    assert_eq!(std::fs::read(output.join("search/0000.json")).expect("kept"), before);
+    let after = evaluations(&output);
+    assert_eq!(after.len(), before.len());
+    for (name, bytes) in before.iter().filter(|(name, _)| !lost.contains(name)) {
+        assert_eq!(&after[name], bytes, "{} is not made again", name.display());
+    }
     assert_eq!(again.parameters, whole.parameters);
     assert_eq!(again.history, whole.history);
 
@@ -111,12 +134,12 @@ fn a_search_finds_a_known_answer_goes_on_and_its_preset_renders_it() {
         assert_eq!(ours.provenance["build"], Identity::current().full());
     }
     // Another build neither takes the search for its own nor makes it anew.
-    let other = |mix_builds| Resume { build: Identity::of("0.1.0", "bb"), mix_builds };
+    let other = |mix_builds| Settings::of(Resume { build: Identity::of("0.1.0", "bb"), mix_builds });
     let tuning = Tuning::load(&tuning_file(folder.path(), 40)).expect("a tuning");
     let error = tuning.run(&output, &other(false), &|_, _| ()).expect_err("refused");
     assert!(error.found.contains(&Identity::current().to_string()) && error.expected.contains("0.1.0+bb"), "{error}");
-    assert_eq!(std::fs::read(output.join("search/0000.json")).expect("kept"), before);
-    let mixed = tuning.run(&output, &other(true), &|_, _| ()).expect("knowingly");
+    assert_eq!(evaluations(&output), after);
+    let mixed = tuning.run(&output, &other(true), &|_, _| ()).and_then(Outcome::all).expect("knowingly");
     assert_eq!(mixed.parameters, whole.parameters);
     assert!(mixed.builds.contains(Identity::current()), "{:?}", mixed.builds);
 }

@@ -33,7 +33,7 @@ pub fn replace_atomically(path: &Path, write: impl FnOnce(&Path) -> std::io::Res
     std::fs::create_dir_all(folder).map_err(|cause| fail(&cause))?;
     let extension = path.extension().map(|e| format!(".{}", e.to_string_lossy())).unwrap_or_default();
     let temporary = tempfile::Builder::new()
-        .prefix(".cloudparity-")
+        .prefix(TEMPORARY)
         .suffix(&extension)
         .tempfile_in(folder)
         .map_err(|cause| fail(&cause))?
@@ -46,6 +46,30 @@ pub fn replace_atomically(path: &Path, write: impl FnOnce(&Path) -> std::io::Res
         std::fs::set_permissions(&temporary, std::fs::Permissions::from_mode(0o644)).map_err(|cause| fail(&cause))?;
     }
     temporary.persist(path).map_err(|cause| fail(&cause.error))
+}
+
+/// Beginning of the names of temporary files.
+const TEMPORARY: &str = ".cloudparity-";
+
+/// Removes what processes that were killed left while they wrote, in a folder and in those directly below it. Nobody may be writing there.
+pub fn remove_temporary(folder: &Path) -> Result<()> {
+    let fail = |cause: &std::io::Error| Error::io(folder, "a folder that can be read and written", cause);
+    let mut folders = vec![folder.to_owned()];
+    for entry in std::fs::read_dir(folder).map_err(|cause| fail(&cause))? {
+        let path = entry.map_err(|cause| fail(&cause))?.path();
+        if path.is_dir() {
+            folders.push(path);
+        }
+    }
+    for folder in folders {
+        for entry in std::fs::read_dir(&folder).map_err(|cause| fail(&cause))? {
+            let entry = entry.map_err(|cause| fail(&cause))?;
+            if entry.file_name().to_string_lossy().starts_with(TEMPORARY) && entry.path().is_file() {
+                std::fs::remove_file(entry.path()).map_err(|cause| fail(&cause))?;
+            }
+        }
+    }
+    Ok(())
 }
 
 /// Reads a text file.

@@ -100,9 +100,10 @@ impl Resume {
                 place,
                 format!("work of another build, {}", listed(others, ToString::to_string)),
                 format!("that of this build, {}", self.build),
-                "Take another place, or remove what is there, and the work is done anew; or go on with it knowingly by the setting \
-                 mix_builds: the results then name both builds.",
-            ));
+                "Take another place, or remove what is there, and the work is done anew; or go on with it knowingly: the results then name \
+                 both builds.",
+            )
+            .with_setting("mix_builds"));
         }
         let mut all = found.to_vec();
         if !all.contains(&self.build) {
@@ -139,7 +140,7 @@ mod tests {
             let error = resume(false).join("the/place", &found).expect_err("it is refused").to_string();
             let others = found.iter().filter(|build| **build != ours);
             for part in
-                others.map(ToString::to_string).chain([ours.to_string(), "the/place".into(), "mix_builds".into()])
+                others.map(ToString::to_string).chain([ours.to_string(), "the/place".into(), "knowingly".into()])
             {
                 assert!(error.contains(&part), "{part} in {error}");
             }

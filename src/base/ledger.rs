@@ -13,17 +13,34 @@
 use crate::base::error::{Error, Result};
 use crate::base::files;
 use crate::base::identity::{Identity, Resume};
+use cpu_time::ProcessTime;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value as Json, json};
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
+use std::time::Instant;
 
 /// Format of marks and records.
 const FORMAT: &str = "cloudparity-ledger/1";
 
 /// Folder of the locks of records that several processes may need.
 const LOCKS: &str = "locks";
+
+/// When work began.
+pub struct Begin(ProcessTime, Instant);
+
+impl Begin {
+    /// Now.
+    pub fn now() -> Self {
+        Self(ProcessTime::now(), Instant::now())
+    }
+
+    /// What was spent since.
+    pub fn spent(&self) -> Spent {
+        Spent { processor_seconds: self.0.elapsed().as_secs_f64(), wall_seconds: self.1.elapsed().as_secs_f64() }
+    }
+}
 
 /// What a folder is for: the content of its mark, but for the builds.
 #[derive(Debug, Clone, PartialEq)]
@@ -75,11 +92,34 @@ struct Mark {
     of: Json,
 }
 
-/// A record with the build that made it.
+/// A record with the build that made it, or why there is none.
 #[derive(Serialize, Deserialize)]
 struct Made<T> {
     build: Identity,
-    record: T,
+    /// Of the work, where it was measured.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    spent: Option<Spent>,
+    #[serde(flatten)]
+    found: Found<T>,
+}
+
+/// What work on a record took, in seconds.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Spent {
+    /// Processor time of all threads of this process.
+    pub processor_seconds: f64,
+    /// Time on the wall.
+    pub wall_seconds: f64,
+}
+
+/// What work on a record came to.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Found<T> {
+    /// The record.
+    Record(T),
+    /// None, with the reason. Whoever has the job tries it again; other shards take the reason as it is.
+    LeftOut(String),
 }
 
 impl Ledger {
@@ -90,6 +130,9 @@ impl Ledger {
             Sharing::Alone => files::Lock::take(folder)?,
             Sharing::Shared => files::Lock::share(folder)?,
         };
+        if sharing == Sharing::Alone {
+            files::remove_temporary(folder)?;
+        }
         // Shards that begin together read and write the mark one after another.
         let _turn = files::Lock::wait(&folder.join(LOCKS), "mark")?;
         let path = folder.join(purpose.mark);
@@ -150,17 +193,48 @@ impl Ledger {
 
     /// A record, if it is there.
     pub fn read<T: DeserializeOwned>(&self, part: &str, key: &str) -> Result<Option<T>> {
+        Ok(match self.find(part, key)? {
+            Some(Found::Record(record)) => Some(record),
+            _ => None,
+        })
+    }
+
+    /// A record, or why there is none, if somebody has tried.
+    pub fn find<T: DeserializeOwned>(&self, part: &str, key: &str) -> Result<Option<Found<T>>> {
         let Some(path) = self.file(part, key) else { return Ok(None) };
         let Some(made) = read_record::<Made<T>>(&path)? else { return Ok(None) };
-        self.note(made.build);
-        Ok(Some(made.record))
+        if matches!(made.found, Found::Record(_)) {
+            self.note(made.build);
+        }
+        Ok(Some(made.found))
+    }
+
+    /// The build that made a record, if it is there.
+    pub fn maker(&self, part: &str, key: &str) -> Result<Option<Identity>> {
+        let Some(path) = self.file(part, key) else { return Ok(None) };
+        Ok(read_record::<Made<Json>>(&path)?.map(|made| made.build))
+    }
+
+    /// The build that works now.
+    pub fn own(&self) -> &Identity {
+        &self.own
     }
 
     /// Writes a record of this build.
-    pub fn write(&self, part: &str, key: &str, record: &impl Serialize) -> Result<()> {
-        self.note(self.own.clone());
+    pub fn write<T: Serialize>(&self, part: &str, key: &str, record: T) -> Result<()> {
+        self.keep(part, key, &Found::Record(record), None)
+    }
+
+    /// Writes what work came to, and what it took.
+    pub fn keep<T: Serialize>(&self, part: &str, key: &str, found: &Found<T>, spent: Option<Spent>) -> Result<()> {
+        if matches!(found, Found::Record(_)) {
+            self.note(self.own.clone());
+        }
         let Some(path) = self.file(part, key) else { return Ok(()) };
-        files::write_atomically(&path, to_json(&Made { build: self.own.clone(), record }).as_bytes())
+        files::write_atomically(
+            &path,
+            to_json(&Made { build: self.own.clone(), spent, found: by_reference(found) }).as_bytes(),
+        )
     }
 
     /// A record that is there, or is made now; where another shard is at it, its end is waited for.
@@ -177,9 +251,13 @@ impl Ledger {
         if let Some(found) = self.read(part, key)? {
             return Ok(found);
         }
-        let made = make()?;
-        self.write(part, key, &made)?;
-        Ok(made)
+        let begin = Begin::now();
+        let made = Found::Record(make()?);
+        self.keep(part, key, &made, Some(begin.spent()))?;
+        match made {
+            Found::Record(record) => Ok(record),
+            Found::LeftOut(_) => unreachable!("a record was made"),
+        }
     }
 
     /// Waits until no other shard makes this record.
@@ -197,6 +275,14 @@ impl Ledger {
         if !builds.contains(&build) {
             builds.push(build);
         }
+    }
+}
+
+/// What was found, without a copy of it.
+fn by_reference<T>(found: &Found<T>) -> Found<&T> {
+    match found {
+        Found::Record(record) => Found::Record(record),
+        Found::LeftOut(reason) => Found::LeftOut(reason.clone()),
     }
 }
 
@@ -263,8 +349,11 @@ mod tests {
     fn a_record_is_made_once_and_its_key_holds_the_build() {
         let folder = tempfile::tempdir().expect("a folder");
         let first = build("aa", false);
+        let left = folder.path().join(".cloudparity-left.json");
+        std::fs::write(&left, "{").expect("what a killed process left");
         let key = {
             let ledger = open(folder.path(), &first).expect("a new folder");
+            assert!(!left.exists(), "it is removed");
             let key = ledger.key(&json!({"number": 3}));
             assert_ne!(key, ledger.key(&json!({"number": 4})));
             assert_eq!(ledger.obtain("squares", &key, || Ok(9)).expect("it is made"), 9);

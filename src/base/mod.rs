@@ -6,6 +6,7 @@ pub mod error;
 pub mod files;
 pub mod identity;
 pub mod interpolation;
+#[cfg(feature = "tools")]
 pub mod ledger;
 pub mod numbers;
 pub mod progress;

@@ -127,14 +127,7 @@ pub fn references(
     cache: &Path,
     receive: impl FnMut(Message),
 ) -> Result<Vec<Reference>> {
-    let blender = module_version("bpy", "bpy.app.version_string").map_err(|cause| {
-        Error::new(
-            "interpreter",
-            cause,
-            "the module bpy",
-            "Run make setup, or compare with a reference that exists already.",
-        )
-    })?;
+    let blender = blender_version()?;
     let found: Vec<Reference> = seeds
         .iter()
         .map(|&seed| {
@@ -175,6 +168,27 @@ pub fn references(
     });
     run_script("reference.py", &request, Kernel::Default, receive)?;
     Ok(found)
+}
+
+/// The keys of the pictures of `scene` by Cycles with each of `seeds`, whether the cache has them or not.
+pub fn keys(scene: &Scene, settings: &ReferenceSettings, seeds: &[u32]) -> Result<Vec<String>> {
+    let blender = blender_version()?;
+    Ok(seeds
+        .iter()
+        .map(|&seed| request_key(scene, &ReferenceSettings { seed, ..settings.clone() }, &blender))
+        .collect())
+}
+
+/// Blender's version; an error where live Cycles cannot be asked.
+fn blender_version() -> Result<String> {
+    module_version("bpy", "bpy.app.version_string").map_err(|cause| {
+        Error::new(
+            "interpreter",
+            cause,
+            "the module bpy",
+            "Run make setup, or compare with a reference that exists already.",
+        )
+    })
 }
 
 /// SHA-256 of what decides the pixels: scene, settings (without the number of threads), version,

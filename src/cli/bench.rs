@@ -40,10 +40,10 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
         eprintln!("warning: bpy is missing: Cycles is not measured, so there are no ratios (make setup installs it)");
     }
     let settings = Settings { points: arguments.points as usize, repeats: arguments.repeats as usize, with_cycles };
-    let bar = super::progress_bar(3);
-    let rows = speed::run(&scene, &settings, |what| {
+    let bar = super::progress_bar(1000);
+    let rows = speed::run(&scene, &settings, &|done, what| {
+        bar.set_position((done * 1000.0) as u64);
         bar.set_message(what.to_owned());
-        bar.inc(1);
     })?;
     bar.finish_and_clear();
     let adapter = Gpu::open()

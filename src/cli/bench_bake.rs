@@ -22,12 +22,12 @@ pub(super) struct Arguments {
 
 pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
     let gpu = Gpu::open().ok();
-    let ways = 3 + u64::from(gpu.is_some());
-    let bar = super::progress_bar(ways * u64::from(arguments.repeats));
-    let rows = perlin_fbm::run(arguments.texels as usize, arguments.repeats as usize, gpu.as_ref(), |what| {
+    let bar = super::progress_bar(1000);
+    let progress = |done: f64, what: &str| {
+        bar.set_position((done * 1000.0) as u64);
         bar.set_message(what.to_owned());
-        bar.inc(1);
-    })?;
+    };
+    let rows = perlin_fbm::run(arguments.texels as usize, arguments.repeats as usize, gpu.as_ref(), &progress)?;
     bar.finish_and_clear();
     let adapter = gpu.as_ref().map_or("none", |gpu| gpu.adapter().name.as_str());
     if arguments.json {

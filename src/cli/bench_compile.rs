@@ -5,7 +5,7 @@ use crate::base::files;
 use crate::base::identity::Identity;
 use crate::gpu::Gpu;
 use crate::measure::speed::compile_times;
-use crate::measure::speed::compile_times::Row;
+use crate::measure::speed::compile_times::CompileTime;
 use crate::scene::Scene;
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -51,10 +51,10 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
     }
     let opened = gpu.as_ref().and_then(|found| found.as_ref().ok());
     let repeats = arguments.repeats as usize;
-    let bar = super::progress_bar((repeats * scenes.len()) as u64);
-    let rows = compile_times::run(&scenes, repeats, opened, |what| {
+    let bar = super::progress_bar(1000);
+    let rows = compile_times::run(&scenes, repeats, opened, &|done, what| {
+        bar.set_position((done * 1000.0) as u64);
         bar.set_message(what.to_owned());
-        bar.inc(1);
     })?;
     bar.finish_and_clear();
     let adapter = opened.map_or("none", |gpu| gpu.adapter().name.as_str());
@@ -68,7 +68,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-fn table(rows: &[Row], adapter: &str, repeats: usize) -> String {
+fn table(rows: &[CompileTime], adapter: &str, repeats: usize) -> String {
     let mut text = format!(
         "{:<30}{:<8}{:>6}{:>10}{:>9}{:>9}{:>9}{:>10}{:>10}{:>8}\n",
         "milliseconds", "kernel", "nodes", "bytes", "graph", "link", "naga", "pipeline", "total", "ratio"

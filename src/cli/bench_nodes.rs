@@ -59,7 +59,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
     };
     let bar = super::progress_bar(1000);
     let opened = gpu.as_ref().and_then(|found| found.as_ref().ok());
-    let found = costs::run(&settings, opened, arguments.output.as_deref(), |done, what| {
+    let found = costs::run(&settings, opened, arguments.output.as_deref(), &|done, what| {
         bar.set_position((done * 1000.0) as u64);
         bar.set_message(what.to_owned());
     })?;

@@ -6,6 +6,7 @@ use crate::bridge;
 use crate::bridge::Kernel;
 use crate::cli::march::MarchArguments;
 use crate::cli::picture::SceneArguments;
+use crate::cli::resume::{ExperimentArguments, whole};
 use crate::measure::convergence::{ConvergenceSettings, measure};
 use serde_json::json;
 use std::path::PathBuf;
@@ -16,7 +17,7 @@ const SCRIPT: &str = "convergence_plot.py";
 
 /// Measure how ray marching converges: its error against the number of steps for both integrations, with the order
 /// of convergence, and the bias of density caches. Writes convergence.json and .csv, then .svg and .png (with
-/// matplotlib).
+/// matplotlib). What was interrupted goes on.
 #[derive(clap::Args)]
 pub(super) struct Arguments {
     #[command(flatten)]
@@ -38,6 +39,8 @@ pub(super) struct Arguments {
     /// Print the document instead of a summary.
     #[arg(long)]
     json: bool,
+    #[command(flatten)]
+    experiment: ExperimentArguments,
 }
 
 /// Options that the measurement sets by itself.
@@ -54,17 +57,19 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
         ));
     }
     let default = ConvergenceSettings::default();
-    let settings = ConvergenceSettings {
+    let what = ConvergenceSettings {
         steps: arguments.steps.clone(),
         cache_cells: if arguments.no_caches { Vec::new() } else { arguments.cache_cells.clone() },
         march: arguments.march.settings(default.march, None)?,
     };
     let bar = super::progress_bar(1000);
-    let found = measure(&scene, &settings, &|done, what| {
+    let progress = |done: f64, what: &str| {
         bar.set_position((done * 1000.0) as u64);
         bar.set_message(what.to_owned());
-    })?;
+    };
+    let outcome = measure(&scene, &what, Some(&arguments.output), &arguments.experiment.settings(), &progress)?;
     bar.finish_and_clear();
+    let Some(found) = whole(outcome) else { return Ok(ExitCode::SUCCESS) };
     let file = |extension: &str| arguments.output.join(format!("convergence.{extension}"));
     let document = serde_json::to_string_pretty(&found).expect("figures serialise") + "\n";
     files::write_atomically(&file("json"), document.as_bytes())?;

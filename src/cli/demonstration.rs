@@ -7,7 +7,7 @@
 
 use crate::base::error::{Error, Result};
 use crate::base::files;
-use crate::base::identity::{Identity, Resume};
+use crate::base::identity::Identity;
 use crate::bridge;
 use crate::bridge::reference::{ReferenceSettings, cache_folder, reference};
 use crate::bridge::{Kernel, Message};
@@ -385,7 +385,10 @@ impl Demo<'_> {
             std::fs::remove_dir_all(&folder)
                 .map_err(|cause| Error::io(&folder, "a folder that can be removed", &cause))?;
         }
-        let results = Study::new(file, vec![scene]).run(&folder, &Resume::default(), self.receive)?;
+        let results = Study::new(file, vec![scene]).run(&folder, &Default::default(), self.receive)?.all()?;
+        for left_out in &results.left_out {
+            self.leave_out("figures of the study", left_out, "Run make setup.");
+        }
         if let Err(error) = results.draw(&folder) {
             self.leave_out("figure of error against time", &error.found, &error.remedy);
         }
@@ -396,7 +399,9 @@ impl Demo<'_> {
     fn stability(&mut self) -> Result<()> {
         let ramp = serde_json::from_str(RAMP).expect("the committed scene is JSON");
         let ramp = Scene::from_value(ramp, "the committed linear ramp")?;
-        let table = stability::run(&self.scene, &ramp, self.gpu.as_ref(), self.receive)?;
+        // Nothing is kept: the demonstration makes everything anew.
+        let gpu = self.gpu.as_ref();
+        let table = stability::run(&self.scene, &ramp, gpu, None, &Default::default(), self.receive)?.all()?;
         table.write(&self.settings.output)
     }
 

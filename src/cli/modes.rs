@@ -9,7 +9,7 @@ use crate::gpu::Gpu;
 use crate::measure::nodes::constants;
 use crate::measure::nodes::measurements::NodeErrors;
 use crate::measure::nodes::suite;
-use crate::measure::nodes::suite::{Row, Selection};
+use crate::measure::nodes::suite::{ModeComparison, Selection};
 use std::fmt::Write;
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -73,7 +73,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
     let gpu = if arguments.cpu_only { None } else { Some(Gpu::open()) };
     let opened = gpu.as_ref().and_then(|found| found.as_ref().ok());
     let bar = super::progress_bar(1000);
-    let mut outcome = suite::Outcome { rows: Vec::new(), blender: String::new() };
+    let mut outcome = suite::ModeComparisons { rows: Vec::new(), blender: String::new() };
     for part in cases.chunks((POINTS_TOGETHER / arguments.points.max(1)).max(1)) {
         let found = suite::run(part, opened, arguments.avx2, super::report_to(&bar))?;
         outcome.rows.extend(found.rows);
@@ -124,7 +124,7 @@ fn run_constants(arguments: &Arguments, sets: usize) -> Result<ExitCode> {
 const POINTS_TOGETHER: usize = 2_000_000;
 
 /// The rows that fail or are not equal, and the counts of the rest.
-fn describe(rows: &[Row], blender: &str) -> String {
+fn describe(rows: &[ModeComparison], blender: &str) -> String {
     let equal = rows.iter().filter(|row| row.cpu_differing == 0).count();
     let failed = rows.iter().filter(|row| !row.pass).count();
     let mut text = format!(
@@ -132,7 +132,7 @@ fn describe(rows: &[Row], blender: &str) -> String {
          {failed} beyond their limits\n",
         rows.len()
     );
-    let notable = |row: &&Row| !row.pass || row.cpu_differing > 0 || row.wgsl_beyond.unwrap_or(0) > 0;
+    let notable = |row: &&ModeComparison| !row.pass || row.cpu_differing > 0 || row.wgsl_beyond.unwrap_or(0) > 0;
     for row in rows.iter().filter(notable) {
         write!(
             text,

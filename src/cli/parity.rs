@@ -1,9 +1,9 @@
 //! `cloudparity parity`: a suite of scenes against Cycles, judged by statistics.
 
 use crate::base::error::Result;
-use crate::cli::resume::ResumeArguments;
-use crate::measure::parity;
+use crate::cli::resume::{ExperimentArguments, whole};
 use crate::measure::pictures::Verdict;
+use crate::measure::pictures::parity;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -20,7 +20,7 @@ pub(super) struct Arguments {
     #[arg(short, long, default_value = "out/parity")]
     output: PathBuf,
     #[command(flatten)]
-    resume: ResumeArguments,
+    experiment: ExperimentArguments,
 }
 
 /// Which entries of which suite.
@@ -41,17 +41,19 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
         bar.set_position((done * 1000.0) as u64);
         bar.set_message(what.to_owned());
     };
-    let told = |row: &parity::Row| {
-        let mut line = format!("{}: {}", row.name, row.verdict.words());
-        for reason in &row.reasons {
+    let mut told = |result: &parity::EntryResult| {
+        let mut line = format!("{}: {}", result.name, result.verdict.words());
+        for reason in &result.reasons {
             line += &format!("\n  {reason}");
         }
         bar.suspend(|| eprintln!("{line}"));
     };
     let SuiteArguments { suite, only } = &arguments.suite;
-    let rows = parity::run(suite, only, &arguments.output, &arguments.resume.resume(), &report, told)?;
+    let settings = arguments.experiment.settings();
+    let outcome = parity::run(suite, only, &arguments.output, &settings, &report, &mut told)?;
     bar.finish_and_clear();
-    super::print(&parity::table(&rows))?;
-    let worst = Verdict::worst(rows.iter().map(|row| row.verdict)).unwrap_or(Verdict::CouldNotTell);
+    let Some(results) = whole(outcome) else { return Ok(ExitCode::SUCCESS) };
+    super::print(&parity::table(&results))?;
+    let worst = Verdict::worst(results.iter().map(|result| result.verdict)).unwrap_or(Verdict::CouldNotTell);
     Ok(ExitCode::from(worst.exit_status()))
 }

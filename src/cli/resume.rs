@@ -1,6 +1,7 @@
-//! What commands say that go on with work which was begun before.
+//! What commands say that go on with work which was begun before, and that run an experiment.
 
 use crate::base::identity::Resume;
+use crate::measure::experiment::{Outcome, Settings, Shard};
 
 /// Whose work is gone on with.
 #[derive(clap::Args)]
@@ -20,5 +21,34 @@ impl ResumeArguments {
     /// Whether the option was given.
     pub fn given(&self) -> bool {
         self.mix_builds
+    }
+}
+
+/// How an experiment is run.
+#[derive(clap::Args)]
+pub(super) struct ExperimentArguments {
+    #[command(flatten)]
+    resume: ResumeArguments,
+    /// Do only this part of the plan: 2/4 is the second of four. Shards work in one folder, each on a machine of its own where times are
+    /// measured, or in folders whose files are then copied into one. The one that ends last sums up.
+    #[arg(long, value_name = "NUMBER/COUNT", default_value = "1/1", hide_default_value = true)]
+    shard: Shard,
+}
+
+impl ExperimentArguments {
+    /// The settings of the library.
+    pub fn settings(&self) -> Settings {
+        Settings { resume: self.resume.resume(), shard: self.shard }
+    }
+}
+
+/// The summary; where other shards have not done their parts, none, and a note on stderr.
+pub(super) fn whole<S>(outcome: Outcome<S>) -> Option<S> {
+    match outcome {
+        Outcome::All(summary) => Some(summary),
+        Outcome::Part { done, of } => {
+            eprintln!("{done} of {of} records are there; the shard that makes the last one sums up");
+            None
+        }
     }
 }

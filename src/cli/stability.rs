@@ -2,6 +2,7 @@
 
 use crate::base::error::Result;
 use crate::cli::picture::SceneArguments;
+use crate::cli::resume::{ExperimentArguments, whole};
 use crate::gpu::Gpu;
 use crate::measure::stability;
 use crate::measure::stability::fields;
@@ -29,6 +30,8 @@ pub(super) struct Arguments {
     /// Print the document instead of a table.
     #[arg(long)]
     json: bool,
+    #[command(flatten)]
+    experiment: ExperimentArguments,
 }
 
 pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
@@ -42,10 +45,13 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
     };
     let gpu = Gpu::open();
     let bar = super::progress_bar(1000);
-    let mut table = stability::run(&scene, &pictures_of, gpu.as_ref().ok(), &|done, what| {
+    let progress = |done: f64, what: &str| {
         bar.set_position((done * 1000.0) as u64);
         bar.set_message(what.to_owned());
-    })?;
+    };
+    let (folder, settings) = (arguments.output.as_deref(), arguments.experiment.settings());
+    let outcome = stability::run(&scene, &pictures_of, gpu.as_ref().ok(), folder, &settings, &progress)?;
+    let Some(mut table) = whole(outcome) else { return Ok(ExitCode::SUCCESS) };
     if arguments.cycles {
         fields::ask_cycles(&scene, &mut table.rows, super::report_to(&bar))?;
     }

@@ -4,9 +4,8 @@ use super::choice::choice;
 use crate::base::error::Result;
 use crate::base::files;
 use crate::base::identity::{Identity, listed};
-use crate::cli::resume::ResumeArguments;
-use crate::measure::study::front;
-use crate::measure::study::front::{Budget, Metric};
+use crate::cli::resume::{ExperimentArguments, whole};
+use crate::measure::study::pareto_front::{self, Budget, Metric};
 use crate::measure::study::{Results, Study};
 use serde_json::json;
 use std::fmt::Write as _;
@@ -35,7 +34,7 @@ pub(super) struct Arguments {
     #[arg(long, conflicts_with_all = ["list", "verify"])]
     prepare: bool,
     #[command(flatten)]
-    resume: ResumeArguments,
+    experiment: ExperimentArguments,
 }
 
 pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
@@ -52,17 +51,21 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
         super::print(&text)?;
         return Ok(ExitCode::SUCCESS);
     }
-    let resume = arguments.resume.resume();
+    let settings = arguments.experiment.settings();
     let bar = super::progress_bar(1000);
     let progress = |done: f64, what: &str| {
         bar.set_position((done * 1000.0) as u64);
         bar.set_message(what.to_owned());
     };
     if arguments.prepare {
-        let records = study.prepare(&arguments.output, &resume, &progress)?;
+        let outcome = study.prepare(&arguments.output, &settings, &progress)?;
         bar.finish_and_clear();
+        let Some(prepared) = whole(outcome) else { return Ok(ExitCode::SUCCESS) };
+        for missing in &prepared.missing_curves {
+            eprintln!("warning: the curve of {} is left out: {}", missing.renderer.label(), missing.reason);
+        }
         let mut text = String::new();
-        for record in &records {
+        for record in &prepared.truths {
             line(
                 &mut text,
                 format_args!(
@@ -76,8 +79,9 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
     }
     if arguments.verify {
         let results = Results::load(&arguments.output)?;
-        let found = study.verify(&results, &arguments.output, &resume, &progress)?;
+        let outcome = study.verify(&results, &arguments.output, &settings, &progress)?;
         bar.finish_and_clear();
+        let Some(found) = whole(outcome) else { return Ok(ExitCode::SUCCESS) };
         let text = serde_json::to_string_pretty(&found).expect("figures serialise") + "\n";
         files::write_atomically(&arguments.output.join("verified.json"), text.as_bytes())?;
         let agree = found.iter().filter(|one| one.agrees).count();
@@ -101,8 +105,12 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
         super::print(&text)?;
         return Ok(if agree == found.len() { ExitCode::SUCCESS } else { ExitCode::FAILURE });
     }
-    let results = study.run(&arguments.output, &resume, &progress)?;
+    let outcome = study.run(&arguments.output, &settings, &progress)?;
     bar.finish_and_clear();
+    let Some(results) = whole(outcome) else { return Ok(ExitCode::SUCCESS) };
+    for left_out in &results.left_out {
+        eprintln!("warning: left out: {left_out}");
+    }
     super::print(&summary(&results))?;
     results.draw(&arguments.output)?;
     Ok(ExitCode::SUCCESS)
@@ -110,7 +118,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
 
 fn summary(results: &Results) -> String {
     let mut text = String::new();
-    for (scene, density, front) in results.fronts() {
+    for (scene, density, front) in results.pareto_fronts() {
         line(&mut text, format_args!("{density} in {scene}: nothing beats"));
         for run in front {
             line(&mut text, format_args!("  {}", run.describe()));
@@ -195,9 +203,10 @@ pub(super) fn recommend(arguments: &RecommendArguments) -> Result<ExitCode> {
     let mut text = String::new();
     let mut documents = Vec::new();
     for (scene, density, runs) in groups {
-        let run = front::recommend(&front::front(runs, metric), metric, budget).map_err(|error| {
-            crate::base::error::Error { place: format!("{density} in {scene}: {}", error.place), ..error }
-        })?;
+        let run =
+            pareto_front::recommend(&pareto_front::pareto_front(runs, metric), metric, budget).map_err(|error| {
+                crate::base::error::Error { place: format!("{density} in {scene}: {}", error.place), ..error }
+            })?;
         line(&mut text, format_args!("{density} in {scene}: {}", run.describe().trim_start()));
         documents.push(run);
     }

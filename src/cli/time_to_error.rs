@@ -3,9 +3,9 @@
 use super::choice::choice;
 use crate::base::error::Result;
 use crate::cli::parity::SuiteArguments;
-use crate::cli::resume::ResumeArguments;
+use crate::cli::resume::{ExperimentArguments, whole};
 use crate::integrators::path::Tracking;
-use crate::measure::time_to_error::{TimeSettings, run as measure};
+use crate::measure::speed::time_to_error::{TimeSettings, run as measure};
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -37,7 +37,7 @@ pub(super) struct Arguments {
     #[arg(short, long, default_value = "out/time-to-error")]
     output: PathBuf,
     #[command(flatten)]
-    resume: ResumeArguments,
+    experiment: ExperimentArguments,
 }
 
 fn rate(text: &str) -> std::result::Result<f64, String> {
@@ -46,18 +46,22 @@ fn rate(text: &str) -> std::result::Result<f64, String> {
 
 pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
     super::need_bpy("the pictures are")?;
-    let settings = TimeSettings {
+    let what = TimeSettings {
         levels: arguments.samples.clone(),
         marching_rate: (!arguments.no_marching).then_some(arguments.marching_rate),
         trackings: arguments.tracking.clone(),
         longest: arguments.longest,
     };
-    let bar = super::progress_bar(1);
-    let SuiteArguments { suite, only } = &arguments.suite;
-    let found = measure(suite, only, &arguments.output, &arguments.resume.resume(), &settings, &|what| {
+    let bar = super::progress_bar(1000);
+    let progress = |done: f64, what: &str| {
+        bar.set_position((done * 1000.0) as u64);
         bar.set_message(what.to_owned());
-    })?;
+    };
+    let SuiteArguments { suite, only } = &arguments.suite;
+    let outcome = measure(suite, only, &arguments.output, &what, &arguments.experiment.settings(), &progress)?;
     bar.finish_and_clear();
-    super::print(&found.table())?;
+    if let Some(found) = whole(outcome) {
+        super::print(&found.table())?;
+    }
     Ok(ExitCode::SUCCESS)
 }

@@ -1,8 +1,8 @@
 //! `cloudparity tune`: an engine's parameters fitted to path tracing.
 
 use crate::base::error::Result;
-use crate::cli::resume::ResumeArguments;
-use crate::measure::tuning::{Outcome, Scored, Tuning};
+use crate::cli::resume::{ExperimentArguments, whole};
+use crate::measure::tuning::{Scored, Tuning, TuningResults};
 use std::fmt::Write as _;
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -20,7 +20,7 @@ pub(super) struct Arguments {
     #[arg(short, long, value_name = "DIR")]
     output: PathBuf,
     #[command(flatten)]
-    resume: ResumeArguments,
+    experiment: ExperimentArguments,
 }
 
 pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
@@ -30,14 +30,16 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
         bar.set_position((done * 1000.0) as u64);
         bar.set_message(what.to_owned());
     };
-    let outcome = tuning.run(&arguments.output, &arguments.resume.resume(), &progress)?;
+    let outcome = tuning.run(&arguments.output, &arguments.experiment.settings(), &progress)?;
     bar.finish_and_clear();
-    super::print(&summary(&outcome))?;
-    outcome.draw(&arguments.output)?;
+    if let Some(results) = whole(outcome) {
+        super::print(&summary(&results))?;
+        results.draw(&arguments.output)?;
+    }
     Ok(ExitCode::SUCCESS)
 }
 
-fn summary(outcome: &Outcome) -> String {
+fn summary(results: &TuningResults) -> String {
     let mut text = String::new();
     let mut line = |scored: &Scored| {
         writeln!(
@@ -53,20 +55,20 @@ fn summary(outcome: &Outcome) -> String {
         )
         .expect("writing to a string cannot fail");
     };
-    outcome.published.iter().for_each(&mut line);
-    line(&outcome.tuned);
-    line(&outcome.finer);
-    for (name, value) in &outcome.parameters {
+    results.published.iter().for_each(&mut line);
+    line(&results.tuned);
+    line(&results.finer);
+    for (name, value) in &results.parameters {
         text += &format!("  {name} = {value:.6}\n");
     }
     text += &format!(
         "{} evaluations (stopped by {}), held-out FLIP {:.1} % {} than {}; noise of the truths {:.4}\n",
-        outcome.evaluations,
-        outcome.stopped.join(", "),
-        100.0 * outcome.improvement().abs(),
-        if outcome.improvement() < 0.0 { "higher" } else { "lower" },
-        outcome.published[0].name,
-        outcome.noise_flip,
+        results.evaluations,
+        results.stopped.join(", "),
+        100.0 * results.improvement().abs(),
+        if results.improvement() < 0.0 { "higher" } else { "lower" },
+        results.published[0].name,
+        results.noise_flip,
     );
     text
 }

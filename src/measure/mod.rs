@@ -1,14 +1,29 @@
-//! Measurements: a module per question, from what experiments share to what each of them asks.
+//! Measurements: an experiment per question, and what they share.
+//!
+//! [`experiment`] runs all of them: plan, jobs, records, summary. What they share stands beside it: truths and errors against them, timing, seeds,
+//! scenes and settings of engines as files list them, parity suites, the evaluators of fields and where their points lie, what is asked of
+//! pictures. Each question has a folder, and none uses another's (`tests/arrows.rs`).
+
+pub mod combination;
+pub mod domain;
+pub mod errors;
+pub mod evaluators;
+pub mod experiment;
+pub mod images;
+pub mod scenes;
+pub mod seeds;
+pub mod suite;
+pub mod timing;
+pub mod toml_files;
+pub mod truth;
+pub mod voxels;
 
 pub mod convergence;
 pub mod densities;
 pub mod fields;
 pub mod nodes;
-pub mod parity;
 pub mod pictures;
 pub mod speed;
 pub mod stability;
 pub mod study;
-pub mod time_to_error;
 pub mod tuning;
-pub mod voxels;

@@ -300,7 +300,7 @@ pub struct Inputs {
     /// `study/results.json`.
     pub study: Option<study::Results>,
     /// `tuning/tuning.json`.
-    pub tuning: Option<tuning::Outcome>,
+    pub tuning: Option<tuning::TuningResults>,
     /// `models.json`.
     pub models: Option<Comparison>,
     /// `stability.json`.

@@ -4,7 +4,7 @@ use crate::base::numbers::{capitalised, count, figure, percent, plain, rate, rat
 use crate::measure::densities::comparison::{Comparison, FIGURE};
 use crate::measure::study::curves::CurvePoint;
 use crate::measure::study::{FIGURES, Measured, Results};
-use crate::measure::tuning::{Outcome, Scored};
+use crate::measure::tuning::{Scored, TuningResults};
 use crate::report::document::Document;
 use crate::report::inputs::{Inputs, Picture, TUNING_FIGURE, study_figure};
 use crate::report::summary::{Summary, evaluator_name};
@@ -101,7 +101,7 @@ fn curve_row(point: &CurvePoint) -> CurveRow {
 #[derive(Debug, Serialize)]
 pub struct TuningTable<'a> {
     /// All figures.
-    pub found: &'a Outcome,
+    pub found: &'a TuningResults,
     /// Before and after.
     pub figure: Option<&'a Picture>,
     /// Light models, exposure matched, then the tuned one: name, exposure, HDR-FLIP in training and held out, relMSE held out, milliseconds.
@@ -115,7 +115,7 @@ pub type TuningRow = (String, f64, f64, f64, f64, f64);
 
 impl<'a> TuningTable<'a> {
     /// Arranges a tuning.
-    pub fn of(found: &'a Outcome, pictures: &'a IndexMap<String, Picture>) -> Self {
+    pub fn of(found: &'a TuningResults, pictures: &'a IndexMap<String, Picture>) -> Self {
         let row = |scored: &Scored| {
             (
                 scored.name.clone(),
@@ -151,7 +151,7 @@ impl<'a> StudyTable<'a> {
             machine: &found.machine,
             clock: found.clock.label(),
             figures: FIGURES.map(|(_, stem)| pictures.get(&study_figure(stem))),
-            fronts: found.fronts().into_iter().map(front).collect(),
+            fronts: found.pareto_fronts().into_iter().map(front).collect(),
             truths: found
                 .truths
                 .iter()
@@ -552,7 +552,7 @@ pub fn document(inputs: &Inputs, summary: &Summary) -> Document {
         });
         document.table(&["Work", "Points", "Cycles", "CPU", "GPU"], rows);
     }
-    for (scene, density, runs) in inputs.study.iter().flat_map(Results::fronts) {
+    for (scene, density, runs) in inputs.study.iter().flat_map(Results::pareto_fronts) {
         document.heading(&format!("Error against time: {density} in {scene}"));
         let rows = runs.into_iter().map(|run| {
             let errors = [Some(run.errors.relmse.value), Some(run.errors.relmse.standard_error)].map(figure);

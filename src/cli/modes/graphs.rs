@@ -7,7 +7,7 @@ use crate::cli;
 use crate::cli::modes::Arguments;
 use crate::gpu::Gpu;
 use crate::measure::nodes::random_graphs;
-use crate::measure::nodes::random_graphs::{Cycles, Judge, Outcome, RandomGraph, WGSL_LIMIT};
+use crate::measure::nodes::random_graphs::{Cycles, GraphComparison, Judge, RandomGraph, WGSL_LIMIT};
 use rayon::prelude::*;
 use serde_json::{Value as Json, json};
 use std::fmt::Write;
@@ -30,7 +30,7 @@ pub(super) fn run(arguments: &Arguments, count: u64) -> Result<ExitCode> {
     let folder = arguments.output.clone().unwrap_or_else(|| PathBuf::from(FOLDER));
     let adapter = opened.map(|gpu| format!("{} ({})", gpu.adapter().name, gpu.adapter().driver));
     let bar = cli::progress_bar(count);
-    let mut outcomes: Vec<Outcome> = Vec::new();
+    let mut outcomes: Vec<GraphComparison> = Vec::new();
     let mut done = 0;
     while done < count {
         let end = count.min(done + TOGETHER);
@@ -71,7 +71,7 @@ pub(super) fn run(arguments: &Arguments, count: u64) -> Result<ExitCode> {
 }
 
 /// All figures as JSON.
-fn document(summary: &Summary, outcomes: &[Outcome]) -> String {
+fn document(summary: &Summary, outcomes: &[GraphComparison]) -> String {
     let document = json!({"summary": summary.json(), "graphs": outcomes});
     serde_json::to_string_pretty(&document).expect("outcomes serialise") + "\n"
 }
@@ -103,7 +103,7 @@ struct Summary {
 }
 
 impl Summary {
-    fn of(outcomes: &[Outcome], adapter: Option<String>) -> Self {
+    fn of(outcomes: &[GraphComparison], adapter: Option<String>) -> Self {
         let cpu = || outcomes.iter().filter_map(|outcome| outcome.cpu.as_ref());
         let wgsl = || outcomes.iter().filter_map(|outcome| outcome.wgsl.as_ref());
         let bounds = || outcomes.iter().filter_map(|outcome| outcome.bounds.as_ref());
@@ -157,7 +157,7 @@ impl Summary {
         })
     }
 
-    fn text(&self, outcomes: &[Outcome]) -> String {
+    fn text(&self, outcomes: &[GraphComparison]) -> String {
         let mut text = String::new();
         let mut line =
             |parts: std::fmt::Arguments<'_>| writeln!(text, "{parts}").expect("writing to a string cannot fail");

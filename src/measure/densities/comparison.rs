@@ -25,8 +25,7 @@ use crate::graph::evaluate::Points;
 use crate::integrators::path;
 use crate::integrators::path::{GivenMedium, PathSettings, Subject};
 use crate::measure::densities::statistics::FieldStatistics;
-use crate::measure::pictures;
-use crate::measure::pictures::DisplaySettings;
+use crate::measure::images::{self, DisplaySettings};
 use crate::media::density::Density;
 use crate::media::medium::Medium;
 use crate::media::region::Region;
@@ -361,7 +360,7 @@ pub fn show(comparison: &mut Comparison, display: &Display, folder: &Path) -> Re
             image
         })
         .collect();
-    bridge::run_script(pictures::SCRIPT, &json!({"op": "display", "images": images}), Kernel::Default, |_| ())?;
+    bridge::run_script(images::SCRIPT, &json!({"op": "display", "images": images}), Kernel::Default, |_| ())?;
     comparison.pictures.iter_mut().for_each(|picture| picture.png = Some(png_of(picture)));
     write(comparison, folder)?;
     let [svg, png] = [FIGURE, "models.png"].map(|name| folder.join(name));

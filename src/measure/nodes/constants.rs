@@ -2,16 +2,16 @@
 //! part of the values.
 //!
 //! Blender evaluates a node whose inputs are constant before Cycles sees the graph, if it has a function for the node
-//! ([`Stage::Blender`]); what Blender cannot evaluate makes its readers vary, and Cycles folds those, if it can
-//! ([`Stage::Cycles`]). Inputs are linked: a stored value is limited to its socket's range, a linked one is not.
+//! ([`FoldedBy::Blender`]); what Blender cannot evaluate makes its readers vary, and Cycles folds those, if it can
+//! ([`FoldedBy::Cycles`]). Inputs are linked: a stored value is limited to its socket's range, a linked one is not.
 
 use crate::base::error::Result;
 use crate::bridge::{Kernel, Message, probe};
 use crate::graph::evaluate::Points;
 use crate::graph::{Program, Target};
-use crate::measure::fields::statistics::equal;
+use crate::measure::errors::values::equal;
 use crate::measure::nodes::limits;
-use crate::measure::nodes::suite::{Row, Tally, json_number, modes, normal};
+use crate::measure::nodes::suite::{ModeComparison, Tally, json_number, modes, normal};
 use crate::nodes::{self, Mode, NodeType, Role};
 use crate::scene::bare_scene;
 use crate::scene::{Scene, SocketType};
@@ -21,7 +21,7 @@ use serde_json::{Map, Value as Json, json};
 
 /// Who folds.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Stage {
+pub enum FoldedBy {
     /// Inputs come from Value and Combine XYZ, which Blender folds.
     Blender,
     /// Inputs come from Separate Color and Combine Color, which only Cycles folds.
@@ -56,14 +56,14 @@ fn number(random: &mut ChaCha8Rng) -> f32 {
 }
 
 /// Nodes that give a constant of `kind`, and the link to it.
-fn constant(kind: SocketType, values: &[f32], stage: Stage, name: &str, graph: &mut Vec<Json>) -> Json {
+fn constant(kind: SocketType, values: &[f32], by: FoldedBy, name: &str, graph: &mut Vec<Json>) -> Json {
     let list: Vec<Json> = values.iter().map(|&value| json_number(value)).collect();
-    match (kind.components(), stage) {
-        (1, Stage::Blender) => {
+    match (kind.components(), by) {
+        (1, FoldedBy::Blender) => {
             graph.push(json!({"name": name, "type": "ShaderNodeValue", "outputs": {"Value": list[0]}}));
             json!({"node": name, "socket": "Value"})
         }
-        (1, Stage::Cycles) => {
+        (1, FoldedBy::Cycles) => {
             // (The socket of an RGB node keeps no negative channel.)
             let [value, color] = ["value", "color"].map(|word| format!("{name} {word}"));
             graph.push(json!({"name": value, "type": "ShaderNodeValue", "outputs": {"Value": list[0]}}));
@@ -76,10 +76,10 @@ fn constant(kind: SocketType, values: &[f32], stage: Stage, name: &str, graph: &
             }));
             json!({"node": name, "socket": "Red"})
         }
-        (_, stage) => {
-            let (kind, sockets, output) = match stage {
-                Stage::Blender => ("ShaderNodeCombineXYZ", ["X", "Y", "Z"], "Vector"),
-                Stage::Cycles => ("ShaderNodeCombineColor", ["Red", "Green", "Blue"], "Color"),
+        (_, by) => {
+            let (kind, sockets, output) = match by {
+                FoldedBy::Blender => ("ShaderNodeCombineXYZ", ["X", "Y", "Z"], "Vector"),
+                FoldedBy::Cycles => ("ShaderNodeCombineColor", ["Red", "Green", "Blue"], "Color"),
             };
             let mut inputs = Map::new();
             for (axis, socket) in sockets.iter().enumerate() {
@@ -97,7 +97,7 @@ impl Case {
     fn new(
         node_type: &'static NodeType,
         properties: &Map<String, Json>,
-        stage: Stage,
+        by: FoldedBy,
         sets: usize,
         seed: u64,
     ) -> Result<Self> {
@@ -112,7 +112,7 @@ impl Case {
                 let values: Vec<f32> = (0..socket.kind.components()).map(|_| number(&mut random)).collect();
                 words.push(format!("{} {values:?}", socket.identifier));
                 let name = format!("Input {set} {place}");
-                inputs.insert(socket.identifier.into(), constant(socket.kind, &values, stage, &name, &mut graph));
+                inputs.insert(socket.identifier.into(), constant(socket.kind, &values, by, &name, &mut graph));
             }
             let name = format!("Node {set}");
             graph.push(json!({"name": name, "type": node_type.type_name, "properties": properties, "inputs": inputs}));
@@ -125,7 +125,7 @@ impl Case {
         let words = mode.words().join(" ");
         Ok(Self {
             node: node_type.label,
-            mode: format!("{words} constants for {stage:?}").trim_start().to_owned(),
+            mode: format!("{words} constants for {by:?}").trim_start().to_owned(),
             scene: bare_scene("constants", json!({"material": "Material", "nodes": graph, "groups": []}))?,
             targets,
             described,
@@ -134,7 +134,7 @@ impl Case {
     }
 
     /// A row per output: over all sets of constants.
-    fn rows(&self, theirs: &[Vec<f32>], positions: &[[f32; 3]]) -> Result<Vec<Row>> {
+    fn rows(&self, theirs: &[Vec<f32>], positions: &[[f32; 3]]) -> Result<Vec<ModeComparison>> {
         let program = Program::compile(&self.scene, &self.targets)?;
         let ours = program.evaluate_single(Points::new(positions))?;
         let mut tallies: Vec<(&'static str, Tally, limits::Limit)> = Vec::new();
@@ -161,7 +161,7 @@ impl Case {
     }
 }
 
-/// Cases of every mode, for both stages; `node` restricts to one label.
+/// Cases of every mode, for both; `node` restricts to one label.
 pub fn cases(sets: usize, seed: u64, node: Option<&str>) -> Result<Vec<Case>> {
     let mut cases = Vec::new();
     for node_type in nodes::registry() {
@@ -174,9 +174,9 @@ pub fn cases(sets: usize, seed: u64, node: Option<&str>) -> Result<Vec<Case>> {
             continue;
         }
         for properties in modes(node_type) {
-            for stage in [Stage::Blender, Stage::Cycles] {
+            for by in [FoldedBy::Blender, FoldedBy::Cycles] {
                 let seed = seed.wrapping_add(cases.len() as u64);
-                cases.push(Case::new(node_type, &properties, stage, sets, seed)?);
+                cases.push(Case::new(node_type, &properties, by, sets, seed)?);
             }
         }
     }
@@ -184,7 +184,7 @@ pub fn cases(sets: usize, seed: u64, node: Option<&str>) -> Result<Vec<Case>> {
 }
 
 /// Compares all cases in one Blender process.
-pub fn run(cases: &[Case], mut receive: impl FnMut(Message)) -> Result<super::suite::Outcome> {
+pub fn run(cases: &[Case], mut receive: impl FnMut(Message)) -> Result<super::suite::ModeComparisons> {
     let positions = [[0.0; 3]; 2];
     let jobs: Vec<probe::Job<'_>> = cases
         .iter()
@@ -202,5 +202,5 @@ pub fn run(cases: &[Case], mut receive: impl FnMut(Message)) -> Result<super::su
     for (case, answer) in cases.iter().zip(&answers.jobs) {
         rows.extend(case.rows(&answer.values, &positions)?);
     }
-    Ok(super::suite::Outcome { rows, blender: answers.blender })
+    Ok(super::suite::ModeComparisons { rows, blender: answers.blender })
 }

@@ -5,7 +5,7 @@
 //! reassociate and divide with 2.5 ulp, so its limits are what Cycles' own two kernels (SSE4.2 without,
 //! AVX2 with fused operations) were measured to differ by, or ulps where WGSL states an accuracy.
 
-use crate::measure::fields::statistics::{equal, ulp_distance};
+use crate::measure::errors::values::{equal, ulp_distance};
 use crate::nodes::{Mode, NodeType};
 
 /// A largest difference.

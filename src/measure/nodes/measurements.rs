@@ -7,7 +7,7 @@ use crate::base::error::{Error, Result};
 use crate::base::files;
 use crate::base::identity::{Identity, Resume};
 use crate::measure::nodes::costs::Costs;
-use crate::measure::nodes::suite::Row;
+use crate::measure::nodes::suite::ModeComparison;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 use std::sync::LazyLock;
@@ -104,7 +104,7 @@ fn larger<T: PartialOrd + Copy>(a: Option<T>, b: Option<T>) -> Option<T> {
 
 impl NodeErrors {
     /// Summarises the rows of a suite.
-    pub fn of_rows(rows: &[Row], blender: &str, points: usize, adapter: Option<String>) -> Self {
+    pub fn of_rows(rows: &[ModeComparison], blender: &str, points: usize, adapter: Option<String>) -> Self {
         let mut summary = Self {
             format: ERRORS_FORMAT.to_owned(),
             builds: vec![Identity::current().clone()],
@@ -182,7 +182,7 @@ impl NodeErrors {
 }
 
 impl ErrorRow {
-    fn of_output(row: &Row) -> Self {
+    fn of_output(row: &ModeComparison) -> Self {
         Self {
             node: row.node.clone(),
             mode: row.mode.clone(),
@@ -218,8 +218,8 @@ impl ErrorRow {
 mod tests {
     use super::*;
 
-    fn row(node: &str, mode: &str, output: &str, differing: usize, error: f64) -> Row {
-        Row {
+    fn row(node: &str, mode: &str, output: &str, differing: usize, error: f64) -> ModeComparison {
+        ModeComparison {
             node: node.into(),
             mode: mode.into(),
             output: output.into(),
@@ -242,7 +242,7 @@ mod tests {
         }
     }
 
-    fn summary(rows: &[Row]) -> NodeErrors {
+    fn summary(rows: &[ModeComparison]) -> NodeErrors {
         NodeErrors::of_rows(rows, "5.0.1", 9, Some("adapter".into()))
     }
 

@@ -10,7 +10,7 @@ use crate::bridge::{Kernel, Message, probe};
 use crate::gpu::Gpu;
 use crate::graph::evaluate::Points;
 use crate::graph::{Program, Target};
-use crate::measure::fields::statistics::{equal, ulp_distance};
+use crate::measure::errors::values::{equal, ulp_distance};
 use crate::measure::nodes::limits;
 use crate::measure::nodes::limits::Limit;
 use crate::nodes::{self, Mode, NodeType, PropertyValues, Role};
@@ -122,7 +122,7 @@ pub struct Limits {
 
 /// One output of one mode. Serialises as a row of `modes.json`.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Row {
+pub struct ModeComparison {
     /// Blender's label of the node.
     pub node: String,
     /// The mode in words.
@@ -380,7 +380,7 @@ fn ordinary(random: &mut ChaCha8Rng, module: &str, socket: &str, distorted: bool
         ("brick_texture", "Mortar Smooth") => return uniform(random, 0.2, 1.0),
         ("brick_texture", "Bias") => return uniform(random, -1.0, 1.0),
         ("brick_texture", "Brick Width") => return uniform(random, 0.3, 1.0),
-        ("brick_texture", "Row Height") => return uniform(random, 0.15, 0.5),
+        ("brick_texture", "ModeComparison Height") => return uniform(random, 0.15, 0.5),
         ("brick_texture", "Color1" | "Color2" | "Mortar") => return uniform(random, 0.0, 1.0),
         ("gabor_texture", "Frequency") => return uniform(random, 0.5, 4.0),
         // Half of them without scattered directions, which is a branch of its own.
@@ -540,7 +540,7 @@ impl Case {
         Program::compile(&self.scene, &self.targets)
     }
 
-    fn rows(&self, theirs: &[Vec<f32>], avx2: Option<&[Vec<f32>]>, gpu: Option<&Gpu>) -> Result<Vec<Row>> {
+    fn rows(&self, theirs: &[Vec<f32>], avx2: Option<&[Vec<f32>]>, gpu: Option<&Gpu>) -> Result<Vec<ModeComparison>> {
         let program = self.program()?;
         let positions = self.positions();
         let points = Points { positions: &positions, attributes: &self.attributes };
@@ -595,7 +595,7 @@ impl Case {
             }
             first += components;
             let has_shader = wgsl.is_some();
-            rows.push(Row {
+            rows.push(ModeComparison {
                 node: self.node.to_owned(),
                 mode: self.mode.clone(),
                 output: target.output.clone().unwrap_or_default(),
@@ -693,8 +693,8 @@ impl Tally {
     }
 
     /// A row without WGSL: node, mode and output, and the limit.
-    pub(super) fn row(self, (node, mode, output): (&str, &str, &str), limit: &Limit) -> Row {
-        Row {
+    pub(super) fn row(self, (node, mode, output): (&str, &str, &str), limit: &Limit) -> ModeComparison {
+        ModeComparison {
             node: node.to_owned(),
             mode: mode.to_owned(),
             output: output.to_owned(),
@@ -723,16 +723,16 @@ impl Tally {
 }
 
 /// Rows of a suite and the Blender that they were measured with.
-pub struct Outcome {
+pub struct ModeComparisons {
     /// One per output and mode.
-    pub rows: Vec<Row>,
+    pub rows: Vec<ModeComparison>,
     /// Blender's version.
     pub blender: String,
 }
 
 /// Compares all cases, in one Blender process; with `avx2` another one measures how far Cycles' own
 /// AVX2 kernel is from the SSE4.2 kernel at the same points.
-pub fn run(cases: &[Case], gpu: Option<&Gpu>, avx2: bool, mut receive: impl FnMut(Message)) -> Result<Outcome> {
+pub fn run(cases: &[Case], gpu: Option<&Gpu>, avx2: bool, mut receive: impl FnMut(Message)) -> Result<ModeComparisons> {
     let positions: Vec<Vec<[f32; 3]>> = cases.iter().map(Case::positions).collect();
     let jobs: Vec<probe::Job<'_>> = cases
         .iter()
@@ -753,7 +753,7 @@ pub fn run(cases: &[Case], gpu: Option<&Gpu>, avx2: bool, mut receive: impl FnMu
         let fused = fused.as_ref().map(|answers| answers.jobs[number].values.as_slice());
         rows.extend(case.rows(&answer.values, fused, gpu)?);
     }
-    Ok(Outcome { rows, blender: answers.blender })
+    Ok(ModeComparisons { rows, blender: answers.blender })
 }
 
 #[cfg(test)]

@@ -4,7 +4,7 @@
 //! `docs/nodes.md` is its Markdown.
 
 use crate::base::error::Result;
-use crate::measure::nodes::costs::Row as CostRow;
+use crate::measure::nodes::costs::NodeCost;
 use crate::measure::nodes::measurements;
 use crate::measure::nodes::measurements::ErrorRow;
 use crate::measure::nodes::suite;
@@ -125,7 +125,7 @@ pub struct ModeEntry {
     /// How far it is from Cycles.
     pub errors: Option<&'static ErrorRow>,
     /// What a point costs.
-    pub cost: Option<&'static CostRow>,
+    pub cost: Option<&'static NodeCost>,
 }
 
 /// A refused node type.

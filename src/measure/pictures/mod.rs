@@ -21,20 +21,18 @@
 //! Values are linear radiance with Rec.709 primaries (alpha: 0 to 1). Pixels count from 0 at the
 //! upper left.
 
+pub mod parity;
 mod statistics;
 
+pub use crate::measure::images::{DisplaySettings, SCRIPT};
 pub use statistics::{Statistics, StatisticsSettings};
 
 use crate::base::error::{Error, Result};
 use crate::base::identity::Identity;
-use crate::scene::Display;
 use indexmap::IndexMap;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use std::path::PathBuf;
-
-/// The script that computes everything here.
-pub const SCRIPT: &str = "compare_images.py";
 
 /// What a comparison found.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
@@ -104,34 +102,6 @@ pub struct Tolerances {
     /// Mean HDR-FLIP error, 0 to 1.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub flip_mean: Option<f64>,
-}
-
-/// How linear values become a display picture, in Blender's names.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct DisplaySettings {
-    /// View transform: `AgX`, `Standard`, `Filmic`, `Khronos PBR Neutral`, `Raw`.
-    pub view: String,
-    /// Look, `None` for none.
-    pub look: String,
-    /// Stops: values are multiplied by `2^exposure` first.
-    pub exposure: f64,
-    /// The display value is raised to `1 / gamma` last.
-    pub gamma: f64,
-    /// Linear radiance behind a transparent film; `None` keeps the picture transparent.
-    pub background: Option<[f64; 3]>,
-}
-
-impl DisplaySettings {
-    /// Those of a scene, before this linear radiance.
-    pub fn of(display: &Display, background: Option<[f64; 3]>) -> Self {
-        Self {
-            view: display.view_transform.clone(),
-            look: display.look.clone(),
-            exposure: f64::from(display.exposure),
-            gamma: f64::from(display.gamma),
-            background,
-        }
-    }
 }
 
 /// One comparison. Several files on a side are replicas of one picture with other seeds; they are
@@ -327,7 +297,7 @@ pub struct ImageFigures {
     /// Largest absolute error, linear radiance.
     pub max_error: f64,
     /// Where it is; `None` where the images are equal.
-    pub max_at: Option<Place>,
+    pub max_at: Option<PixelPlace>,
     /// A pixel fails above this, linear radiance.
     pub threshold: f64,
     /// How many fail.
@@ -340,7 +310,7 @@ pub struct ImageFigures {
 
 /// One channel of one pixel on both sides.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Place {
+pub struct PixelPlace {
     /// Column from 0 at the left.
     pub x: u32,
     /// Row from 0 at the top.

@@ -5,14 +5,19 @@
 //! another number, which no invocation meets.
 
 use crate::base::error::Result;
+use crate::base::ledger::{Found, Purpose};
+use crate::base::progress::Progress;
 use crate::gpu::{Gpu, Layout};
 use crate::graph::Program;
 use crate::graph::constants::SharedConstants;
 use crate::graph::wgsl::{self, Linker};
 use crate::integrators::{march, path};
+use crate::measure::experiment;
+use crate::measure::experiment::{Desk, Done, Experiment};
 use crate::media::medium::Medium;
 use crate::scene::Scene;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
+use serde_json::{Value as Json, json};
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -51,7 +56,7 @@ const KERNELS: [Compiled; 3] = [
 
 /// Milliseconds of compiling one kernel of one scene: medians.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Row {
+pub struct CompileTime {
     /// Name of the scene.
     pub scene: String,
     /// The kernel: densities at points, the march with everything in it, path tracing.
@@ -74,13 +79,13 @@ pub struct Row {
     pub ratio: f64,
 }
 
-/// Times of one kernel of one scene, one entry per repetition.
-#[derive(Default)]
-struct Times {
-    graph: Vec<f64>,
-    link: Vec<f64>,
-    validate: Vec<f64>,
-    pipeline: Vec<f64>,
+/// One compilation of one kernel of one scene, in milliseconds.
+#[derive(Serialize, Deserialize)]
+struct Once {
+    graph: f64,
+    link: f64,
+    validate: f64,
+    pipeline: Option<f64>,
     instructions: usize,
     bytes: usize,
 }
@@ -92,68 +97,108 @@ pub fn density(scene: &Scene) -> Result<Arc<Program>> {
     Program::density(scene).map(Arc::new).or_else(|_| Medium::new(scene).map(|medium| medium.density.program().clone()))
 }
 
-/// Compiles every kernel of every scene `repeats` times, the scenes in turn; `receive` hears what comes next. Every scene needs a
-/// [`density`].
-pub fn run(scenes: &[Scene], repeats: usize, gpu: Option<&Gpu>, mut receive: impl FnMut(&str)) -> Result<Vec<Row>> {
-    let mut times: Vec<Times> = scenes.iter().flat_map(|_| KERNELS).map(|_| Times::default()).collect();
-    // Not two equal texts, in this process or in one before.
-    let mut number = fresh_number();
-    for _ in 0..repeats {
-        for (scene, times) in scenes.iter().zip(times.chunks_mut(KERNELS.len())) {
-            receive(&scene.name);
-            for (kernel, times) in KERNELS.iter().zip(times) {
-                number = number.wrapping_add(1);
-                times.compile(scene, kernel, &with_number(kernel.source, number), gpu)?;
-            }
-        }
-    }
-    let mut rows: Vec<Row> = Vec::new();
-    for (scene, times) in scenes.iter().zip(times.chunks(KERNELS.len())) {
-        for (Compiled { name: kernel, .. }, times) in KERNELS.iter().zip(times) {
-            let pipeline_ms = gpu.map(|_| median(&times.pipeline));
-            let [graph_ms, link_ms, validate_ms] =
-                [&times.graph, &times.link, &times.validate].map(|times| median(times));
-            let total_ms = graph_ms + link_ms + validate_ms + pipeline_ms.unwrap_or(0.0);
-            let first = rows.iter().find(|row| row.kernel == *kernel).map_or(total_ms, |row| row.total_ms);
-            rows.push(Row {
-                scene: scene.name.clone(),
-                kernel,
-                instructions: times.instructions,
-                bytes: times.bytes,
-                graph_ms,
-                link_ms,
-                validate_ms,
-                pipeline_ms,
-                total_ms,
-                ratio: total_ms / first,
-            });
-        }
-    }
-    Ok(rows)
+/// Kernels that are compiled again and again.
+struct Running<'a> {
+    scenes: &'a [Scene],
+    repeats: usize,
+    gpu: Option<&'a Gpu>,
+    /// Not two equal texts, in this process or in one before.
+    number: u32,
 }
 
-impl Times {
-    fn compile(&mut self, scene: &Scene, kernel: &Compiled, source: &str, gpu: Option<&Gpu>) -> Result<()> {
+/// Compiles every kernel of every scene `repeats` times, the scenes in turn. Every scene needs a [`density`]. Nothing is kept: ratios are of
+/// one run.
+pub fn run(scenes: &[Scene], repeats: usize, gpu: Option<&Gpu>, progress: Progress<'_>) -> Result<Vec<CompileTime>> {
+    let mut running = Running { scenes, repeats, gpu, number: fresh_number() };
+    experiment::run(&mut running, None, &experiment::Settings::default(), progress)?.all()
+}
+
+impl Experiment for Running<'_> {
+    /// Repetition and scene.
+    type Job = (usize, usize);
+    /// Of every kernel.
+    type Record = Vec<Once>;
+    type Summary = Vec<CompileTime>;
+
+    fn purpose(&self) -> Purpose {
+        Purpose { mark: "experiment.json", format: "cloudparity-bench-compile/1", of: Json::Null }
+    }
+
+    fn plan(&self) -> Result<Vec<Self::Job>> {
+        Ok((0..self.repeats).flat_map(|repeat| (0..self.scenes.len()).map(move |scene| (repeat, scene))).collect())
+    }
+
+    fn inputs(&self, (repeat, scene): &Self::Job) -> Result<Json> {
+        Ok(json!({"scene": self.scenes[*scene].content_hash(), "number": scene, "repeat": repeat}))
+    }
+
+    fn label(&self, (_, scene): &Self::Job) -> String {
+        self.scenes[*scene].name.clone()
+    }
+
+    fn run(&mut self, (_, scene): &Self::Job, _desk: &Desk<'_>) -> Result<Found<Vec<Once>>> {
+        let mut found = Vec::with_capacity(KERNELS.len());
+        for kernel in &KERNELS {
+            self.number = self.number.wrapping_add(1);
+            let source = with_number(kernel.source, self.number);
+            found.push(Once::compile(&self.scenes[*scene], kernel, &source, self.gpu)?);
+        }
+        Ok(Found::Record(found))
+    }
+
+    fn summary(&mut self, found: Vec<Done<Self>>, _desk: &Desk<'_>) -> Result<Vec<CompileTime>> {
+        let all = experiment::records(found);
+        let count = self.scenes.len();
+        let mut rows: Vec<CompileTime> = Vec::new();
+        for (number, scene) in self.scenes.iter().enumerate() {
+            for (index, Compiled { name: kernel, .. }) in KERNELS.iter().enumerate() {
+                let times: Vec<&Once> = all.iter().skip(number).step_by(count).map(|kernels| &kernels[index]).collect();
+                let of = |part: fn(&Once) -> f64| median(times.iter().map(|once| part(once)).collect());
+                let pipeline_ms = self.gpu.map(|_| of(|once| once.pipeline.unwrap_or(0.0)));
+                let [graph_ms, link_ms, validate_ms] =
+                    [of(|once| once.graph), of(|once| once.link), of(|once| once.validate)];
+                let total_ms = graph_ms + link_ms + validate_ms + pipeline_ms.unwrap_or(0.0);
+                let first = rows.iter().find(|row| row.kernel == *kernel).map_or(total_ms, |row| row.total_ms);
+                rows.push(CompileTime {
+                    scene: scene.name.clone(),
+                    kernel,
+                    instructions: times.last().map_or(0, |once| once.instructions),
+                    bytes: times.last().map_or(0, |once| once.bytes),
+                    graph_ms,
+                    link_ms,
+                    validate_ms,
+                    pipeline_ms,
+                    total_ms,
+                    ratio: total_ms / first,
+                });
+            }
+        }
+        Ok(rows)
+    }
+}
+
+impl Once {
+    fn compile(scene: &Scene, kernel: &Compiled, source: &str, gpu: Option<&Gpu>) -> Result<Self> {
         let begin = Instant::now();
         let program = density(scene)?;
-        self.graph.push(milliseconds(begin));
+        let graph = milliseconds(begin);
         let begin = Instant::now();
         let mut linker = Linker::new(&program)?;
         kernel.constants.map(|constants| linker.add_constants(constants)).transpose()?;
         let module = linker.link(kernel.path, source)?;
-        self.link.push(milliseconds(begin));
+        let link = milliseconds(begin);
         let begin = Instant::now();
         wgsl::validate(&module)?;
-        self.validate.push(milliseconds(begin));
+        let validate = milliseconds(begin);
+        let mut pipeline = None;
         if let Some(gpu) = gpu {
             let begin = Instant::now();
             gpu.kernel(kernel.path, &module, kernel.layouts)?;
             gpu.wait()?;
-            self.pipeline.push(milliseconds(begin));
+            pipeline = Some(milliseconds(begin));
         }
-        self.instructions = program.instructions.len();
-        self.bytes = wgsl::write(&module, wgsl::Language::Wgsl)?.len();
-        Ok(())
+        let bytes = wgsl::write(&module, wgsl::Language::Wgsl)?.len();
+        Ok(Self { graph, link, validate, pipeline, instructions: program.instructions.len(), bytes })
     }
 }
 
@@ -161,8 +206,7 @@ fn milliseconds(begin: Instant) -> f64 {
     begin.elapsed().as_secs_f64() * 1e3
 }
 
-fn median(values: &[f64]) -> f64 {
-    let mut sorted = values.to_vec();
+fn median(mut sorted: Vec<f64>) -> f64 {
     sorted.sort_by(f64::total_cmp);
     sorted.get(sorted.len() / 2).copied().unwrap_or(0.0)
 }
@@ -188,7 +232,7 @@ mod tests {
     fn every_kernel_is_compiled_and_compared_with_the_first_scene() {
         let path = concat!(env!("CARGO_MANIFEST_DIR"), "/parity/scenes/procedural-clouds.scene.json");
         let scene = Scene::load(std::path::Path::new(path)).expect("a committed scene");
-        let rows = run(&[scene.clone(), scene], 1, None, |_| ()).expect("times");
+        let rows = run(&[scene.clone(), scene], 1, None, &|_, _| ()).expect("times");
         assert_eq!(rows.len(), 2 * KERNELS.len());
         assert!(rows[..KERNELS.len()].iter().all(|row| row.ratio == 1.0 && row.pipeline_ms.is_none()));
         // The same kernel of the same scene holds the same text but for the number, which has ten digits.

@@ -11,7 +11,7 @@ use crate::graph::wgsl::{self, Language};
 use crate::integrators::march::adapter::march_module;
 use crate::integrators::march::{Omission, Stage};
 use crate::integrators::{MarchSettings, render};
-use crate::measure::fields::statistics::ulp_distance;
+use crate::measure::errors::values::ulp_distance;
 use crate::scene::Scene;
 use crate::scene::image::Image;
 use cpu_time::ProcessTime;

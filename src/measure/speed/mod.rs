@@ -8,18 +8,24 @@
 pub mod compile_times;
 pub mod leaving_out;
 pub mod perlin_fbm;
+pub mod time_to_error;
 pub mod voxels;
 
 use crate::base::error::{Error, Result};
+use crate::base::ledger::{Found, Purpose};
+use crate::base::progress::Progress;
 use crate::bridge;
 use crate::bridge::{Kernel, probe};
 use crate::gpu::Gpu;
 use crate::graph::evaluate::Points;
 use crate::graph::{Program, target};
-use crate::measure::fields::domain;
+use crate::measure::domain;
+use crate::measure::experiment;
+use crate::measure::experiment::{Desk, Done, Experiment};
 use crate::scene::{Bounds, Input, Scene};
 use rand::{Rng as _, SeedableRng as _};
 use serde::{Deserialize, Serialize};
+use serde_json::{Value as Json, json};
 use std::time::Instant;
 
 /// Rates in points per second; ratios are ours over Cycles'.
@@ -66,37 +72,77 @@ struct Workload {
     points: Vec<[f32; 3]>,
 }
 
-/// Measures every workload of a scene; `receive` hears which one is next.
-pub fn run(scene: &Scene, settings: &Settings, mut receive: impl FnMut(&str)) -> Result<Vec<Rates>> {
+/// The rates of a scene while they are measured.
+struct Running<'a> {
+    scene: &'a Scene,
+    settings: &'a Settings,
+    program: Program,
+    workloads: Vec<Workload>,
+    gpu: Option<Gpu>,
+}
+
+/// Measures every workload of a scene. Nothing is kept: ratios are of one run.
+pub fn run(scene: &Scene, settings: &Settings, progress: Progress<'_>) -> Result<Vec<Rates>> {
     let program = Program::density(scene)?;
     let workloads = workloads(scene, &program, settings.points)?;
-    let gpu = Gpu::open().ok();
-    let kernel = gpu.as_ref().map(|gpu| gpu.field(&program)).transpose()?;
-    let mut rows = Vec::new();
-    for workload in &workloads {
-        receive(workload.what);
-        let points = &workload.points;
-        let cpu_rate = slope(points.len(), settings.repeats, |count| {
-            program.evaluate_single(Points::new(&points[..count])).map(|_| ())
+    let mut running = Running { scene, settings, program, workloads, gpu: Gpu::open().ok() };
+    experiment::run(&mut running, None, &experiment::Settings::default(), progress)?.all()
+}
+
+impl Experiment for Running<'_> {
+    /// The position of a workload.
+    type Job = usize;
+    type Record = Rates;
+    type Summary = Vec<Rates>;
+
+    fn purpose(&self) -> Purpose {
+        Purpose { mark: "experiment.json", format: "cloudparity-bench/1", of: Json::Null }
+    }
+
+    fn plan(&self) -> Result<Vec<usize>> {
+        Ok((0..self.workloads.len()).collect())
+    }
+
+    fn inputs(&self, job: &usize) -> Result<Json> {
+        let Settings { points, repeats, with_cycles } = self.settings;
+        Ok(
+            json!({"scene": self.scene.content_hash(), "what": self.label(job), "settings": (points, repeats, with_cycles)}),
+        )
+    }
+
+    fn label(&self, job: &usize) -> String {
+        self.workloads[*job].what.to_owned()
+    }
+
+    fn run(&mut self, job: &usize, _desk: &Desk<'_>) -> Result<Found<Rates>> {
+        let Workload { what, points } = &self.workloads[*job];
+        let repeats = self.settings.repeats;
+        let cpu_rate = slope(points.len(), repeats, |count| {
+            self.program.evaluate_single(Points::new(&points[..count])).map(|_| ())
         })?;
-        let gpu_rate = match &kernel {
-            Some(kernel) => Some(slope(points.len(), settings.repeats, |count| {
-                kernel.evaluate(Points::new(&points[..count])).map(|_| ())
-            })?),
+        let gpu_rate = match &self.gpu {
+            Some(gpu) => {
+                let kernel = gpu.field(&self.program)?;
+                Some(slope(points.len(), repeats, |count| kernel.evaluate(Points::new(&points[..count])).map(|_| ()))?)
+            }
             None => None,
         };
-        let cycles_rate = if settings.with_cycles { Some(cycles_rate(scene, points, settings.repeats)?) } else { None };
-        rows.push(Rates {
-            what: workload.what.to_owned(),
+        let cycles_rate =
+            if self.settings.with_cycles { Some(cycles_rate(self.scene, points, repeats)?) } else { None };
+        Ok(Found::Record(Rates {
+            what: (*what).to_owned(),
             points: Some(points.len() as u64),
             cycles_rate,
             cpu_rate: Some(cpu_rate),
             gpu_rate,
             cpu_ratio: cycles_rate.map(|cycles| cpu_rate / cycles),
             gpu_ratio: gpu_rate.zip(cycles_rate).map(|(gpu, cycles)| gpu / cycles),
-        });
+        }))
     }
-    Ok(rows)
+
+    fn summary(&mut self, found: Vec<Done<Self>>, _desk: &Desk<'_>) -> Result<Vec<Rates>> {
+        Ok(experiment::records(found))
+    }
 }
 
 /// Points of the layer where the field is not provably constant: in random order, as coherent 8x8

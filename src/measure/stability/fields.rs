@@ -10,9 +10,11 @@ use crate::gpu::Gpu;
 use crate::graph::Program;
 use crate::graph::bounds::Bounds3;
 use crate::graph::evaluate::{Arithmetic, Points};
-use crate::measure::fields;
-use crate::measure::fields::{Domain, Evaluator, domain};
-use crate::measure::stability::{Bound, Head, Row, Subject};
+use crate::measure::domain;
+use crate::measure::domain::Domain;
+use crate::measure::evaluators;
+use crate::measure::evaluators::Evaluator;
+use crate::measure::stability::{Bound, Head, Judgement, Subject};
 use crate::scene::Scene;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -111,23 +113,18 @@ pub fn cases(scene: &Scene) -> Result<Vec<Case>> {
     Ok(cases)
 }
 
-/// The rows of all cases; those of WGSL where there is an adapter.
-pub fn rows(scene: &Scene, gpu: Option<&Gpu>, progress: &dyn Fn(f64, &str)) -> Result<Vec<Row>> {
-    let cases = cases(scene)?;
-    let mut rows = Vec::new();
-    for (number, case) in cases.iter().enumerate() {
-        progress(number as f64 / cases.len() as f64, "fields");
-        let program = Program::density(&case.scene)?;
-        let bounds = bounds(&program, &case.positions)?;
-        let scale = bounds.iter().map(|bound| bound.truth.abs()).fold(1.0, f64::max);
-        let points = Points::new(&case.positions);
-        let single: Vec<f64> = program.evaluate(points, Arithmetic::Single)?;
-        rows.push(head(case, Evaluator::Cpu).judge(scale, &single, &bounds));
-        if let Some(gpu) = gpu {
-            let (values, _) = fields::evaluate(&program, points, Evaluator::Gpu, Some(gpu))?;
-            let values: Vec<f64> = values.into_iter().map(f64::from).collect();
-            rows.push(head(case, Evaluator::Gpu).judge(scale, &values, &bounds));
-        }
+/// The rows of a case; that of WGSL where there is an adapter.
+pub(super) fn rows(case: &Case, gpu: Option<&Gpu>) -> Result<Vec<Judgement>> {
+    let program = Program::density(&case.scene)?;
+    let bounds = bounds(&program, &case.positions)?;
+    let scale = bounds.iter().map(|bound| bound.truth.abs()).fold(1.0, f64::max);
+    let points = Points::new(&case.positions);
+    let single: Vec<f64> = program.evaluate(points, Arithmetic::Single)?;
+    let mut rows = vec![head(case, Evaluator::Cpu).judge(scale, &single, &bounds)];
+    if let Some(gpu) = gpu {
+        let (values, _) = evaluators::evaluate(&program, points, Evaluator::Gpu, Some(gpu))?;
+        let values: Vec<f64> = values.into_iter().map(f64::from).collect();
+        rows.push(head(case, Evaluator::Gpu).judge(scale, &values, &bounds));
     }
     Ok(rows)
 }
@@ -162,7 +159,7 @@ fn head(case: &Case, evaluator: Evaluator) -> Head {
         subject: Subject::Field,
         varied: case.varied.clone(),
         evaluator: words.into(),
-        limit: fields::GPU_LIMIT,
+        limit: evaluators::GPU_LIMIT,
         reason: "limit: what the kernels of Cycles differ by among themselves; bound: running error analysis of every \
                  operation at the point, or the width of its enclosure where that is infinite"
             .into(),
@@ -175,12 +172,12 @@ fn head(case: &Case, evaluator: Evaluator) -> Head {
 }
 
 /// Asks live Cycles for the values of the CPU's rows and writes into each how many are equal.
-pub fn ask_cycles(scene: &Scene, rows: &mut [Row], receive: impl FnMut(crate::bridge::Message)) -> Result<()> {
+pub fn ask_cycles(scene: &Scene, rows: &mut [Judgement], receive: impl FnMut(crate::bridge::Message)) -> Result<()> {
     let cases = cases(scene)?;
     let requests = cases
         .iter()
         .map(|case| {
-            Ok(fields::Request {
+            Ok(evaluators::Request {
                 scene: &case.scene,
                 target: crate::graph::target::density(&case.scene)?,
                 positions: &case.positions,
@@ -189,11 +186,11 @@ pub fn ask_cycles(scene: &Scene, rows: &mut [Row], receive: impl FnMut(crate::br
             })
         })
         .collect::<Result<Vec<_>>>()?;
-    let (found, reference) = fields::compare(&requests, receive)?;
+    let (found, reference) = evaluators::compare(&requests, receive)?;
     for (case, comparisons) in cases.iter().zip(found) {
         let id = head(case, Evaluator::Cpu).id;
         let Some(row) = rows.iter_mut().find(|row| row.id == id) else { continue };
-        for figures in fields::figures(comparisons).into_values() {
+        for figures in evaluators::figures(comparisons).into_values() {
             let equal = figures.points - figures.differing;
             row.cycles = format!("measured: {equal} of {} values equal Cycles {}'s", figures.points, reference.blender);
         }

@@ -3,7 +3,7 @@
 //! Tests of the suite read the sources and fail where a guard or its test is gone.
 
 use crate::base::error::{Error, Result};
-use crate::measure::stability::Row;
+use crate::measure::stability::Judgement;
 use serde::{Deserialize, Serialize};
 
 /// A guard in the code.
@@ -192,7 +192,7 @@ pub const GUARDS: &[Guard] = &[
 ];
 
 /// The guards that rows name.
-pub(super) fn described(rows: &[Row]) -> Result<Vec<Described>> {
+pub(super) fn described(rows: &[Judgement]) -> Result<Vec<Described>> {
     let mut found: Vec<Described> = Vec::new();
     for name in rows.iter().flat_map(|row| &row.guards) {
         if found.iter().any(|known| known.name == *name) {

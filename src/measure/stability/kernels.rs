@@ -9,7 +9,7 @@ use crate::base::error::Result;
 use crate::engines::light::terms::{MOST_OCTAVES, compressed, octaves, powder, silver};
 use crate::gpu::{Bindings, ComputeKernel, Gpu, Layout};
 use crate::graph::wgsl::Linker;
-use crate::measure::stability::{Bound, Head, Row, Subject};
+use crate::measure::stability::{Bound, Head, Judgement, Subject};
 use crate::media::phase::{henyey_greenstein_by_lack, sample_henyey_greenstein};
 use crate::media::transfer::Integration;
 use crate::media::transfer::{absorbed, mean_transmittance, step_weight, transmittance};
@@ -305,7 +305,7 @@ impl Kernel {
     }
 
     /// Judges values for the kernel's own arguments.
-    pub fn judge(self, side: Side, values: &[f32]) -> Row {
+    pub fn judge(self, side: Side, values: &[f32]) -> Judgement {
         let bounds: Vec<Bound> = self.arguments().into_iter().map(|arguments| self.bound(arguments, side)).collect();
         let values: Vec<f64> = values.iter().copied().map(f64::from).collect();
         self.head(side).judge(self.scale(), &values, &bounds)
@@ -324,7 +324,7 @@ fn eccentricities() -> Vec<f32> {
 }
 
 /// The rows of all kernels; those of WGSL where there is an adapter.
-pub fn rows(gpu: Option<&Gpu>) -> Result<Vec<Row>> {
+pub fn rows(gpu: Option<&Gpu>) -> Result<Vec<Judgement>> {
     let pipeline = match gpu {
         Some(gpu) => Some(Pipeline::new(gpu, SHADER)?),
         None => None,

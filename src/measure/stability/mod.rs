@@ -19,10 +19,14 @@ mod text;
 use crate::base::error::{Error, Result};
 use crate::base::files;
 use crate::base::identity::Identity;
+use crate::base::ledger::{Found, Purpose};
 use crate::base::progress::Progress;
 use crate::gpu::Gpu;
+use crate::measure::experiment;
+use crate::measure::experiment::{Desk, Done, Experiment, Outcome, Settings};
 use crate::scene::Scene;
 use serde::{Deserialize, Serialize};
+use serde_json::{Value as Json, json};
 use std::path::Path;
 
 /// What was found about a row.
@@ -62,7 +66,7 @@ pub enum Subject {
 
 /// A row of the table.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Row {
+pub struct Judgement {
     /// Unique name: subject, case and evaluator.
     pub id: String,
     /// What was measured.
@@ -110,7 +114,7 @@ pub struct Table {
     /// What was not measured, and why.
     pub left_out: Vec<String>,
     /// The rows.
-    pub rows: Vec<Row>,
+    pub rows: Vec<Judgement>,
     /// The guards that rows name, with their place and test.
     pub guards: Vec<guards::Described>,
 }
@@ -127,27 +131,27 @@ pub struct Bound {
 /// What a row is, before its values are judged.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Head {
-    /// See [`Row::id`].
+    /// See [`Judgement::id`].
     pub id: String,
-    /// See [`Row::subject`].
+    /// See [`Judgement::subject`].
     pub subject: Subject,
-    /// See [`Row::varied`].
+    /// See [`Judgement::varied`].
     pub varied: String,
-    /// See [`Row::evaluator`].
+    /// See [`Judgement::evaluator`].
     pub evaluator: String,
-    /// See [`Row::limit`].
+    /// See [`Judgement::limit`].
     pub limit: f64,
-    /// See [`Row::reason`].
+    /// See [`Judgement::reason`].
     pub reason: String,
-    /// See [`Row::guards`].
+    /// See [`Judgement::guards`].
     pub guards: Vec<&'static str>,
-    /// See [`Row::cycles`].
+    /// See [`Judgement::cycles`].
     pub cycles: String,
 }
 
 impl Head {
     /// Judges values against their bounds, which are one each.
-    pub fn judge(self, scale: f64, values: &[f64], bounds: &[Bound]) -> Row {
+    pub fn judge(self, scale: f64, values: &[f64], bounds: &[Bound]) -> Judgement {
         assert_eq!(values.len(), bounds.len(), "a bound per value");
         let mut nonfinite = 0;
         let (mut max_error, mut share_of_bound) = (0.0_f64, 0.0_f64);
@@ -174,7 +178,7 @@ impl Head {
         } else {
             Verdict::Fails
         };
-        Row {
+        Judgement {
             id: self.id,
             subject: self.subject,
             varied: self.varied,
@@ -192,11 +196,51 @@ impl Head {
     }
 }
 
+/// Format of the records.
+const FORMAT: &str = "cloudparity-stability/1";
+
+/// A unit of work.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Job {
+    /// Scalar functions.
+    Kernels,
+    /// The field in the case of a number.
+    Field(usize),
+    /// The march of engines in media of closed form.
+    Engines,
+    /// Pictures of the scene in the case of a number.
+    Picture(usize),
+}
+
+/// Rows of a job.
+#[derive(Serialize, Deserialize)]
+struct Rows {
+    rows: Vec<Judgement>,
+    /// Why paths were not traced on the adapter.
+    no_paths: Option<String>,
+    seconds: f64,
+}
+
+/// The suite while it is measured.
+struct Running<'a> {
+    scene: &'a Scene,
+    pictures_of: &'a Scene,
+    gpu: Option<&'a Gpu>,
+    fields: Vec<fields::Case>,
+    pictures: Vec<pictures::Case>,
+}
+
 /// Measures the suite: kernels, the fields of a scene, and pictures of `pictures_of`, which may be a lighter scene; rows of WGSL where there
 /// is an adapter. On the committed linear ramp it takes 28 seconds of processor time with a software adapter. Pictures of a heavy graph take
-/// a minute each there, which goes into compiling it anew for every case.
-pub fn run(scene: &Scene, pictures_of: &Scene, gpu: Option<&Gpu>, progress: Progress<'_>) -> Result<Table> {
-    let begin = std::time::Instant::now();
+/// a minute each there, which goes into compiling it anew for every case. Without a folder nothing is kept.
+pub fn run(
+    scene: &Scene,
+    pictures_of: &Scene,
+    gpu: Option<&Gpu>,
+    folder: Option<&Path>,
+    settings: &Settings,
+    progress: Progress<'_>,
+) -> Result<Outcome<Table>> {
     if let Some(second) = [scene, pictures_of].into_iter().find_map(|scene| scene.other_volumes.first()) {
         return Err(Error::new(
             format!("object {}", second.object),
@@ -205,24 +249,93 @@ pub fn run(scene: &Scene, pictures_of: &Scene, gpu: Option<&Gpu>, progress: Prog
             "Take a scene with one volume object.",
         ));
     }
-    progress(0.0, "kernels");
-    let mut rows = kernels::rows(gpu)?;
-    progress(0.05, "fields");
-    rows.extend(fields::rows(scene, gpu, &|done, what| progress(0.05 + 0.25 * done, what))?);
-    let (pictures, left_out) = pictures::rows(pictures_of, gpu, &|done, what| progress(0.3 + 0.7 * done, what))?;
-    rows.extend(pictures);
-    let guards = guards::described(&rows)?;
-    Ok(Table {
-        scene: scene.name.clone(),
-        pictures_of: pictures_of.name.clone(),
-        scene_sha256: scene.content_hash(),
-        builds: vec![Identity::current().clone()],
-        adapter: gpu.map(|gpu| format!("{} ({})", gpu.adapter().name, gpu.adapter().backend)),
-        seconds: begin.elapsed().as_secs_f64(),
-        left_out,
-        rows,
-        guards,
-    })
+    let (fields, pictures) = (fields::cases(scene)?, pictures::cases(pictures_of)?);
+    let mut running = Running { scene, pictures_of, gpu, fields, pictures };
+    experiment::run(&mut running, folder, settings, progress)
+}
+
+impl Experiment for Running<'_> {
+    type Job = Job;
+    type Record = Rows;
+    type Summary = Table;
+
+    fn purpose(&self) -> Purpose {
+        Purpose { mark: "experiment.json", format: FORMAT, of: Json::Null }
+    }
+
+    fn plan(&self) -> Result<Vec<Job>> {
+        let fields = (0..self.fields.len()).map(Job::Field);
+        let pictures = (0..self.pictures.len()).map(Job::Picture);
+        Ok([Job::Kernels].into_iter().chain(fields).chain([Job::Engines]).chain(pictures).collect())
+    }
+
+    fn inputs(&self, job: &Job) -> Result<Json> {
+        let (what, scene) = match job {
+            Job::Kernels | Job::Engines => (format!("{job:?}"), None),
+            Job::Field(number) => (format!("field {}", self.fields[*number].name), Some(self.scene)),
+            Job::Picture(number) => (format!("picture {}", self.pictures[*number].name), Some(self.pictures_of)),
+        };
+        Ok(json!({"what": what, "scene": scene.map(Scene::content_hash), "adapter": self.gpu.map(Gpu::adapter)}))
+    }
+
+    fn label(&self, job: &Job) -> String {
+        match job {
+            Job::Kernels => "kernels".into(),
+            Job::Engines => "the march of engines".into(),
+            Job::Field(number) => format!("fields: {}", self.fields[*number].name),
+            Job::Picture(number) => format!("pictures: {}", self.pictures[*number].name),
+        }
+    }
+
+    fn run(&mut self, job: &Job, _desk: &Desk<'_>) -> Result<Found<Rows>> {
+        let begin = std::time::Instant::now();
+        let (rows, no_paths) = match *job {
+            Job::Kernels => (kernels::rows(self.gpu)?, None),
+            Job::Engines => (pictures::engine_rows(self.gpu)?, None),
+            Job::Field(number) => (fields::rows(&self.fields[number], self.gpu)?, None),
+            Job::Picture(number) => pictures::rows(&self.pictures[number], self.gpu)?,
+        };
+        Ok(Found::Record(Rows { rows, no_paths, seconds: begin.elapsed().as_secs_f64() }))
+    }
+
+    fn summary(&mut self, found: Vec<Done<Self>>, desk: &Desk<'_>) -> Result<Table> {
+        let (mut rows, mut seconds) = (Vec::new(), 0.0);
+        // By case: what the adapter does not know it refuses for all alike, and is a failure where it refuses one and traced another.
+        let mut without_paths: Vec<(String, Option<String>)> = Vec::new();
+        for Done { job, found } in found {
+            let Found::Record(record) = found else { continue };
+            seconds += record.seconds;
+            rows.extend(record.rows);
+            if let Job::Picture(number) = job {
+                let case = &self.pictures[number];
+                if case.has_paths {
+                    without_paths.push((case.name.clone(), record.no_paths));
+                }
+            }
+        }
+        let refused = without_paths.iter().filter(|(_, reason)| reason.is_some()).count();
+        if refused > 0 && refused < without_paths.len() {
+            let (name, reason) = without_paths.into_iter().find(|(_, reason)| reason.is_some()).unwrap_or_default();
+            return Err(Error::new(
+                format!("pictures of the case {name}"),
+                reason.unwrap_or_default(),
+                "paths on the adapter, as in the other cases",
+                "Report this defect.",
+            ));
+        }
+        let guards = guards::described(&rows)?;
+        Ok(Table {
+            scene: self.scene.name.clone(),
+            pictures_of: self.pictures_of.name.clone(),
+            scene_sha256: self.scene.content_hash(),
+            builds: desk.ledger.builds(),
+            adapter: self.gpu.map(|gpu| format!("{} ({})", gpu.adapter().name, gpu.adapter().backend)),
+            seconds,
+            left_out: without_paths.into_iter().filter_map(|(_, reason)| reason).take(1).collect(),
+            rows,
+            guards,
+        })
+    }
 }
 
 impl Table {

@@ -18,7 +18,7 @@ use crate::graph::Program;
 use crate::integrators::path;
 use crate::integrators::path::PathSettings;
 use crate::integrators::{MarchSettings, march, mean_world_side};
-use crate::measure::stability::{Bound, Head, Row, Subject, fields};
+use crate::measure::stability::{Bound, Head, Judgement, Subject, fields};
 use crate::media::density::Density;
 use crate::media::region::Region;
 use crate::media::transfer::Integration;
@@ -43,62 +43,49 @@ const SAMPLES: u32 = 4;
 /// Standard errors of the difference of two means that are no difference: 2 in 10,000 differ more at 14 degrees of freedom.
 const STANDARD_ERRORS: f64 = 5.0;
 
-/// What cannot be compared, and why; in words for the table.
-pub type LeftOut = Vec<String>;
-
 /// A case of a scene's pictures.
-struct Case {
-    name: String,
+pub(super) struct Case {
+    pub(super) name: String,
     varied: String,
     scene: Scene,
     march: MarchSettings,
     guards: Vec<&'static str>,
     cycles: &'static str,
     /// Whether paths are traced, too: what is varied is not the march itself.
-    has_paths: bool,
+    pub(super) has_paths: bool,
 }
 
-/// The rows; those of WGSL where there is an adapter.
-pub fn rows(scene: &Scene, gpu: Option<&Gpu>, progress: &dyn Fn(f64, &str)) -> Result<(Vec<Row>, LeftOut)> {
-    let mut rows = engine_rows(gpu)?;
-    let mut left_out = LeftOut::new();
-    let cases = cases(scene)?;
-    let mut paths_on_adapter = gpu.is_some();
-    for (number, case) in cases.iter().enumerate() {
-        progress(number as f64 / cases.len() as f64, "pictures");
-        let settings = case.march.resolved(&case.scene)?;
-        let ours = march::render(&case.scene, &settings, None, &|_, _| ())?;
-        let truths = values(&ours);
-        let scale = truths.iter().copied().fold(f64::from(f32::MIN_POSITIVE), f64::max);
-        let exact: Vec<Bound> = truths.iter().map(|&truth| Bound { truth, distance: 0.0 }).collect();
-        rows.push(case.head("march", "cpu", 0.0, "counted only: this is the f64 side").judge(scale, &truths, &exact));
-        if let Some(gpu) = gpu {
-            let theirs = values(&march::render(&case.scene, &settings, Some(gpu), &|_, _| ())?);
-            let far = theirs.iter().zip(&truths).any(|(a, b)| (a - b).abs() > PICTURE_LIMIT * scale);
-            let bounds = if far { sensitivity(case, &settings, &truths, scale)? } else { exact };
-            let reason = "limit: a few roundings of each of some 200 steps; bound: what moving the camera by 2^-20 of the box changes, \
-                          each way along each axis, and the limit";
-            rows.push(case.head("march", "wgsl", PICTURE_LIMIT, reason).judge(scale, &theirs, &bounds));
-        }
-        if !case.has_paths {
-            continue;
-        }
-        let (own, means) = paths(&case.scene, Backend::Cpu)?;
-        let exact: Vec<Bound> = own.iter().map(|&truth| Bound { truth, distance: 0.0 }).collect();
-        rows.push(case.head("path", "cpu", 0.0, "counted only: this is the f64 side").judge(1.0, &own, &exact));
-        if paths_on_adapter {
-            match paths(&case.scene, Backend::Gpu) {
-                Ok((theirs, their_means)) => rows.push(case.compare_paths(&theirs, &means, &their_means)),
-                // What the adapter does not know it refuses, for all cases alike.
-                Err(cause) if number == 0 => {
-                    paths_on_adapter = false;
-                    left_out.push(format!("path tracing in WGSL: {cause}"));
-                }
-                Err(cause) => return Err(cause),
-            }
-        }
+/// The rows of a case, those of WGSL where there is an adapter; and why paths are not traced on it, where it does not know the scene.
+pub(super) fn rows(case: &Case, gpu: Option<&Gpu>) -> Result<(Vec<Judgement>, Option<String>)> {
+    let mut rows = Vec::new();
+    let settings = case.march.resolved(&case.scene)?;
+    let ours = march::render(&case.scene, &settings, None, &|_, _| ())?;
+    let truths = values(&ours);
+    let scale = truths.iter().copied().fold(f64::from(f32::MIN_POSITIVE), f64::max);
+    let exact: Vec<Bound> = truths.iter().map(|&truth| Bound { truth, distance: 0.0 }).collect();
+    rows.push(case.head("march", "cpu", 0.0, "counted only: this is the f64 side").judge(scale, &truths, &exact));
+    if let Some(gpu) = gpu {
+        let theirs = values(&march::render(&case.scene, &settings, Some(gpu), &|_, _| ())?);
+        let far = theirs.iter().zip(&truths).any(|(a, b)| (a - b).abs() > PICTURE_LIMIT * scale);
+        let bounds = if far { sensitivity(case, &settings, &truths, scale)? } else { exact };
+        let reason = "limit: a few roundings of each of some 200 steps; bound: what moving the camera by 2^-20 of the box changes, \
+                      each way along each axis, and the limit";
+        rows.push(case.head("march", "wgsl", PICTURE_LIMIT, reason).judge(scale, &theirs, &bounds));
     }
-    Ok((rows, left_out))
+    if !case.has_paths {
+        return Ok((rows, None));
+    }
+    let (own, means) = paths(&case.scene, Backend::Cpu)?;
+    let exact: Vec<Bound> = own.iter().map(|&truth| Bound { truth, distance: 0.0 }).collect();
+    rows.push(case.head("path", "cpu", 0.0, "counted only: this is the f64 side").judge(1.0, &own, &exact));
+    if gpu.is_none() {
+        return Ok((rows, None));
+    }
+    match paths(&case.scene, Backend::Gpu) {
+        Ok((theirs, their_means)) => rows.push(case.compare_paths(&theirs, &means, &their_means)),
+        Err(cause) => return Ok((rows, Some(format!("path tracing in WGSL: {cause}")))),
+    }
+    Ok((rows, None))
 }
 
 fn values(image: &Image) -> Vec<f64> {
@@ -170,7 +157,7 @@ impl Case {
     }
 
     /// Judges the means of both sides; every value of the adapter's is counted.
-    fn compare_paths(&self, theirs: &[f64], ours: &[f64], means: &[f64]) -> Row {
+    fn compare_paths(&self, theirs: &[f64], ours: &[f64], means: &[f64]) -> Judgement {
         let ((own, own_error), (other, other_error)) = (mean_of(ours), mean_of(means));
         let noise = STANDARD_ERRORS * (own_error + other_error).sqrt();
         let reason = format!(
@@ -188,7 +175,7 @@ impl Case {
 }
 
 /// The cases of a scene.
-fn cases(scene: &Scene) -> Result<Vec<Case>> {
+pub(super) fn cases(scene: &Scene) -> Result<Vec<Case>> {
     let mut base = scene.clone();
     base.film.resolution = SIZE;
     base.film.resolution_percentage = 100;
@@ -472,7 +459,7 @@ const STEPS: u32 = 64;
 const ULP: f64 = 1.0 / 8_388_608.0;
 
 /// Rows of the march of engines, in a uniform medium.
-fn engine_rows(gpu: Option<&Gpu>) -> Result<Vec<Row>> {
+pub(super) fn engine_rows(gpu: Option<&Gpu>) -> Result<Vec<Judgement>> {
     let mut rows = Vec::new();
     let rays = rays();
     for integration in [Integration::EnergyConserving, Integration::Plain] {
@@ -589,7 +576,7 @@ fn closed_form(
 }
 
 /// Plain integration over energy-conserving integration, on the CPU: what a step adds too much.
-fn plain_over_truth() -> Result<Vec<Row>> {
+fn plain_over_truth() -> Result<Vec<Judgement>> {
     let ray = &rays()[..1];
     DEPTHS[1..]
         .iter()
@@ -653,7 +640,7 @@ fn of_places(
 }
 
 /// Suns from above, from the side, along the rays, from below, and of directions of any length; phase functions near 1.
-fn sun_rows(gpu: Option<&Gpu>) -> Result<Vec<Row>> {
+fn sun_rows(gpu: Option<&Gpu>) -> Result<Vec<Judgement>> {
     let Some(gpu) = gpu else { return Ok(Vec::new()) };
     let rays = rays();
     let settings = steps(STEPS, Integration::EnergyConserving);
@@ -727,7 +714,7 @@ fn of_directions(before: DVec3, after: DVec3, eccentricity: f64) -> f64 {
 }
 
 /// One step and ten thousand.
-fn step_rows(gpu: Option<&Gpu>) -> Result<Vec<Row>> {
+fn step_rows(gpu: Option<&Gpu>) -> Result<Vec<Judgement>> {
     let rays = rays();
     let mut rows = Vec::new();
     for count in [1, 10_000] {

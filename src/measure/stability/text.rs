@@ -1,6 +1,6 @@
 //! The table as text and as CSV.
 
-use crate::measure::stability::{Row, Table, Verdict};
+use crate::measure::stability::{Judgement, Table, Verdict};
 use std::fmt::Write as _;
 
 impl Table {
@@ -66,7 +66,7 @@ impl Table {
     }
 }
 
-fn line(row: &Row) -> String {
+fn line(row: &Judgement) -> String {
     let quoted = |value: &str| format!("\"{}\"", value.replace('"', "\"\""));
     let subject = serde_json::to_value(row.subject).expect("a name");
     let words = [

@@ -11,19 +11,18 @@
 use crate::base::error::{Error, Result};
 use crate::base::files;
 use crate::base::identity;
-use crate::base::identity::Identity;
-use crate::base::ledger::Ledger;
-use crate::base::progress::Progress;
 use crate::bridge::reference::{ReferenceSettings, cache_folder, references};
 use crate::engines;
 use crate::engines::defects::Defects;
 use crate::integrators::path::{PathSettings, Subject};
-use crate::measure::study::Study;
-use crate::measure::study::errors;
-use crate::measure::study::errors::{Errors, Uncertain};
-use crate::measure::study::file::Truth;
-use crate::measure::study::truth::TruthRecord;
-use crate::measure::time_to_error::{cycles_seconds, timed_picture};
+use crate::measure::combination::Combination;
+use crate::measure::errors;
+use crate::measure::errors::{Errors, Uncertain};
+use crate::measure::experiment::Desk;
+use crate::measure::seeds;
+use crate::measure::study::running::Running;
+use crate::measure::timing::{cycles_seconds, timed_picture};
+use crate::measure::truth::{Truth, TruthRecord};
 use crate::measure::voxels;
 use crate::scene::image::Image;
 use crate::scene::volume_grid::VolumeGrid;
@@ -33,19 +32,13 @@ use serde::{Deserialize, Serialize};
 use serde_json::json;
 use std::path::{Path, PathBuf};
 
-/// Part of a ledger that holds the points of curves.
-const PART: &str = "curves";
-
 /// Parts of a pixel per axis, of which each is a pixel of Cycles' render.
 pub const CELLS: u32 = 4;
 
 /// Parts of a pixel.
 pub const PARTS: u32 = CELLS * CELLS;
 
-/// Seed of path tracing: none that a truth has.
-const SEED: u32 = 6000;
-
-/// Seed of Cycles.
+/// Seed of Cycles, by which its cached picture is known.
 const CYCLES_SEED: u32 = 6500;
 
 /// Seed by which parts are drawn.
@@ -115,75 +108,42 @@ pub struct MissingCurve {
     pub reason: String,
 }
 
-/// Where a curve belongs: a scene, a density and their truth.
-pub(super) struct Place<'a> {
-    pub scene: &'a Scene,
-    pub density: &'a str,
-    pub truth: &'a TruthRecord,
-}
-
-impl Study {
-    /// The points of path tracing at a place: those that are there, or measured.
-    pub(super) fn path_curve(
-        &self,
-        place: &Place<'_>,
-        ledger: &Ledger,
-        truth: &mut dyn FnMut() -> Result<Vec<Image>>,
-    ) -> Result<Vec<CurvePoint>> {
-        let mut points = Vec::new();
-        for &samples in &self.file.curves.path {
-            let id = ledger.key(&json!({"renderer": Renderer::Path, "samples": samples, "truth": place.truth.id}));
-            if let Some(found) = ledger.read::<CurvePoint>(PART, &id)? {
-                points.push(found);
-                continue;
-            }
-            let medium = Truth::medium(place.scene, place.density)?;
-            let subject = Subject { scene: place.scene, medium: medium.as_ref() };
-            let settings = PathSettings { samples, seed: SEED, ..PathSettings::default() };
-            let (image, [prepare_seconds, seconds]) = timed_picture(subject, &settings)?;
-            let made = Made {
-                samples,
-                seconds: Some(seconds),
-                prepare_seconds,
-                errors: errors::measure(&image, &truth()?)?,
-                pictures: 1,
-            };
-            points.push(keep(ledger, id, Renderer::Path, place, &made, &image)?);
-        }
-        Ok(points)
+impl Running<'_> {
+    /// A point of path tracing's curve.
+    pub(super) fn path_point(&mut self, of: &Combination, samples: u32, desk: &Desk<'_>) -> Result<CurvePoint> {
+        let (scene, truth) = (self.study.scene(&of.scene), self.truth(of, desk)?);
+        let medium = Truth::medium(scene, &of.density)?;
+        let subject = Subject { scene, medium: medium.as_ref() };
+        // No seed that a truth has.
+        let seed = seeds::first(&json!({"curve of": truth.scene_sha256, "density": of.density, "samples": samples}));
+        let settings = PathSettings { samples, seed, ..PathSettings::default() };
+        let (image, [prepare_seconds, seconds]) = timed_picture(subject, &settings)?;
+        let made = Made {
+            samples,
+            seconds: Some(seconds),
+            prepare_seconds,
+            errors: errors::measure(&image, self.replicas(&truth, desk)?)?,
+            pictures: 1,
+        };
+        keep(desk, &truth, Renderer::Path, &made, image)
     }
 
-    /// The points of Cycles at a place: those that are there, or from its render, which the cache of references keeps.
-    pub(super) fn cycles_curve(
-        &self,
-        place: &Place<'_>,
-        ledger: &Ledger,
-        truth: &mut dyn FnMut() -> Result<Vec<Image>>,
-        progress: Progress<'_>,
-    ) -> Result<Vec<CurvePoint>> {
-        let Some(&most) = self.file.curves.cycles.get(place.density) else { return Ok(Vec::new()) };
-        let levels: Vec<u32> = (0..=PARTS.ilog2()).map(|power| (most / PARTS) << power).collect();
-        let id_of = |samples: u32| {
-            ledger.key(&json!({"renderer": Renderer::Cycles, "samples": samples, "of": most, "truth": place.truth.id}))
-        };
-        let known: Vec<CurvePoint> = levels
-            .iter()
-            .filter_map(|&samples| ledger.read::<CurvePoint>(PART, &id_of(samples)).transpose())
-            .collect::<Result<_>>()?;
-        if known.len() == levels.len() {
-            return Ok(known);
-        }
-        let file = self.cycles_picture(place.scene, place.density, progress)?;
+    /// The points of Cycles: from its render, which the cache of references keeps.
+    pub(super) fn cycles_curve(&mut self, of: &Combination, desk: &Desk<'_>) -> Result<Vec<CurvePoint>> {
+        let most = self.study.file.curves.cycles[&of.density];
+        let file = self.cycles_picture(of, most, desk)?;
         let large = Image::read_exr(&file)?;
         let [prepare_seconds, sampling] = cycles_seconds(&large, &file)?;
         // Cycles says when its first sample is done: with a single one nothing is left to be measured.
         let sampling = (most > PARTS).then_some(sampling);
-        let replicas = truth()?;
+        let truth = self.truth(of, desk)?;
+        let replicas = self.replicas(&truth, desk)?;
         let mut points = Vec::new();
-        for (level, &samples) in levels.iter().enumerate() {
-            let pictures = draw(&large, 1 << level);
+        for level in 0..=PARTS.ilog2() {
+            let samples = (most / PARTS) << level;
+            let mut pictures = draw(&large, 1 << level);
             let found: Vec<Errors> =
-                pictures.iter().map(|picture| errors::measure(picture, &replicas)).collect::<Result<_>>()?;
+                pictures.iter().map(|picture| errors::measure(picture, replicas)).collect::<Result<_>>()?;
             let made = Made {
                 samples,
                 seconds: sampling.map(|seconds| seconds * f64::from(samples) / f64::from(most)),
@@ -191,13 +151,14 @@ impl Study {
                 errors: mean_of(&found),
                 pictures: pictures.len() as u32,
             };
-            points.push(keep(ledger, id_of(samples), Renderer::Cycles, place, &made, &pictures[0])?);
+            points.push(keep(desk, &truth, Renderer::Cycles, &made, pictures.swap_remove(0))?);
         }
         Ok(points)
     }
 
     /// Cycles' picture of a scene and density at [`CELLS`] times the resolution: from the cache, or rendered into it.
-    pub(super) fn cycles_picture(&self, scene: &Scene, density: &str, progress: Progress<'_>) -> Result<PathBuf> {
+    fn cycles_picture(&self, of: &Combination, most: u32, desk: &Desk<'_>) -> Result<PathBuf> {
+        let scene = self.study.scene(&of.scene);
         if scene.film.pixel_filter != PixelFilter::Box {
             return Err(Error::new(
                 format!("$.film.pixel_filter of {}", scene.name),
@@ -206,21 +167,20 @@ impl Study {
                 "Leave the curve of Cycles out, or give the scene the box filter.",
             ));
         }
-        let most = self.file.curves.cycles[density];
         let cache = cache_folder()?;
-        let model = engines::find(density)?;
+        let model = engines::find(&of.density)?;
         let mut large = if model.is_of_scene {
             scene.clone()
         } else {
             let engine = model.engine(scene, &model.values(None, &[])?, &Defects::NONE, 0.0)?;
-            let (mut large, grid) = voxels::scene(scene, &engine, self.file.truth.voxels)?;
+            let (mut large, grid) = voxels::scene(scene, &engine, self.study.file.truth.voxels)?;
             put_grid_into(&cache, &mut large, &grid)?;
             large
         };
         large.film.resolution = large.film.resolution.map(|side| side * CELLS);
         let settings = ReferenceSettings { samples: most / PARTS, ..ReferenceSettings::default() };
         let found = references(&large, &settings, &[CYCLES_SEED], &cache, |message| {
-            progress(message.done, &format!("Cycles: {density} in {}", scene.name));
+            desk.report(message.done, &message.what);
         })?;
         Ok(found[0].path.clone())
     }
@@ -286,24 +246,17 @@ struct Made {
     pictures: u32,
 }
 
-/// Writes a point and its picture.
-fn keep(
-    ledger: &Ledger,
-    id: String,
-    renderer: Renderer,
-    place: &Place<'_>,
-    made: &Made,
-    image: &Image,
-) -> Result<CurvePoint> {
+/// A point, with its picture in the folder.
+fn keep(desk: &Desk<'_>, truth: &TruthRecord, renderer: Renderer, made: &Made, mut image: Image) -> Result<CurvePoint> {
+    let id = format!("{}-{}", desk.key, made.samples);
     let picture = format!("pictures/{id}.exr");
-    let mut image = image.clone();
     // A picture that was drawn from Cycles' is this build's, too.
-    image.provenance.entry(identity::ATTRIBUTE.to_owned()).or_insert_with(|| Identity::current().full().to_owned());
-    image.write_exr(&ledger.folder().expect("curves are kept").join(&picture), false)?;
-    let point = CurvePoint {
+    image.provenance.entry(identity::ATTRIBUTE.to_owned()).or_insert_with(|| desk.ledger.own().full().to_owned());
+    image.write_exr(&desk.folder()?.join(&picture), false)?;
+    Ok(CurvePoint {
         renderer,
-        scene: place.scene.name.clone(),
-        density: place.density.to_owned(),
+        scene: truth.scene.clone(),
+        density: truth.density.clone(),
         samples: made.samples,
         pictures: made.pictures,
         errors: made.errors,
@@ -312,11 +265,9 @@ fn keep(
         prepare_seconds: made.prepare_seconds,
         cost: made.errors.relmse.value * (made.seconds.unwrap_or(0.0) + made.prepare_seconds),
         picture,
-        truth: place.truth.id.clone(),
+        truth: truth.id.clone(),
         id,
-    };
-    point.write(ledger)?;
-    Ok(point)
+    })
 }
 
 impl CurvePoint {
@@ -334,10 +285,6 @@ impl CurvePoint {
             self.errors.relmse.standard_error,
             100.0 * self.errors.bias.value,
         )
-    }
-
-    pub(super) fn write(&self, ledger: &Ledger) -> Result<()> {
-        ledger.write(PART, &self.id, self)
     }
 }
 

@@ -3,15 +3,15 @@
 use crate::base::error::{Error, Result};
 use crate::base::files;
 use crate::engines;
-use crate::engines::Engine;
 use crate::engines::defects::Defects;
 use crate::engines::light::models;
-use crate::engines::render::{EngineJitter, EngineSettings};
+use crate::engines::render::EngineJitter;
+use crate::measure::combination::{CacheAxis, Combination, Quality, no_cache};
+use crate::measure::scenes::{SceneAxis, check_resolution, load_scenes};
 use crate::measure::study::curves::PARTS;
-use crate::measure::study::errors::FEWEST_REPLICAS;
-use crate::media::density_cache::CacheFormat;
-use crate::scene::{self, Scene};
-use glam::{DMat3, DVec3};
+use crate::measure::toml_files::{at, read_toml};
+use crate::measure::truth::Truth;
+use crate::scene::Scene;
 use indexmap::IndexMap;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
@@ -58,39 +58,6 @@ pub struct Curves {
 impl Curves {
     fn is_empty(&self) -> bool {
         *self == Self::default()
-    }
-}
-
-/// Path tracing of the same medium, in independent replicas.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct Truth {
-    /// Paths per pixel and replica.
-    pub samples: u32,
-    /// Replicas, at least 6: they say how uncertain the truth is.
-    pub replicas: u32,
-    /// Voxels per axis of the grid by which path tracing sees a published density model.
-    pub voxels: usize,
-}
-
-impl Default for Truth {
-    fn default() -> Self {
-        Self { samples: 64, replicas: 8, voxels: 128 }
-    }
-}
-
-impl Truth {
-    pub(crate) fn check(&self, place: &str) -> Result<()> {
-        let Self { samples, replicas, voxels } = *self;
-        if samples > 0 && (FEWEST_REPLICAS as u32..=64).contains(&replicas) && (8..=512).contains(&voxels) {
-            return Ok(());
-        }
-        Err(Error::new(
-            format!("{place}, truth"),
-            format!("{samples} samples, {replicas} replicas, {voxels} voxels"),
-            format!("at least 1 sample, {FEWEST_REPLICAS} to 64 replicas, 8 to 512 voxels"),
-            "Correct the file.",
-        ))
     }
 }
 
@@ -156,10 +123,6 @@ pub struct Axes {
     pub defects: Vec<Defects>,
 }
 
-pub(crate) fn no_cache() -> Vec<CacheAxis> {
-    vec![CacheAxis { cells: 0, format: CacheFormat::F16 }]
-}
-
 fn one_ray() -> Vec<u32> {
     vec![1]
 }
@@ -174,69 +137,6 @@ fn are_mended(defects: &[Defects]) -> bool {
 
 fn no_jitter() -> Vec<EngineJitter> {
     vec![EngineJitter::None]
-}
-
-/// A scene.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct SceneAxis {
-    /// The scene file, relative to the study file.
-    pub file: String,
-    /// Its name in the results; the scene's own if not given.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub name: Option<String>,
-    /// Changes of stored values: `"Density=10"`.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub set: Vec<String>,
-    /// Scattering events beyond the first, instead of the scene's.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub volume_bounces: Option<u32>,
-    /// Azimuth from +x towards +y and elevation, in degrees, from where the suns shine.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub sun: Option<[f64; 2]>,
-    /// The same of the camera, which looks at the centre of the volume's bounds from the distance that it has.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub camera: Option<[f64; 2]>,
-}
-
-/// A density cache.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct CacheAxis {
-    /// Cells along the longest side; 0 evaluates the graph at each place.
-    pub cells: u32,
-    /// How values are stored.
-    #[serde(default = "half")]
-    pub format: CacheFormat,
-}
-
-fn half() -> CacheFormat {
-    CacheFormat::F16
-}
-
-/// One point of the axes.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Combination {
-    /// Name of the scene.
-    pub scene: String,
-    /// Density model.
-    pub density: String,
-    /// Light model.
-    pub light: String,
-    /// Steps of a view ray.
-    pub steps: u32,
-    /// Steps towards the sun.
-    pub light_steps: u32,
-    /// Density cache of the graph.
-    pub cache: CacheAxis,
-    /// Rays per pixel and axis.
-    pub sub_pixels: u32,
-    /// Where in its steps a ray takes its samples.
-    pub jitter: EngineJitter,
-    /// Defects that the engine keeps; left out where there are none, so that runs of studies without them keep their names.
-    #[serde(default, skip_serializing_if = "Defects::is_none")]
-    pub defects: Defects,
 }
 
 /// A combination that is left out.
@@ -398,192 +298,6 @@ impl StudyFile {
     }
 }
 
-/// The scenes of a list, which have different names, at a resolution; `place` says where the list stands.
-pub fn load_scenes(axes: &[SceneAxis], folder: &Path, resolution: [u32; 2], place: &str) -> Result<Vec<Scene>> {
-    let mut scenes: Vec<Scene> = Vec::new();
-    for axis in axes {
-        let mut scene = Scene::load(&folder.join(&axis.file))?;
-        axis.prepare(&mut scene, resolution)?;
-        if scenes.iter().any(|other| other.name == scene.name) {
-            return Err(Error::new(
-                format!("{place}, {}", axis.file),
-                format!("a second scene named \"{}\"", scene.name),
-                "scenes of different names, by which results are told apart",
-                "Give one of them another name, or take it out.",
-            ));
-        }
-        scenes.push(scene);
-    }
-    Ok(scenes)
-}
-
-impl SceneAxis {
-    /// Makes a scene the one that is asked for, at a resolution.
-    pub fn prepare(&self, scene: &mut Scene, resolution: [u32; 2]) -> Result<()> {
-        self.set.iter().try_for_each(|assignment| scene.set(assignment))?;
-        if let Some(name) = &self.name {
-            scene.name.clone_from(name);
-        }
-        if let Some(bounces) = self.volume_bounces {
-            scene.set_volume_bounces(bounces);
-        }
-        if let Some(angles) = self.sun {
-            let axes = axes_from(angles);
-            for light in &mut scene.lights {
-                put(&mut light.matrix_world, axes, None);
-            }
-        }
-        if let Some(angles) = self.camera {
-            let axes = axes_from(angles);
-            let bounds = &scene.volume.bounds;
-            let [low, high] = [bounds.min, bounds.max].map(|corner| DVec3::from(corner.map(f64::from)));
-            let centre = scene::matrix_to_glam(&scene.volume.matrix_world).transform_point3((low + high) / 2.0);
-            let eye = scene::matrix_to_glam(&scene.camera.matrix_world).transform_point3(DVec3::ZERO);
-            let place = centre + axes.z_axis * eye.distance(centre);
-            put(&mut scene.camera.matrix_world, axes, Some(place));
-        }
-        scene.film.resolution = resolution;
-        scene.film.resolution_percentage = 100;
-        Ok(())
-    }
-}
-
-/// Axes of a camera or light that looks along -z: z points to where it stands, by azimuth and elevation in degrees; x is level.
-fn axes_from([azimuth, elevation]: [f64; 2]) -> DMat3 {
-    let (sine, cosine) = azimuth.to_radians().sin_cos();
-    let (rise, level) = elevation.to_radians().sin_cos();
-    let x = DVec3::new(-sine, cosine, 0.0);
-    let z = DVec3::new(level * cosine, level * sine, rise);
-    DMat3::from_cols(x, z.cross(x), z)
-}
-
-/// Replaces the axes of a matrix and, if there is one, its place.
-fn put(matrix: &mut [[f32; 4]; 4], axes: DMat3, place: Option<DVec3>) {
-    for row in 0..3 {
-        for column in 0..3 {
-            matrix[row][column] = axes.col(column)[row] as f32;
-        }
-        if let Some(place) = place {
-            matrix[row][3] = place[row] as f32;
-        }
-    }
-}
-
-impl Combination {
-    /// The density model's engine of these settings under its own light, with further parameters `NAME=VALUE` of the model.
-    pub fn engine(&self, scene: &Scene, parameters: &[String]) -> Result<Engine> {
-        let model = engines::find(&self.density)?;
-        let mut settings = vec![format!("march_steps={}", self.steps), format!("light_steps={}", self.light_steps)];
-        if model.id == engines::graph::MODEL.id {
-            let format = match self.cache.format {
-                CacheFormat::F32 => 0,
-                CacheFormat::F16 => 1,
-                CacheFormat::Unorm8 => 2,
-            };
-            settings.push(format!("cache_cells={}", self.cache.cells));
-            settings.push(format!("cache_format={format}"));
-        }
-        settings.extend_from_slice(parameters);
-        model.engine(scene, &model.values(None, &settings)?, &self.defects, 0.0)
-    }
-
-    /// How the engine's picture is made.
-    pub fn picture_settings(&self) -> EngineSettings {
-        EngineSettings { jitter: self.jitter, frame: 0, sub_pixels: self.sub_pixels, god_rays: false }
-    }
-
-    /// The settings in words, scene and density left out.
-    pub fn describe(&self) -> String {
-        let mut text = format!("{}, {} steps, {} light steps", self.light, self.steps, self.light_steps);
-        if self.cache.cells > 0 {
-            text += &format!(", cache of {} cells", self.cache.cells);
-        }
-        if self.sub_pixels > 1 {
-            text += &format!(", {0} x {0} rays", self.sub_pixels);
-        }
-        text += match self.jitter {
-            EngineJitter::None => "",
-            EngineJitter::Table => ", jitter from the table",
-            EngineJitter::BlueNoise => ", blue noise",
-        };
-        if !self.defects.is_none() {
-            text += &format!(", defects {}", self.defects);
-        }
-        text
-    }
-
-    /// Densities per pixel, a graph's evaluation counting as several reads: what runs are ordered by.
-    fn cost(&self) -> u64 {
-        let each: u64 = if self.density == engines::graph::MODEL.id && self.cache.cells == 0 { 4 } else { 1 };
-        each * u64::from(self.steps) * u64::from(1 + self.light_steps) * u64::from(self.sub_pixels).pow(2)
-    }
-}
-
-/// A setting of quality that is a whole number from 1 on, as files of studies and tunings give it.
-pub(crate) struct Quality {
-    name: &'static str,
-    most: u32,
-}
-
-impl Quality {
-    /// Steps of a view ray.
-    pub const STEPS: Self = Self { name: "steps", most: 100_000 };
-    /// Steps towards the sun.
-    pub const LIGHT_STEPS: Self = Self { name: "light_steps", most: 1000 };
-    /// Rays per pixel and axis.
-    pub const SUB_PIXELS: Self = Self { name: "sub_pixels", most: 64 };
-
-    /// Refuses what is out of range, at `table` of the file `place`.
-    pub fn check(&self, value: u32, place: &str, table: &str) -> Result<()> {
-        let Self { name, most } = self;
-        if (1..=*most).contains(&value) {
-            return Ok(());
-        }
-        let expected = format!("a whole number from 1 to {most}");
-        Err(Error::new(format!("{place}, {table}.{name}"), value.to_string(), expected, "Correct the file."))
-    }
-}
-
-/// Refuses a picture without pixels, or one that no file holds.
-pub(crate) fn check_resolution(resolution: [u32; 2], place: &str) -> Result<()> {
-    if resolution.iter().all(|side| (1..=16384).contains(side)) {
-        return Ok(());
-    }
-    let found = format!("{resolution:?}");
-    Err(Error::new(format!("{place}, resolution"), found, "1 to 16384 pixels per side", "Correct the file."))
-}
-
-/// An error at a path within a file.
-pub(crate) fn at(error: Error, place: &str, path: &str) -> Error {
-    Error { place: format!("{place}, {path}"), ..error }
-}
-
-/// What to do about a file that cannot be read, by the reader's message. `variant` is what `defects` was once called.
-pub(crate) fn remedy(message: &str, document: &str) -> String {
-    if message.contains("unknown field `variant`") {
-        return "Write defects = \"all\" in the place of \"as-published\", defects = \"none\" in that of \"fixed\"."
-            .into();
-    }
-    format!("Correct it; {document} describes the format.")
-}
-
-/// Reads TOML; an error has the line and the path of what is wrong, and names the document that describes the format.
-pub(crate) fn read_toml<T: serde::de::DeserializeOwned>(text: &str, place: &str, document: &str) -> Result<T> {
-    let error = |cause: &toml::de::Error, path: Option<String>| {
-        let line = cause.span().map(|span| text[..span.start.min(text.len())].lines().count().max(1));
-        let mut place = line.map_or_else(|| place.to_owned(), |line| format!("{place}, line {line}"));
-        if let Some(path) = path {
-            place += &format!(", {path}");
-        }
-        Error::new(place, cause.message(), "a file of this kind", remedy(cause.message(), document))
-    };
-    let deserializer = toml::Deserializer::parse(text).map_err(|cause| error(&cause, None))?;
-    serde_path_to_error::deserialize(deserializer).map_err(|cause| {
-        let path = cause.path().to_string();
-        error(&cause.into_inner(), Some(path))
-    })
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -626,28 +340,6 @@ mod tests {
         let (wanted, skipped) = study.expand(&[scene]);
         assert_eq!((wanted.len(), skipped.len()), (6, 26));
         assert!(skipped.iter().any(|skipped| skipped.reason.contains("no sun")));
-    }
-
-    #[test]
-    fn suns_and_cameras_stand_where_the_angles_say() {
-        let text = r#"{ file = "x", sun = [90.0, 30.0], camera = [0.0, 0.0] }"#;
-        let axis: SceneAxis =
-            toml::from_str::<IndexMap<String, SceneAxis>>(&format!("scene = {text}")).unwrap()["scene"].clone();
-        let mut scene = Scene::load(Path::new("parity/scenes/clouds-in-daylight.scene.json")).expect("a scene");
-        let before = scene::matrix_to_glam(&scene.camera.matrix_world).w_axis.truncate().length();
-        axis.prepare(&mut scene, [8, 4]).expect("prepared");
-        let light = scene::matrix_to_glam(&scene.lights[0].matrix_world);
-        let towards = DVec3::new(0.0, 30f64.to_radians().cos(), 0.5);
-        assert!((light.z_axis.truncate() - towards).length() < 1e-6, "{light}");
-        let camera = scene::matrix_to_glam(&scene.camera.matrix_world);
-        // The box is centred at the origin: the camera stands on the x axis, level, and looks along -x.
-        assert!((camera.w_axis.truncate() - DVec3::X * before).length() < 1e-5, "{camera}");
-        assert!(
-            (camera.z_axis.truncate() - DVec3::X).length() < 1e-6
-                && (camera.y_axis.truncate() - DVec3::Z).length() < 1e-6
-        );
-        assert!((camera.determinant() - 1.0).abs() < 1e-6, "no mirror");
-        assert_eq!(scene.film.resolution, [8, 4]);
     }
 
     #[test]

@@ -3,16 +3,19 @@
 //! A tuning file names an engine of fixed quality, ranges of parameters, and views ([`mod@file`]). CMA-ES (Hansen and Ostermeier 2001,
 //! "Completely Derandomized Self-Adaptation in Evolution Strategies", in its reference library) lowers the mean error of the training views. The
 //! result stands beside every published light model with its exposure matched to the same training views, so that it is not compared
-//! with a bad start; both are judged on views that no search has seen. Every generation is kept as soon as it is measured: the same seed
-//! and errors make the same candidates, so an interrupted search is told what it had and goes on.
+//! with a bad start; both are judged on views that no search has seen.
+//!
+//! As an experiment its jobs are the truths, the search, the published light models and the result. Every candidate of the search is a record,
+//! kept as soon as it is measured: the same seed and errors make the same candidates, so an interrupted search is told what it had and
+//! goes on.
 
 pub mod file;
 pub mod preset;
 
 use crate::base::error::{Error, Result};
 use crate::base::files;
-use crate::base::identity::{Identity, Resume};
-use crate::base::ledger::{Ledger, Purpose, Sharing, read_record, to_json};
+use crate::base::identity::Identity;
+use crate::base::ledger::{Found, Purpose, read_record, to_json};
 use crate::base::progress::Progress;
 use crate::bridge;
 use crate::bridge::{Conversation, Kernel};
@@ -20,14 +23,17 @@ use crate::engines::Engine;
 use crate::engines::light::LightModel;
 use crate::engines::light::models::LIGHTS;
 use crate::engines::render::{EngineJitter, EngineRenderer};
-use crate::measure::study::errors;
-use crate::measure::study::errors::Errors;
-use crate::measure::study::file::{Combination, load_scenes};
-use crate::measure::study::machine;
-use crate::measure::study::truth::TruthRecord;
+use crate::measure::combination::Combination;
+use crate::measure::errors;
+use crate::measure::errors::Errors;
+use crate::measure::experiment;
+use crate::measure::experiment::{Desk, Done, Experiment, Outcome, Settings};
+use crate::measure::scenes::load_scenes;
+use crate::measure::timing::{machine, repeated};
+use crate::measure::truth;
+use crate::measure::truth::TruthRecord;
 use crate::scene::Scene;
 use crate::scene::image::Image;
-use cpu_time::ProcessTime;
 use file::{Objective, TuningFile};
 use indexmap::IndexMap;
 use preset::Preset;
@@ -38,20 +44,17 @@ use std::path::{Path, PathBuf};
 /// Format of a tuning's folder.
 pub const FORMAT: &str = "cloudparity-tuning/1";
 
-/// Part of a ledger that holds generations, by their number: that a search is the same is checked with its candidates.
-const SEARCH: &str = "search";
+/// Part of the ledger that holds the errors of candidates.
+const EVALUATIONS: &str = "evaluations";
 
-/// Seeds of the truths count on from it.
-const SEED: u32 = 9000;
+/// What the truths are for.
+const TRUTHS: &str = "tuning";
 
 /// Timed renders of a view; their median counts.
 const REPEATS: usize = 3;
 
 /// Factor on steps, light steps and rays per axis of the picture that shows what sampling makes of the error.
 const FINER: u32 = 3;
-
-/// How far a candidate that is made again may be from the one that was kept: what writing a number in decimals leaves.
-const SAME: f64 = 1e-12;
 
 /// A search that is about to be made.
 pub struct Tuning {
@@ -100,18 +103,51 @@ impl Scored {
     }
 }
 
-/// A generation of the search.
+/// How the search went.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Generation {
-    /// Points of the unit cube.
-    pub candidates: Vec<Vec<f64>>,
-    /// Mean error of the training views, each.
-    pub objectives: Vec<f64>,
+struct Searched {
+    /// The library.
+    library: String,
+    /// Why it ended.
+    stopped: Vec<String>,
+    /// Candidates that were measured.
+    evaluations: usize,
+    /// Least and median error of each generation.
+    history: Vec<[f64; 2]>,
+    /// The best parameters.
+    parameters: IndexMap<String, f64>,
+}
+
+/// A unit of work.
+#[derive(Debug, Clone, PartialEq)]
+enum Job {
+    /// The truth of a view.
+    Truth(usize),
+    /// The whole search; its candidates are records.
+    Search,
+    /// HDR-FLIP of two halves of the truths.
+    Noise,
+    /// A published light model.
+    Published(&'static str),
+    /// The tuned engine.
+    Tuned,
+    /// The same at a higher quality.
+    Finer,
+}
+
+/// What a job came to; its file holds the content alone.
+#[derive(Serialize, Deserialize)]
+#[serde(untagged)]
+enum Record {
+    Truth(TruthRecord),
+    Search(Searched),
+    Scored(Box<Scored>),
+    Noise(f64),
 }
 
 /// What a tuning came to: `tuning.json`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Outcome {
+pub struct TuningResults {
     /// [`FORMAT`].
     pub format: String,
     /// The program's version.
@@ -146,7 +182,7 @@ pub struct Outcome {
     pub parameters: IndexMap<String, f64>,
 }
 
-impl Outcome {
+impl TuningResults {
     /// By what share of the best published light model's held-out HDR-FLIP the tuned engine's is lower.
     pub fn improvement(&self) -> f64 {
         1.0 - Scored::mean_flip(&self.tuned.held_out) / Scored::mean_flip(&self.published[0].held_out)
@@ -187,57 +223,20 @@ impl Tuning {
     }
 
     /// Renders truths, searches, and judges; what is in the folder already is not made again.
-    pub fn run(&self, folder: &Path, resume: &Resume, progress: Progress<'_>) -> Result<Outcome> {
-        let ledger = open(folder, &self.file, resume)?;
-        let count = self.train.len() + self.held_out.len();
-        let mut views = Vec::with_capacity(count);
-        for (index, scene) in self.train.iter().chain(&self.held_out).enumerate() {
-            let report = |done: f64, what: &str| progress((index as f64 + done) / count as f64, what);
-            views.push(self.view(scene, &ledger, &report)?);
-        }
-        let mut conversation = Conversation::start("optimiser.py", Kernel::Default)?;
-        let files: Vec<Vec<PathBuf>> =
-            views.iter().map(|view| view.record.replicas.iter().map(|name| folder.join(name)).collect()).collect();
-        conversation.ask(&json!({"op": "truths", "views": files}), |_| ())?;
-        let (best, found) = self.search(&ledger, &mut views, &mut conversation, progress)?;
-        progress(1.0, "published light models");
-        let noise_flip = noise_flip(folder, &views, &mut conversation)?;
-        let mut published = Vec::new();
-        for named in LIGHTS {
-            let mut light = IndexMap::new();
-            light.insert("exposure".to_owned(), self.matched(folder, &mut views, named.id, &mut conversation)?);
-            published.push(self.score(folder, &mut views, named.id, named.id, &light, &mut conversation)?);
-        }
-        published.sort_by(|a, b| Scored::mean_flip(&a.held_out).total_cmp(&Scored::mean_flip(&b.held_out)));
-        let tuned = self.score(folder, &mut views, "tuned", &self.file.engine.light, &best, &mut conversation)?;
-        let finer = self.finer().score_anew(folder, &mut views, &best, &mut conversation)?;
-        let outcome = Outcome {
-            format: FORMAT.into(),
-            version: env!("CARGO_PKG_VERSION").into(),
-            builds: ledger.builds(),
-            file: self.file.clone(),
-            machine: machine(),
-            optimiser: found.library,
-            stopped: found.stopped,
-            evaluations: found.generations.iter().map(|generation| generation.objectives.len()).sum(),
-            history: found.generations.iter().map(Generation::summary).collect(),
-            truths: views.iter().map(|view| view.record.clone()).collect(),
-            noise_flip,
-            published,
-            tuned,
-            finer,
-            parameters: best,
-        };
-        files::write_atomically(&folder.join("tuning.json"), to_json(&outcome).as_bytes())?;
-        let preset = Preset::of(&outcome);
-        files::write_atomically(&folder.join("tuned.preset.json"), to_json(&preset).as_bytes())?;
-        Ok(outcome)
+    pub fn run(&self, folder: &Path, settings: &Settings, progress: Progress<'_>) -> Result<Outcome<TuningResults>> {
+        experiment::run(&mut Running { tuning: self, judge: None }, Some(folder), settings, progress)
     }
 
-    fn view(&self, scene: &Scene, ledger: &Ledger, progress: Progress<'_>) -> Result<View> {
+    /// Training views, then held-out ones.
+    fn scenes(&self) -> impl Iterator<Item = &Scene> {
+        self.train.iter().chain(&self.held_out)
+    }
+
+    fn view(&self, scene: &Scene, desk: &Desk<'_>) -> Result<View> {
         let density = &self.file.engine.density;
-        let id = self.file.truth.id(ledger, scene, density, SEED);
-        let (record, truth) = self.file.truth.replicas(scene, density, &id, SEED, ledger, progress)?;
+        let report = |done: f64, what: &str| desk.report(done, what);
+        let record = self.file.truth.obtain(scene, density, TRUTHS, desk.ledger, &report)?;
+        let truth = record.read(desk.folder()?)?;
         let engine = self.combination(scene).engine(scene, &[])?;
         let own_light = engine.light.clone();
         Ok(View { scene: scene.clone(), engine, own_light, record, truth })
@@ -256,28 +255,14 @@ impl Tuning {
         Self { file, train: self.train.clone(), held_out: self.held_out.clone() }
     }
 
-    /// The score of parameters with engines of this quality.
-    fn score_anew(
-        &self,
-        folder: &Path,
-        views: &mut [View],
-        values: &IndexMap<String, f64>,
-        conversation: &mut Conversation,
-    ) -> Result<Scored> {
-        for view in views.iter_mut() {
-            view.engine = self.combination(&view.scene).engine(&view.scene, &[])?;
-        }
-        self.score(folder, views, "tuned-finer", &self.file.engine.light, values, conversation)
-    }
-
-    /// The picture of a view by a light model with values of parameters, and the processor seconds of `repeats` further ones, sorted.
+    /// The picture of a view by a light model with values of parameters, and the median processor seconds of `repeats` further ones.
     fn pictures(
         &self,
         view: &mut View,
         light: &str,
         values: &IndexMap<String, f64>,
         repeats: usize,
-    ) -> Result<(Image, Vec<f64>)> {
+    ) -> Result<(Image, Option<f64>)> {
         let combination = self.combination(&view.scene);
         let changed = preset::of_medium(values);
         let own;
@@ -293,71 +278,54 @@ impl Tuning {
         let renderer = EngineRenderer::new(scene, engine, None)?;
         let picture = || renderer.picture(&combination.picture_settings(), &|_, _| ());
         let image = picture()?;
-        let mut seconds = Vec::with_capacity(repeats);
-        for _ in 0..repeats {
-            let begin = ProcessTime::now();
-            picture()?;
-            seconds.push(begin.elapsed().as_secs_f64());
-        }
-        seconds.sort_by(f64::total_cmp);
+        let seconds = match repeats {
+            0 => None,
+            _ => Some(repeated(repeats, None, || picture().map(drop))?.0.median),
+        };
         Ok((image, seconds))
     }
 
-    /// The picture alone.
-    fn picture(&self, view: &mut View, light: &str, values: &IndexMap<String, f64>) -> Result<Image> {
-        Ok(self.pictures(view, light, values, 0)?.0)
-    }
-
-    /// Lowers the objective; the best parameters, and how they were found.
-    fn search(
-        &self,
-        ledger: &Ledger,
-        views: &mut [View],
-        conversation: &mut Conversation,
-        progress: Progress<'_>,
-    ) -> Result<(IndexMap<String, f64>, Found)> {
-        let folder = ledger.folder().expect("a search is kept");
+    /// Lowers the objective.
+    fn search(&self, judge: &mut Judge, desk: &Desk<'_>) -> Result<Searched> {
         let search = &self.file.search;
         let initial: Vec<f64> = self.file.parameters.values().map(file::Searched::begin).collect();
-        let started = conversation.ask(
+        let started = judge.conversation.ask(
             &json!({
                 "op": "start", "initial": initial, "deviation": search.deviation,
                 "seed": search.seed, "population": search.population,
             }),
             |_| (),
         )?;
-        let library = started["library"].as_str().unwrap_or_default().to_owned();
-        let mut found = Found { library, stopped: Vec::new(), generations: Vec::new() };
-        let mut best: Option<(f64, Vec<f64>)> = None;
+        let mut found = Searched {
+            library: started["library"].as_str().unwrap_or_default().to_owned(),
+            stopped: Vec::new(),
+            evaluations: 0,
+            history: Vec::new(),
+            parameters: IndexMap::new(),
+        };
+        let mut least = f64::INFINITY;
         for number in 0..search.generations {
-            let asked = conversation.ask(&json!({"op": "ask"}), |_| ())?;
+            let asked = judge.conversation.ask(&json!({"op": "ask"}), |_| ())?;
             let candidates: Vec<Vec<f64>> = answer(&asked["candidates"])?;
-            let name = format!("{number:04}");
-            let generation = match ledger.read::<Generation>(SEARCH, &name)? {
-                Some(kept) => {
-                    check_same(&kept, &candidates, &ledger.file(SEARCH, &name).unwrap_or_default())?;
-                    kept
-                }
-                None => {
-                    let report = |done: f64, what: &str| {
-                        progress((f64::from(number) + done) / f64::from(search.generations), what);
-                    };
-                    let objectives = self.objectives(folder, views, &candidates, conversation, &report)?;
-                    let generation = Generation { candidates, objectives };
-                    ledger.write(SEARCH, &name, &generation)?;
-                    generation
-                }
-            };
-            for (candidate, &objective) in generation.candidates.iter().zip(&generation.objectives) {
-                if best.as_ref().is_none_or(|(least, _)| objective < *least) {
-                    best = Some((objective, candidate.clone()));
+            let mut objectives = Vec::with_capacity(candidates.len());
+            for (index, candidate) in candidates.iter().enumerate() {
+                let done = f64::from(number) + index as f64 / candidates.len() as f64;
+                desk.report(done / f64::from(search.generations), "candidates");
+                let values = self.values(candidate);
+                let make = |_: &str| self.objective(judge, &values, desk);
+                objectives.push(desk.obtain(EVALUATIONS, &self.evaluation_inputs(&values), make)?);
+            }
+            for (candidate, &objective) in candidates.iter().zip(&objectives) {
+                if objective < least || found.parameters.is_empty() {
+                    least = objective;
+                    found.parameters = self.values(candidate);
                 }
             }
-            let told = conversation.ask(
-                &json!({"op": "tell", "candidates": generation.candidates, "objectives": generation.objectives}),
-                |_| (),
-            )?;
-            found.generations.push(generation);
+            let told = judge
+                .conversation
+                .ask(&json!({"op": "tell", "candidates": candidates, "objectives": objectives}), |_| ())?;
+            found.evaluations += objectives.len();
+            found.history.push(least_and_median(objectives));
             found.stopped = answer(&told["stop"])?;
             if !found.stopped.is_empty() {
                 break;
@@ -366,8 +334,15 @@ impl Tuning {
         if found.stopped.is_empty() {
             found.stopped.push("generations".into());
         }
-        let (_, point) = best.expect("at least one generation has candidates");
-        Ok((self.values(&point), found))
+        Ok(found)
+    }
+
+    /// All that the error of a candidate depends on, but for the build.
+    fn evaluation_inputs(&self, values: &IndexMap<String, f64>) -> Json {
+        let engine = &self.file.engine;
+        let truth = |scene: &Scene| self.file.truth.inputs(scene, &engine.density, TRUTHS);
+        let truths: Vec<Json> = self.train.iter().map(truth).collect();
+        json!({"engine": engine, "values": values, "objective": self.file.search.objective, "truths": truths})
     }
 
     /// Parameters at a point of the unit cube.
@@ -377,79 +352,67 @@ impl Tuning {
         self.file.fixed.clone().into_iter().chain(found).collect()
     }
 
-    /// The mean error of the training views, for each candidate.
-    fn objectives(
-        &self,
-        folder: &Path,
-        views: &mut [View],
-        candidates: &[Vec<f64>],
-        conversation: &mut Conversation,
-        progress: Progress<'_>,
-    ) -> Result<Vec<f64>> {
+    /// The mean error of the training views.
+    fn objective(&self, judge: &mut Judge, values: &IndexMap<String, f64>, desk: &Desk<'_>) -> Result<f64> {
         let train = self.train.len();
-        let mut found = Vec::with_capacity(candidates.len() * train);
-        let mut files = Vec::new();
-        for (number, candidate) in candidates.iter().enumerate() {
-            progress(number as f64 / candidates.len() as f64, "candidates");
-            let values = self.values(candidate);
-            for (index, view) in views[..train].iter_mut().enumerate() {
-                let image = self.picture(view, &self.file.engine.light, &values)?;
-                match self.file.search.objective {
-                    Objective::Relmse => found.push(errors::measure(&image, &view.truth)?.relmse.value),
-                    Objective::Flip => {
-                        let path = folder.join(format!("search/candidate-{number}-{index}.exr"));
-                        image.write_exr(&path, false)?;
-                        files.push(json!([index, path]));
-                    }
+        let (mut found, mut files) = (Vec::with_capacity(train), Vec::new());
+        for (index, view) in judge.views[..train].iter_mut().enumerate() {
+            let image = self.pictures(view, &self.file.engine.light, values, 0)?.0;
+            match self.file.search.objective {
+                Objective::Relmse => found.push(errors::measure(&image, &view.truth)?.relmse.value),
+                Objective::Flip => {
+                    let path = desk.folder()?.join(format!("search/candidate-{index}.exr"));
+                    image.write_exr(&path, false)?;
+                    files.push(json!([index, path]));
                 }
             }
         }
         if self.file.search.objective == Objective::Flip {
-            found = flips(conversation, &files)?;
+            found = flips(&mut judge.conversation, &files)?;
         }
-        Ok(found.chunks_exact(train).map(|errors| errors.iter().sum::<f64>() / train as f64).collect())
+        Ok(found.iter().sum::<f64>() / train as f64)
     }
 
     /// The exposure at which a light model's mean HDR-FLIP on the training views is least. A picture is linear in it: what the medium
     /// sends times the exposure, and what it lets through.
-    fn matched(&self, folder: &Path, views: &mut [View], light: &str, conversation: &mut Conversation) -> Result<f64> {
+    fn matched(&self, judge: &mut Judge, light: &str, desk: &Desk<'_>) -> Result<f64> {
         let mut files = Vec::new();
-        for (index, view) in views[..self.train.len()].iter_mut().enumerate() {
+        for (index, view) in judge.views[..self.train.len()].iter_mut().enumerate() {
             let mut both = Vec::new();
             for exposure in [0.0, 1.0] {
-                let image = self.picture(view, light, &IndexMap::from([("exposure".to_owned(), exposure)]))?;
-                let path = folder.join(format!("search/exposure-{index}-{exposure}.exr"));
+                let image = self.pictures(view, light, &IndexMap::from([("exposure".to_owned(), exposure)]), 0)?.0;
+                let path = desk.folder()?.join(format!("search/{light}-exposure-{index}-{exposure}.exr"));
                 image.write_exr(&path, false)?;
                 both.push(path);
             }
             files.push(json!([index, both[0], both[1]]));
         }
-        let found = conversation.ask(&json!({"op": "expose", "pictures": files}), |_| ())?;
+        let found = judge.conversation.ask(&json!({"op": "expose", "pictures": files}), |_| ())?;
         answer(&found["exposure"])
     }
 
     /// How good a light model with these parameters is.
     fn score(
         &self,
-        folder: &Path,
-        views: &mut [View],
+        judge: &mut Judge,
         name: &str,
         light: &str,
         values: &IndexMap<String, f64>,
-        conversation: &mut Conversation,
+        desk: &Desk<'_>,
     ) -> Result<Scored> {
         let (mut files, mut seconds, mut found) = (Vec::new(), 0.0, Vec::new());
-        let count = views.len();
-        for (index, view) in views.iter_mut().enumerate() {
-            let (image, times) = self.pictures(view, light, values, REPEATS)?;
-            seconds += times[REPEATS / 2] / count as f64;
+        let count = judge.views.len();
+        for (index, view) in judge.views.iter_mut().enumerate() {
+            let (image, median) = self.pictures(view, light, values, REPEATS)?;
+            seconds += median.unwrap_or(0.0) / count as f64;
             let picture = format!("pictures/{name}-{index}.exr");
-            image.write_exr(&folder.join(&picture), false)?;
-            files.push(json!([index, folder.join(&picture)]));
+            let path = desk.folder()?.join(&picture);
+            image.write_exr(&path, false)?;
+            files.push(json!([index, path]));
             let errors = errors::measure(&image, &view.truth)?;
             found.push(ViewError { view: view.scene.name.clone(), flip: 0.0, errors, picture });
         }
-        for (view, flip) in found.iter_mut().zip(flips(conversation, &files)?) {
+        for (view, flip) in found.iter_mut().zip(flips(&mut judge.conversation, &files)?) {
             view.flip = flip;
         }
         let held_out = found.split_off(self.train.len());
@@ -458,23 +421,186 @@ impl Tuning {
     }
 }
 
-/// How a search went.
-struct Found {
-    library: String,
-    stopped: Vec<String>,
-    generations: Vec<Generation>,
+/// What judges pictures: the views with their truths, and the script that knows them, too.
+struct Judge {
+    views: Vec<View>,
+    conversation: Conversation,
 }
 
-impl Generation {
-    /// Least and median error.
-    fn summary(&self) -> [f64; 2] {
-        let mut sorted = self.objectives.clone();
-        sorted.sort_by(f64::total_cmp);
-        [sorted[0], sorted[sorted.len() / 2]]
+/// A tuning while it is run.
+struct Running<'a> {
+    tuning: &'a Tuning,
+    /// Made when it is first needed: an interrupted tuning that has all records starts no script.
+    judge: Option<Judge>,
+}
+
+impl Running<'_> {
+    fn judge(&mut self, desk: &Desk<'_>) -> Result<&mut Judge> {
+        if self.judge.is_none() {
+            let views = self.tuning.scenes().map(|scene| self.tuning.view(scene, desk)).collect::<Result<Vec<_>>>()?;
+            let folder = desk.folder()?;
+            let files: Vec<Vec<PathBuf>> =
+                views.iter().map(|view| view.record.replicas.iter().map(|name| folder.join(name)).collect()).collect();
+            let mut conversation = Conversation::start("optimiser.py", Kernel::Default)?;
+            conversation.ask(&json!({"op": "truths", "views": files}), |_| ())?;
+            self.judge = Some(Judge { views, conversation });
+        }
+        Ok(self.judge.as_mut().expect("it was just made"))
+    }
+
+    /// The search's record, made now where it is missing.
+    fn searched(&mut self, desk: &Desk<'_>) -> Result<Searched> {
+        let inputs = self.inputs(&Job::Search)?;
+        let tuning = self.tuning;
+        // Made beforehand: while another shard searches, this one waits.
+        let judge = self.judge(desk)?;
+        desk.obtain("records", &inputs, |_| tuning.search(judge, desk))
     }
 }
 
-impl Outcome {
+impl Experiment for Running<'_> {
+    type Job = Job;
+    type Record = Record;
+    type Summary = TuningResults;
+
+    fn purpose(&self) -> Purpose {
+        Purpose { mark: "tune.json", format: FORMAT, of: json!(self.tuning.file) }
+    }
+
+    fn plan(&self) -> Result<Vec<Job>> {
+        let mut jobs: Vec<Job> = (0..self.tuning.scenes().count()).map(Job::Truth).collect();
+        jobs.extend([Job::Search, Job::Noise]);
+        jobs.extend(LIGHTS.iter().map(|light| Job::Published(light.id)));
+        jobs.extend([Job::Tuned, Job::Finer]);
+        Ok(jobs)
+    }
+
+    fn part(&self, job: &Job) -> &'static str {
+        match job {
+            Job::Truth(_) => truth::PART,
+            _ => "records",
+        }
+    }
+
+    fn inputs(&self, job: &Job) -> Result<Json> {
+        let Tuning { file, .. } = self.tuning;
+        let truth = |scene: &Scene| file.truth.inputs(scene, &file.engine.density, TRUTHS);
+        if let Job::Truth(view) = job {
+            return Ok(truth(self.tuning.scenes().nth(*view).expect("a view of the plan")));
+        }
+        let truths: Vec<Json> = self.tuning.scenes().map(truth).collect();
+        Ok(json!({"job": format!("{job:?}"), "file": file, "truths": truths}))
+    }
+
+    fn label(&self, job: &Job) -> String {
+        match job {
+            Job::Truth(_) => "truths".into(),
+            Job::Search => "search".into(),
+            Job::Noise => "noise of the truths".into(),
+            Job::Published(light) => format!("light model {light}"),
+            Job::Tuned => "tuned engine".into(),
+            Job::Finer => "tuned engine, finer".into(),
+        }
+    }
+
+    fn run(&mut self, job: &Job, desk: &Desk<'_>) -> Result<Found<Record>> {
+        let tuning = self.tuning;
+        let light = &tuning.file.engine.light;
+        let record = match job {
+            Job::Truth(view) => {
+                let scene = tuning.scenes().nth(*view).expect("a view of the plan");
+                let report = |done: f64, what: &str| desk.report(done, what);
+                let density = &tuning.file.engine.density;
+                Record::Truth(tuning.file.truth.render(scene, density, TRUTHS, desk.ledger, &report)?)
+            }
+            Job::Search => Record::Search(tuning.search(self.judge(desk)?, desk)?),
+            Job::Noise => Record::Noise(noise_flip(desk.folder()?, self.judge(desk)?)?),
+            Job::Published(named) => {
+                let judge = self.judge(desk)?;
+                let exposure = tuning.matched(judge, named, desk)?;
+                let values = IndexMap::from([("exposure".to_owned(), exposure)]);
+                Record::Scored(Box::new(tuning.score(judge, named, named, &values, desk)?))
+            }
+            Job::Tuned => {
+                let best = self.searched(desk)?.parameters;
+                Record::Scored(Box::new(tuning.score(self.judge(desk)?, "tuned", light, &best, desk)?))
+            }
+            Job::Finer => {
+                let best = self.searched(desk)?.parameters;
+                let finer = tuning.finer();
+                let judge = self.judge(desk)?;
+                for view in &mut judge.views {
+                    view.engine = finer.combination(&view.scene).engine(&view.scene, &[])?;
+                }
+                let scored = finer.score(judge, "tuned-finer", light, &best, desk);
+                // The engines of its views are no longer the tuning's.
+                self.judge = None;
+                Record::Scored(Box::new(scored?))
+            }
+        };
+        Ok(Found::Record(record))
+    }
+
+    fn heard(&mut self, job: &Job, record: &Record, desk: &Desk<'_>) -> Result<()> {
+        if let (Job::Truth(view), Record::Truth(truth)) = (job, record) {
+            let scene = self.tuning.scenes().nth(*view).expect("a view of the plan");
+            truth.check(scene, &self.tuning.file.engine.density, desk.ledger)?;
+        }
+        Ok(())
+    }
+
+    fn summary(&mut self, found: Vec<Done<Self>>, desk: &Desk<'_>) -> Result<TuningResults> {
+        let (mut truths, mut published, mut searched, mut noise) = (Vec::new(), Vec::new(), None, None);
+        let (mut tuned, mut finer) = (None, None);
+        for Done { job, found } in found {
+            match (job, found) {
+                (_, Found::Record(Record::Truth(truth))) => truths.push(truth),
+                (_, Found::Record(Record::Search(record))) => searched = Some(record),
+                (_, Found::Record(Record::Noise(flip))) => noise = Some(flip),
+                (Job::Tuned, Found::Record(Record::Scored(scored))) => tuned = Some(*scored),
+                (Job::Finer, Found::Record(Record::Scored(scored))) => finer = Some(*scored),
+                (_, Found::Record(Record::Scored(scored))) => published.push(*scored),
+                (_, Found::LeftOut(_)) => {}
+            }
+        }
+        let (Some(searched), Some(noise_flip), Some(tuned), Some(finer)) = (searched, noise, tuned, finer) else {
+            let found = "records of other kinds than their jobs make";
+            return Err(Error::new("the tuning", found, "those of a search and its results", "Take another folder."));
+        };
+        published.sort_by(|a: &Scored, b: &Scored| {
+            Scored::mean_flip(&a.held_out).total_cmp(&Scored::mean_flip(&b.held_out))
+        });
+        let results = TuningResults {
+            format: FORMAT.into(),
+            version: env!("CARGO_PKG_VERSION").into(),
+            builds: desk.ledger.builds(),
+            file: self.tuning.file.clone(),
+            machine: machine(),
+            optimiser: searched.library,
+            stopped: searched.stopped,
+            evaluations: searched.evaluations,
+            history: searched.history,
+            truths,
+            noise_flip,
+            published,
+            tuned,
+            finer,
+            parameters: searched.parameters,
+        };
+        let folder = desk.folder()?;
+        files::write_atomically(&folder.join("tuning.json"), to_json(&results).as_bytes())?;
+        files::write_atomically(&folder.join("tuned.preset.json"), to_json(&Preset::of(&results)).as_bytes())?;
+        Ok(results)
+    }
+}
+
+/// Least and median error.
+fn least_and_median(mut objectives: Vec<f64>) -> [f64; 2] {
+    objectives.sort_by(f64::total_cmp);
+    [objectives[0], objectives[objectives.len() / 2]]
+}
+
+impl TuningResults {
     /// Draws the held-out views before and after, and the search: `tuning.svg`, `.png` and `.pdf`.
     pub fn draw(&self, folder: &Path) -> Result<()> {
         let file = |extension: &str| folder.join(format!("tuning.{extension}"));
@@ -503,8 +629,9 @@ impl Outcome {
 }
 
 /// Mean HDR-FLIP of the two halves of each view's replicas.
-fn noise_flip(folder: &Path, views: &[View], conversation: &mut Conversation) -> Result<f64> {
-    let halves: Vec<Json> = views
+fn noise_flip(folder: &Path, judge: &mut Judge) -> Result<f64> {
+    let halves: Vec<Json> = judge
+        .views
         .iter()
         .map(|view| {
             let half = |first: usize| -> Vec<PathBuf> {
@@ -513,7 +640,7 @@ fn noise_flip(folder: &Path, views: &[View], conversation: &mut Conversation) ->
             json!([half(0), half(1)])
         })
         .collect();
-    let found = conversation.ask(&json!({"op": "noise", "pairs": halves}), |_| ())?;
+    let found = judge.conversation.ask(&json!({"op": "noise", "pairs": halves}), |_| ())?;
     let means: Vec<f64> = answer(&found["means"])?;
     Ok(means.iter().sum::<f64>() / means.len() as f64)
 }
@@ -528,30 +655,6 @@ fn answer<T: serde::de::DeserializeOwned>(value: &Json) -> Result<T> {
     serde_json::from_value(value.clone()).map_err(|cause| {
         Error::new("optimiser.py", cause.to_string(), "what its head describes", "Report this defect.")
     })
-}
-
-/// Refuses a generation that another search made.
-fn check_same(kept: &Generation, candidates: &[Vec<f64>], path: &Path) -> Result<()> {
-    let is_near =
-        |(a, b): (&Vec<f64>, &Vec<f64>)| a.len() == b.len() && a.iter().zip(b).all(|(a, b)| (a - b).abs() <= SAME);
-    let is_same = kept.candidates.len() == candidates.len()
-        && kept.objectives.len() == candidates.len()
-        && kept.candidates.iter().zip(candidates).all(is_near);
-    if is_same {
-        return Ok(());
-    }
-    Err(Error::new(
-        path.display().to_string(),
-        "candidates that this search does not make",
-        "those of the same seed, library and errors",
-        "Take another folder, or remove the folder `search` in this one.",
-    ))
-}
-
-/// The ledger of a tuning, whose generations follow from its file.
-fn open(folder: &Path, file: &TuningFile, resume: &Resume) -> Result<Ledger> {
-    let purpose = Purpose { mark: "tune.json", format: FORMAT, of: json!(file) };
-    Ledger::open(folder, purpose, resume, Sharing::Alone)
 }
 
 impl file::TunedEngine {

@@ -8,9 +8,10 @@ use crate::base::files;
 use crate::base::identity::Identity;
 use crate::engines::Engine;
 use crate::engines::light::{LightModel, models};
-use crate::measure::study::file::{Combination, remedy};
+use crate::measure::combination::Combination;
+use crate::measure::toml_files::remedy;
 use crate::measure::tuning::file::{Owner, TunedEngine, owner};
-use crate::measure::tuning::{Outcome, Scored};
+use crate::measure::tuning::{Scored, TuningResults};
 use crate::scene::Scene;
 use indexmap::IndexMap;
 use serde::{Deserialize, Serialize};
@@ -42,19 +43,19 @@ pub struct Preset {
 
 impl Preset {
     /// The preset of a tuning.
-    pub fn of(outcome: &Outcome) -> Self {
-        let best = &outcome.published[0];
+    pub fn of(results: &TuningResults) -> Self {
+        let best = &results.published[0];
         Self {
             format: FORMAT.into(),
-            builds: outcome.builds.clone(),
-            title: outcome.file.title.clone(),
-            engine: outcome.file.engine.clone(),
-            parameters: outcome.parameters.clone(),
+            builds: results.builds.clone(),
+            title: results.file.title.clone(),
+            engine: results.file.engine.clone(),
+            parameters: results.parameters.clone(),
             provenance: json!({
-                "optimiser": outcome.optimiser,
-                "seed": outcome.file.search.seed,
-                "evaluations": outcome.evaluations,
-                "held_out_flip": Scored::mean_flip(&outcome.tuned.held_out),
+                "optimiser": results.optimiser,
+                "seed": results.file.search.seed,
+                "evaluations": results.evaluations,
+                "held_out_flip": Scored::mean_flip(&results.tuned.held_out),
                 "best_published": best.name,
                 "best_published_held_out_flip": Scored::mean_flip(&best.held_out),
             }),

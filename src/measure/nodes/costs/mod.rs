@@ -15,12 +15,17 @@ mod renders;
 use crate::base::error::{Error, Result};
 use crate::base::files;
 use crate::base::identity::{Identity, Resume};
+use crate::base::ledger::{Found, Purpose};
+use crate::base::progress::Progress;
 use crate::bridge::{Kernel, probe};
 use crate::gpu::{FieldKernel, Gpu};
 use crate::graph::evaluate::{Evaluation, Points};
 use crate::graph::{Operand, Program, Target};
+use crate::measure::experiment;
+use crate::measure::experiment::{Desk, Done, Experiment};
 use crate::measure::nodes::measurements::COSTS_FORMAT;
 use crate::measure::nodes::suite::{attribute_nodes, modes};
+use crate::measure::timing::machine;
 use crate::nodes::{self, Column, Mode, NodeType, Oracle, Role};
 use crate::scene::bare_scene;
 use cpu_time::ThreadTime;
@@ -92,12 +97,12 @@ pub struct Costs {
     #[serde(default)]
     pub repeats: usize,
     /// One per node and mode.
-    pub rows: Vec<Row>,
+    pub rows: Vec<NodeCost>,
 }
 
 /// Nanoseconds per point of one node in one mode.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Row {
+pub struct NodeCost {
     /// Blender's label of the node.
     pub node: String,
     /// The mode in words.
@@ -137,19 +142,25 @@ struct Times {
     cycles: Option<[f64; 2]>,
 }
 
-/// Measures every mode; with `path`, rows are written there as they come, and what stands there already is not measured
-/// again. `receive` hears the share that is done and what comes next.
-pub fn run(
-    settings: &Settings,
-    gpu: Option<&Gpu>,
-    path: Option<&Path>,
-    mut receive: impl FnMut(f64, &str),
-) -> Result<Costs> {
-    let mut costs = begin(settings, gpu, path)?;
+/// The costs of nodes while they are measured.
+struct Running<'a> {
+    settings: &'a Settings,
+    gpu: Option<&'a Gpu>,
+    path: Option<&'a Path>,
+    /// What is known: rows of an earlier run, then those of this one.
+    costs: Costs,
+    /// Modes that one Blender process measures.
+    parts: Vec<Vec<(&'static NodeType, Map<String, Json>)>>,
+}
+
+/// Measures every mode; with `path`, rows are written there as they come, and what stands there already is not measured again. The file
+/// is the record of what is done: it is what is committed, and what a run for a single node adds to.
+pub fn run(settings: &Settings, gpu: Option<&Gpu>, path: Option<&Path>, progress: Progress<'_>) -> Result<Costs> {
+    let costs = begin(settings, gpu, path)?;
     let mut wanted = Vec::new();
     for (node_type, properties) in wanted_modes(settings)? {
         let mode = Mode::read(node_type, &properties, node_type.label)?.words().join(" ");
-        let is_measured = |row: &Row| {
+        let is_measured = |row: &NodeCost| {
             row.node == node_type.label
                 && row.mode == mode
                 && (row.cycles_ns.is_some() || !settings.with_cycles)
@@ -159,27 +170,61 @@ pub fn run(
             wanted.push((node_type, properties));
         }
     }
-    let total = wanted.len().max(1) as f64;
-    for (number, part) in wanted.chunks(TOGETHER).enumerate() {
-        let cases = part
+    let parts = wanted.chunks(TOGETHER).map(<[_]>::to_vec).collect();
+    let mut running = Running { settings, gpu, path, costs, parts };
+    experiment::run(&mut running, None, &experiment::Settings::of(settings.resume.clone()), progress)?.all()
+}
+
+impl Experiment for Running<'_> {
+    /// The position of a part.
+    type Job = usize;
+    type Record = Vec<NodeCost>;
+    type Summary = Costs;
+
+    fn purpose(&self) -> Purpose {
+        Purpose { mark: "experiment.json", format: COSTS_FORMAT, of: Json::Null }
+    }
+
+    fn plan(&self) -> Result<Vec<usize>> {
+        Ok((0..self.parts.len()).collect())
+    }
+
+    fn inputs(&self, job: &usize) -> Result<Json> {
+        let modes: Vec<Json> =
+            self.parts[*job].iter().map(|(node, properties)| json!([node.label, properties])).collect();
+        Ok(json!({"modes": modes, "points": self.settings.points, "repeats": self.settings.repeats}))
+    }
+
+    fn label(&self, job: &usize) -> String {
+        self.parts[*job].first().map_or_else(String::new, |(node, _)| node.label.to_owned())
+    }
+
+    fn run(&mut self, job: &usize, _desk: &Desk<'_>) -> Result<Found<Vec<NodeCost>>> {
+        let cases = self.parts[*job]
             .iter()
-            .map(|(node_type, properties)| Case::new(node_type, properties, settings.points))
+            .map(|(node_type, properties)| Case::new(node_type, properties, self.settings.points))
             .collect::<Result<Vec<_>>>()?;
-        let done = (number * TOGETHER) as f64 / total;
-        receive(done, cases[0].node);
-        let times = measure(&cases, settings, gpu)?;
-        for (case, times) in cases.iter().zip(&times) {
-            let row = case.row(times);
-            match costs.rows.iter_mut().find(|known| known.node == row.node && known.mode == row.mode) {
-                Some(known) => *known = row,
-                None => costs.rows.push(row),
-            }
-            if let Some(path) = path {
-                write(&costs, path)?;
+        let times = measure(&cases, self.settings, self.gpu)?;
+        Ok(Found::Record(cases.iter().zip(&times).map(|(case, times)| case.row(times)).collect()))
+    }
+
+    fn heard(&mut self, _job: &usize, record: &Vec<NodeCost>, _desk: &Desk<'_>) -> Result<()> {
+        for row in record {
+            let known = self.costs.rows.iter_mut().find(|known| known.node == row.node && known.mode == row.mode);
+            match known {
+                Some(known) => known.clone_from(row),
+                None => self.costs.rows.push(row.clone()),
             }
         }
+        match self.path {
+            Some(path) => write(&self.costs, path),
+            None => Ok(()),
+        }
     }
-    Ok(costs)
+
+    fn summary(&mut self, _found: Vec<Done<Self>>, _desk: &Desk<'_>) -> Result<Costs> {
+        Ok(self.costs.clone())
+    }
 }
 
 /// The document of an earlier run with these settings, or an empty one.
@@ -192,7 +237,7 @@ fn begin(settings: &Settings, gpu: Option<&Gpu>, path: Option<&Path>) -> Result<
     let new = Costs {
         format: COSTS_FORMAT.to_owned(),
         builds: vec![settings.resume.build.clone()],
-        machine: format!("{processor}, {}; {adapter}", crate::measure::study::machine()),
+        machine: format!("{processor}, {}; {adapter}", machine()),
         cycles: "the kernel that it chooses by itself, one thread".to_owned(),
         points: settings.points,
         repeats: settings.repeats,
@@ -406,11 +451,11 @@ impl Case {
         Ok(start.elapsed().as_secs_f64())
     }
 
-    fn row(&self, times: &Times) -> Row {
+    fn row(&self, times: &Times) -> NodeCost {
         let cloudparity = least_two(&times.single)[0];
         let cycles = times.cycles.map(|[cost, _]| cost);
         let ratio = cycles.filter(|cycles| *cycles > 0.0 && cloudparity > 0.0).map(|cycles| cycles / cloudparity);
-        Row {
+        NodeCost {
             node: self.node.to_owned(),
             mode: self.mode.clone(),
             cloudparity_ns: rounded(cloudparity),
@@ -555,22 +600,22 @@ mod tests {
             with_cycles: false,
             resume: Resume::default(),
         };
-        let first = run(&settings(4096), None, Some(&path), |_, _| ()).expect("costs");
+        let first = run(&settings(4096), None, Some(&path), &|_, _| ()).expect("costs");
         assert_eq!(first.rows.len(), 2);
         assert!(first.rows.iter().all(|row| row.cycles_ns.is_none() && row.ratio.is_none()));
         // Measured times differ: equal rows were read.
-        let again = run(&settings(4096), None, Some(&path), |_, _| ()).expect("costs");
+        let again = run(&settings(4096), None, Some(&path), &|_, _| ()).expect("costs");
         assert_eq!(again, first);
-        let error = run(&settings(5000), None, Some(&path), |_, _| ()).expect_err("other conditions");
+        let error = run(&settings(5000), None, Some(&path), &|_, _| ()).expect_err("other conditions");
         assert!(error.to_string().contains("other conditions"), "{error}");
         // Rows of another build are neither taken for ours nor measured again.
         let by = |mix_builds| Settings {
             resume: Resume { build: Identity::of("0.1.0", "bb"), mix_builds },
             ..settings(4096)
         };
-        let error = run(&by(false), None, Some(&path), |_, _| ()).expect_err("another build").to_string();
+        let error = run(&by(false), None, Some(&path), &|_, _| ()).expect_err("another build").to_string();
         assert!(error.contains("0.1.0+bb") && error.contains(&Identity::current().to_string()), "{error}");
-        let mixed = run(&by(true), None, Some(&path), |_, _| ()).expect("knowingly");
+        let mixed = run(&by(true), None, Some(&path), &|_, _| ()).expect("knowingly");
         assert_eq!((&mixed.rows, mixed.builds.len()), (&first.rows, 2));
     }
 }

@@ -6,7 +6,7 @@ use crate::graph::Program;
 use crate::graph::bounds::Bounds3;
 use crate::graph::bounds_check::Survey;
 use crate::graph::evaluate::Points;
-use crate::measure::fields::statistics::equal;
+use crate::measure::errors::values::equal;
 use crate::measure::nodes::random_graphs::{Compile, Failure, Kind, Trial, Values, WGSL_LIMIT, link, node};
 use crate::nodes::{Nudge, nudged};
 use crate::scene::{Input, Node, Scene};
@@ -163,7 +163,7 @@ impl Spread {
 }
 
 /// A value that is not what it should be.
-struct Place {
+struct ValueIndex {
     target: usize,
     point: usize,
     /// Number of the component among those of the point.
@@ -189,16 +189,16 @@ pub(super) fn with_cycles(
             "This is a defect of the program: an output has another type than Blender's.",
         ));
     }
-    let reference = |place: &Place| {
+    let reference = |place: &ValueIndex| {
         theirs[place.target][place.point * layout[place.target].len() + place.component - layout[place.target].start]
     };
     let ours = program.evaluate_single(trial.points())?;
     let mut figures = CpuFigures { outputs: layout.len(), values: ours.len(), ..CpuFigures::default() };
     figures.outputs_of_library = program.outputs_of_library(trial.points())?.into_iter().filter(|flag| *flag).count();
-    let mut differing: Vec<Place> = Vec::new();
+    let mut differing: Vec<ValueIndex> = Vec::new();
     for (target, range) in layout.iter().enumerate() {
         let places =
-            (0..count).flat_map(|point| range.clone().map(move |component| Place { target, point, component }));
+            (0..count).flat_map(|point| range.clone().map(move |component| ValueIndex { target, point, component }));
         differing.extend(places.filter(|place| !equal(ours[place.point * width + place.component], reference(place))));
     }
     figures.equal = figures.values - differing.len();
@@ -211,8 +211,9 @@ pub(super) fn with_cycles(
         let points: Vec<usize> =
             differing.iter().map(|place| place.point).collect::<BTreeSet<_>>().into_iter().collect();
         let spread = Spread::of_library(&trial.at(&points), compile, seeds)?;
-        let index =
-            |place: &Place| points.binary_search(&place.point).expect("a differing point") * width + place.component;
+        let index = |place: &ValueIndex| {
+            points.binary_search(&place.point).expect("a differing point") * width + place.component
+        };
         differing.retain(|place| !spread.holds(index(place), reference(place)));
         if let Some(place) = differing.first() {
             let [low, high] = spread.ends[index(place)];
@@ -284,12 +285,12 @@ fn differences(
     let ordinary = program.ordinary(trial.points(), is_ordinary)?;
     let mut differences = Differences::default();
     let mut figures = WgslFigures::default();
-    let mut beyond: Vec<(Place, f64)> = Vec::new();
+    let mut beyond: Vec<(ValueIndex, f64)> = Vec::new();
     let mut scales = Vec::new();
     for (target, range) in layout.iter().enumerate() {
-        let places: Vec<Place> = (0..count)
+        let places: Vec<ValueIndex> = (0..count)
             .filter(|point| ordinary[point * layout.len() + target])
-            .flat_map(|point| range.clone().map(move |component| Place { target, point, component }))
+            .flat_map(|point| range.clone().map(move |component| ValueIndex { target, point, component }))
             .collect();
         let mut magnitudes: Vec<f64> =
             places.iter().map(|place| f64::from(cpu[place.point * width + place.component].abs())).collect();

@@ -122,7 +122,7 @@ pub struct Failure {
 
 /// What was found for one graph.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Outcome {
+pub struct GraphComparison {
     /// Seed of the graph.
     pub seed: u64,
     /// Nodes of the graph, those of groups once.
@@ -224,7 +224,7 @@ pub struct Judge<'a> {
 }
 
 /// Compares the graphs; all of them are handed to the reference together.
-pub fn run(graphs: &[RandomGraph], judge: &Judge<'_>, reference: &mut dyn Reference) -> Vec<Outcome> {
+pub fn run(graphs: &[RandomGraph], judge: &Judge<'_>, reference: &mut dyn Reference) -> Vec<GraphComparison> {
     let trials: Vec<&Trial> = graphs.iter().map(|graph| &graph.trial).collect();
     let theirs = reference.values(&trials);
     graphs.iter().zip(theirs).map(|(graph, theirs)| judge.outcome(graph, theirs)).collect()
@@ -233,7 +233,7 @@ pub fn run(graphs: &[RandomGraph], judge: &Judge<'_>, reference: &mut dyn Refere
 /// Makes a failing graph small and saves what is left of it, once for each of its failures.
 pub fn keep(
     graph: &RandomGraph,
-    outcome: &mut Outcome,
+    outcome: &mut GraphComparison,
     judge: &Judge<'_>,
     reference: &mut dyn Reference,
     folder: &Path,
@@ -252,10 +252,10 @@ pub fn keep(
 }
 
 impl Judge<'_> {
-    fn outcome(&self, graph: &RandomGraph, theirs: Result<Values>) -> Outcome {
+    fn outcome(&self, graph: &RandomGraph, theirs: Result<Values>) -> GraphComparison {
         let trial = &graph.trial;
         let content = trial.scene.graph();
-        let mut outcome = Outcome {
+        let mut outcome = GraphComparison {
             seed: graph.seed,
             nodes: content.nodes.len() + content.groups.iter().map(|group| group.nodes.len()).sum::<usize>(),
             instructions: 0,

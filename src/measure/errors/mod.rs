@@ -12,6 +12,8 @@
 //! noise is as large as they are, would add an error that is not there); the two ways round are averaged. Figures may fall below 0 where
 //! nothing but noise differs. Standard errors are by the jackknife over the replicas: what other replicas would have said.
 
+pub mod values;
+
 use crate::base::error::{Error, Result};
 use crate::scene::image::Image;
 use serde::{Deserialize, Serialize};

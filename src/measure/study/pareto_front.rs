@@ -1,4 +1,4 @@
-//! The settings that nothing beats: those for which no other is both faster and closer to the truth.
+//! The Pareto front, the settings that nothing beats: those for which no other is both faster and closer to the truth.
 
 use crate::base::error::{Error, Result};
 use crate::measure::study::Measured;
@@ -41,7 +41,7 @@ impl Metric {
 }
 
 /// The runs that no other run beats in both time and error, by rising time.
-pub fn front<'a>(runs: impl IntoIterator<Item = &'a Measured>, metric: Metric) -> Vec<&'a Measured> {
+pub fn pareto_front<'a>(runs: impl IntoIterator<Item = &'a Measured>, metric: Metric) -> Vec<&'a Measured> {
     let mut all: Vec<(&Measured, f64)> = runs
         .into_iter()
         .filter_map(|run| Some((run, metric.of(run)?)))
@@ -94,7 +94,7 @@ pub fn recommend<'a>(front: &[&'a Measured], metric: Metric, budget: Budget) -> 
 
 #[cfg(test)]
 mod tests {
-    use super::super::tests::run_of;
+    use super::super::results::tests::run_of;
     use super::*;
 
     #[test]
@@ -107,7 +107,7 @@ mod tests {
             run_of(9.0, 0.2),
             run_of(0.5, 0.9),
         ];
-        let front = front(&runs, Metric::Relmse);
+        let front = pareto_front(&runs, Metric::Relmse);
         let times: Vec<f64> = front.iter().map(|run| run.seconds.median).collect();
         assert_eq!(times, [0.5, 1.0, 3.0]);
         let time = |budget| recommend(&front, Metric::Relmse, budget).map(|run| run.seconds.median);
@@ -117,6 +117,6 @@ mod tests {
         assert!(time(Budget::Seconds(0.1)).expect_err("too fast").expected.contains("500.000 ms"));
         assert!(time(Budget::Error(0.1)).expect_err("too close").expected.contains("0.2"));
         assert!(recommend(&[], Metric::Relmse, Budget::Seconds(1.0)).is_err());
-        assert!(super::front(&runs, Metric::Flip).is_empty());
+        assert!(pareto_front(&runs, Metric::Flip).is_empty());
     }
 }

@@ -13,10 +13,14 @@
 //! log(steps). It is fitted over the asymptotic part ([`fit`]).
 
 use crate::base::error::{Error, Result};
+use crate::base::identity;
 use crate::base::identity::Identity;
+use crate::base::ledger::{Found, Purpose};
 use crate::base::progress::Progress;
 use crate::integrators::march::render_each;
 use crate::integrators::{MarchSettings, mean_world_side};
+use crate::measure::experiment;
+use crate::measure::experiment::{Desk, Done, Experiment, Outcome, Settings};
 use crate::media::density_cache::{CacheFilter, CacheFormat};
 use crate::media::density_cache::{CacheReport, DensityCache, Samples};
 use crate::media::medium::Medium;
@@ -24,6 +28,16 @@ use crate::media::transfer::Integration;
 use crate::scene::Scene;
 use crate::scene::image::Image;
 use serde::{Deserialize, Serialize};
+use serde_json::{Value as Json, json};
+use std::path::Path;
+use std::time::Instant;
+
+/// Format of the results.
+const FORMAT: &str = "cloudparity-convergence/1";
+
+/// Formats and filters of caches that are compared.
+const FORMATS: [CacheFormat; 3] = [CacheFormat::F32, CacheFormat::F16, CacheFormat::Unorm8];
+const FILTERS: [CacheFilter; 2] = [CacheFilter::Nearest, CacheFilter::Trilinear];
 
 /// Steps of the reference for each of the finest.
 pub const REFERENCE_FACTOR: u32 = 4;
@@ -159,95 +173,204 @@ pub struct Convergence {
     pub caches: Vec<CachePoint>,
 }
 
-/// Measures one scene on the CPU.
-pub fn measure(scene: &Scene, settings: &ConvergenceSettings, progress: Progress<'_>) -> Result<Convergence> {
-    check(settings)?;
-    let side = mean_world_side(scene);
-    // Resolved with its default step, so that the shadow step is the same for all.
-    let march = MarchSettings { view_step: 0.0, density_cache: None, ..settings.march.clone() }.resolved(scene)?;
-    let finest = *settings.steps.last().expect("checked not to be empty");
-    let reference_steps = finest * REFERENCE_FACTOR;
-    let step = |steps: u32| side / f64::from(steps);
-    let mut variants = vec![(step(reference_steps), Integration::EnergyConserving)];
-    let mut named = Vec::new();
-    for integration in [Integration::EnergyConserving, Integration::Plain] {
-        for &steps in &settings.steps {
-            variants.push((step(steps), integration));
-            named.push((integration, steps));
+/// A unit of work.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Job {
+    /// The pictures of all numbers of steps, which share what is prepared.
+    Steps,
+    /// The density caches of so many cells.
+    Caches(u32),
+}
+
+/// Errors by steps, and what caches are compared with.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+struct Steps {
+    reference_mean: f64,
+    points: Vec<StepPoint>,
+    /// The picture with the most steps, below the folder.
+    uncached: String,
+}
+
+/// What a job came to; its file holds the content alone.
+#[derive(Serialize, Deserialize)]
+#[serde(untagged)]
+enum Record {
+    Steps(Steps),
+    Caches(Vec<CachePoint>),
+}
+
+/// A measurement of convergence while it is run.
+struct Running<'a> {
+    scene: &'a Scene,
+    settings: &'a ConvergenceSettings,
+    /// Resolved with the default step, so that the shadow step is the same for all.
+    march: MarchSettings,
+    side: f64,
+    /// The energy-conserving picture with the most steps.
+    uncached: Option<Image>,
+}
+
+/// Measures one scene on the CPU; without a folder nothing is kept.
+pub fn measure(
+    scene: &Scene,
+    what: &ConvergenceSettings,
+    folder: Option<&Path>,
+    settings: &Settings,
+    progress: Progress<'_>,
+) -> Result<Outcome<Convergence>> {
+    check(what)?;
+    let march = MarchSettings { view_step: 0.0, density_cache: None, ..what.march.clone() }.resolved(scene)?;
+    let mut running = Running { scene, settings: what, march, side: mean_world_side(scene), uncached: None };
+    experiment::run(&mut running, folder, settings, progress)
+}
+
+impl Running<'_> {
+    fn finest(&self) -> u32 {
+        *self.settings.steps.last().expect("checked not to be empty")
+    }
+
+    fn step(&self, steps: u32) -> f64 {
+        self.side / f64::from(steps)
+    }
+
+    fn steps(&mut self, desk: &Desk<'_>) -> Result<Steps> {
+        let mut variants = vec![(self.step(self.finest() * REFERENCE_FACTOR), Integration::EnergyConserving)];
+        let mut named = Vec::new();
+        for integration in [Integration::EnergyConserving, Integration::Plain] {
+            for &steps in &self.settings.steps {
+                variants.push((self.step(steps), integration));
+                named.push((integration, steps));
+            }
         }
-    }
-    let filters = [CacheFilter::Nearest, CacheFilter::Trilinear];
-    let formats = [CacheFormat::F32, CacheFormat::F16, CacheFormat::Unorm8];
-    let caches = settings.cache_cells.len() * filters.len() * formats.len();
-    let half = if caches == 0 { 1.0 } else { 0.5 };
-    let mut images: Vec<(Image, f64)> = Vec::new();
-    let mut clock = std::time::Instant::now();
-    render_each(
-        scene,
-        &march,
-        None,
-        &variants,
-        |_, image| {
+        let mut images: Vec<(Image, f64)> = Vec::new();
+        let mut clock = Instant::now();
+        let each = |_: usize, image: Image| {
             images.push((image, clock.elapsed().as_secs_f64()));
-            clock = std::time::Instant::now();
-        },
-        &|done, what| progress(half * done, what),
-    )?;
-    for (image, _) in &images {
-        image.check_finite("a picture of convergence")?;
+            clock = Instant::now();
+        };
+        render_each(self.scene, &self.march, None, &variants, each, &|done, what| desk.report(done, what))?;
+        for (image, _) in &images {
+            image.check_finite("a picture of convergence")?;
+        }
+        let (reference, _) = images.remove(0);
+        let points: Vec<StepPoint> = named
+            .iter()
+            .zip(&images)
+            .map(|(&(integration, steps), (image, seconds))| StepPoint {
+                integration,
+                steps,
+                view_step: self.step(steps),
+                error: compare(image, &reference),
+                seconds: *seconds,
+            })
+            .collect();
+        // Of the energy-conserving pictures, which come first, the one with the most steps.
+        let (mut uncached, _) = images.swap_remove(self.settings.steps.len() - 1);
+        let name = format!("pictures/{}.exr", desk.key);
+        if let Some(folder) = desk.ledger.folder() {
+            uncached.provenance.insert(identity::ATTRIBUTE.into(), desk.ledger.own().full().to_owned());
+            uncached.write_exr(&folder.join(&name), false)?;
+        }
+        self.uncached = Some(uncached);
+        Ok(Steps { reference_mean: mean(&reference), points, uncached: name })
     }
-    let (reference, _) = images.remove(0);
-    let points: Vec<StepPoint> = named
-        .iter()
-        .zip(&images)
-        .map(|(&(integration, steps), (image, seconds))| StepPoint {
-            integration,
-            steps,
-            view_step: step(steps),
-            error: compare(image, &reference),
-            seconds: *seconds,
-        })
-        .collect();
-    let orders = orders(&points);
-    let medium = Medium::new(scene)?;
-    // Of the energy-conserving pictures, which come first, the one with the most steps.
-    let finest_of_all = settings.steps.len() - 1;
-    let uncached = &images[finest_of_all].0;
-    let mut found = Vec::new();
-    for &cells in if medium.density.occupied.is_empty() { &[] } else { settings.cache_cells.as_slice() } {
+
+    fn caches(&mut self, cells: u32, desk: &Desk<'_>) -> Result<Vec<CachePoint>> {
+        let medium = Medium::new(self.scene)?;
+        if medium.density.occupied.is_empty() {
+            return Ok(Vec::new());
+        }
+        let inputs = self.inputs(&Job::Steps)?;
+        if self.uncached.is_none() {
+            let steps: Steps = desk.obtain("records", &inputs, |_| self.steps(desk))?;
+            if self.uncached.is_none() {
+                self.uncached = Some(Image::read_exr(&desk.folder()?.join(&steps.uncached))?);
+            }
+        }
+        let uncached = self.uncached.as_ref().expect("it was just made or read");
         let samples = Samples::bake(&medium.density, &medium.to_object, cells, CacheFormat::F32, &|_| {})?;
-        for format in formats {
-            for filter in filters {
+        let mut found = Vec::new();
+        for format in FORMATS {
+            for filter in FILTERS {
                 let cache = DensityCache::new(&samples, format, filter)?;
-                let begin = std::time::Instant::now();
+                let begin = Instant::now();
                 let mut picture = None;
                 let each = |_: usize, image: Image| picture = Some(image);
-                render_each(scene, &march, Some(cache), &variants[finest_of_all + 1..][..1], each, &|_, _| {})?;
+                let variant = [(self.step(self.finest()), Integration::EnergyConserving)];
+                render_each(self.scene, &self.march, Some(cache), &variant, each, &|_, _| {})?;
                 let seconds = begin.elapsed().as_secs_f64();
                 let picture = picture.expect("one picture was asked for");
                 let cache = CacheReport::of(&picture).expect("it was rendered with a cache");
                 found.push(CachePoint { cache, error: compare(&picture, uncached), seconds });
-                progress(half + (1.0 - half) * found.len() as f64 / caches as f64, "density caches");
+                desk.report(found.len() as f64 / (FORMATS.len() * FILTERS.len()) as f64, "density caches");
             }
         }
+        Ok(found)
     }
-    Ok(Convergence {
-        format: "cloudparity-convergence/1".into(),
-        version: env!("CARGO_PKG_VERSION").into(),
-        builds: vec![Identity::current().clone()],
-        scene: scene.name.clone(),
-        scene_sha256: scene.content_hash(),
-        resolution: scene.image_size(),
-        mean_side: side,
-        settings: ConvergenceSettings { march, ..settings.clone() },
-        reference_steps,
-        reference_mean: mean(&reference),
-        formulas: formulas(),
-        points,
-        orders,
-        cache_steps: finest,
-        caches: found,
-    })
+}
+
+impl Experiment for Running<'_> {
+    type Job = Job;
+    type Record = Record;
+    type Summary = Convergence;
+
+    fn purpose(&self) -> Purpose {
+        Purpose { mark: "experiment.json", format: FORMAT, of: Json::Null }
+    }
+
+    fn plan(&self) -> Result<Vec<Job>> {
+        Ok([Job::Steps].into_iter().chain(self.settings.cache_cells.iter().map(|&cells| Job::Caches(cells))).collect())
+    }
+
+    fn inputs(&self, job: &Job) -> Result<Json> {
+        let steps = json!({"scene": self.scene.content_hash(), "march": self.march, "steps": self.settings.steps});
+        Ok(match job {
+            Job::Steps => steps,
+            Job::Caches(cells) => json!({"steps": steps, "cells": cells}),
+        })
+    }
+
+    fn label(&self, job: &Job) -> String {
+        match job {
+            Job::Steps => "steps".into(),
+            Job::Caches(cells) => format!("caches of {cells} cells"),
+        }
+    }
+
+    fn run(&mut self, job: &Job, desk: &Desk<'_>) -> Result<Found<Record>> {
+        Ok(Found::Record(match job {
+            Job::Steps => Record::Steps(self.steps(desk)?),
+            Job::Caches(cells) => Record::Caches(self.caches(*cells, desk)?),
+        }))
+    }
+
+    fn summary(&mut self, found: Vec<Done<Self>>, desk: &Desk<'_>) -> Result<Convergence> {
+        let (mut points, mut reference_mean, mut caches) = (Vec::new(), 0.0, Vec::new());
+        for done in found {
+            match done.found {
+                Found::Record(Record::Steps(steps)) => (points, reference_mean) = (steps.points, steps.reference_mean),
+                Found::Record(Record::Caches(found)) => caches.extend(found),
+                Found::LeftOut(_) => {}
+            }
+        }
+        Ok(Convergence {
+            format: FORMAT.into(),
+            version: env!("CARGO_PKG_VERSION").into(),
+            builds: desk.ledger.builds(),
+            scene: self.scene.name.clone(),
+            scene_sha256: self.scene.content_hash(),
+            resolution: self.scene.image_size(),
+            mean_side: self.side,
+            settings: ConvergenceSettings { march: self.march.clone(), ..self.settings.clone() },
+            reference_steps: self.finest() * REFERENCE_FACTOR,
+            reference_mean,
+            formulas: formulas(),
+            orders: orders(&points),
+            points,
+            cache_steps: self.finest(),
+            caches,
+        })
+    }
 }
 
 fn check(settings: &ConvergenceSettings) -> Result<()> {

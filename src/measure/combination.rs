@@ -1,0 +1,130 @@
+//! The settings of an engine's picture, as files of studies and tunings give them.
+
+use crate::base::error::{Error, Result};
+use crate::engines;
+use crate::engines::Engine;
+use crate::engines::defects::Defects;
+use crate::engines::render::{EngineJitter, EngineSettings};
+use crate::media::density_cache::CacheFormat;
+use crate::scene::Scene;
+use serde::{Deserialize, Serialize};
+
+/// A density cache.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct CacheAxis {
+    /// Cells along the longest side; 0 evaluates the graph at each place.
+    pub cells: u32,
+    /// How values are stored.
+    #[serde(default = "half")]
+    pub format: CacheFormat,
+}
+
+fn half() -> CacheFormat {
+    CacheFormat::F16
+}
+
+/// One point of the axes.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Combination {
+    /// Name of the scene.
+    pub scene: String,
+    /// Density model.
+    pub density: String,
+    /// Light model.
+    pub light: String,
+    /// Steps of a view ray.
+    pub steps: u32,
+    /// Steps towards the sun.
+    pub light_steps: u32,
+    /// Density cache of the graph.
+    pub cache: CacheAxis,
+    /// Rays per pixel and axis.
+    pub sub_pixels: u32,
+    /// Where in its steps a ray takes its samples.
+    pub jitter: EngineJitter,
+    /// Defects that the engine keeps; left out where there are none, so that runs of studies without them keep their names.
+    #[serde(default, skip_serializing_if = "Defects::is_none")]
+    pub defects: Defects,
+}
+
+/// The axis of a file that names no caches.
+pub(crate) fn no_cache() -> Vec<CacheAxis> {
+    vec![CacheAxis { cells: 0, format: CacheFormat::F16 }]
+}
+
+impl Combination {
+    /// The density model's engine of these settings under its own light, with further parameters `NAME=VALUE` of the model.
+    pub fn engine(&self, scene: &Scene, parameters: &[String]) -> Result<Engine> {
+        let model = engines::find(&self.density)?;
+        let mut settings = vec![format!("march_steps={}", self.steps), format!("light_steps={}", self.light_steps)];
+        if model.id == engines::graph::MODEL.id {
+            let format = match self.cache.format {
+                CacheFormat::F32 => 0,
+                CacheFormat::F16 => 1,
+                CacheFormat::Unorm8 => 2,
+            };
+            settings.push(format!("cache_cells={}", self.cache.cells));
+            settings.push(format!("cache_format={format}"));
+        }
+        settings.extend_from_slice(parameters);
+        model.engine(scene, &model.values(None, &settings)?, &self.defects, 0.0)
+    }
+
+    /// How the engine's picture is made.
+    pub fn picture_settings(&self) -> EngineSettings {
+        EngineSettings { jitter: self.jitter, frame: 0, sub_pixels: self.sub_pixels, god_rays: false }
+    }
+
+    /// The settings in words, scene and density left out.
+    pub fn describe(&self) -> String {
+        let mut text = format!("{}, {} steps, {} light steps", self.light, self.steps, self.light_steps);
+        if self.cache.cells > 0 {
+            text += &format!(", cache of {} cells", self.cache.cells);
+        }
+        if self.sub_pixels > 1 {
+            text += &format!(", {0} x {0} rays", self.sub_pixels);
+        }
+        text += match self.jitter {
+            EngineJitter::None => "",
+            EngineJitter::Table => ", jitter from the table",
+            EngineJitter::BlueNoise => ", blue noise",
+        };
+        if !self.defects.is_none() {
+            text += &format!(", defects {}", self.defects);
+        }
+        text
+    }
+
+    /// Densities per pixel, a graph's evaluation counting as several reads: what runs are ordered by.
+    pub(crate) fn cost(&self) -> u64 {
+        let each: u64 = if self.density == engines::graph::MODEL.id && self.cache.cells == 0 { 4 } else { 1 };
+        each * u64::from(self.steps) * u64::from(1 + self.light_steps) * u64::from(self.sub_pixels).pow(2)
+    }
+}
+
+/// A setting of quality that is a whole number from 1 on, as files of studies and tunings give it.
+pub(crate) struct Quality {
+    name: &'static str,
+    most: u32,
+}
+
+impl Quality {
+    /// Steps of a view ray.
+    pub const STEPS: Self = Self { name: "steps", most: 100_000 };
+    /// Steps towards the sun.
+    pub const LIGHT_STEPS: Self = Self { name: "light_steps", most: 1000 };
+    /// Rays per pixel and axis.
+    pub const SUB_PIXELS: Self = Self { name: "sub_pixels", most: 64 };
+
+    /// Refuses what is out of range, at `table` of the file `place`.
+    pub fn check(&self, value: u32, place: &str, table: &str) -> Result<()> {
+        let Self { name, most } = self;
+        if (1..=*most).contains(&value) {
+            return Ok(());
+        }
+        let expected = format!("a whole number from 1 to {most}");
+        Err(Error::new(format!("{place}, {table}.{name}"), value.to_string(), expected, "Correct the file."))
+    }
+}
