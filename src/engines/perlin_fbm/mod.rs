@@ -199,6 +199,11 @@ impl Cloud {
         Ok(Self { parameters, table, volume, mask })
     }
 
+    /// What it was made from.
+    pub fn parameters(&self) -> &Parameters {
+        &self.parameters
+    }
+
     /// The volume's texture.
     pub fn volume(&self) -> &Volume {
         &self.volume
