@@ -24,11 +24,10 @@ use cloudparity::gpu::Gpu;
 use cloudparity::nodes::running_error::RunningError;
 use cloudparity::view::jitter_table;
 use glam::DVec3;
-use rayon::prelude::*;
 use serde_json::{Value, json};
 use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
-use support::rounding::{Single, blend_error, blur_error, bytes_within};
+use support::rounding::{Single, blur_error, check_bake};
 
 /// Double precision in another order of operations: some ten roundings of values up to 50.
 const ROUNDING: f64 = 1e-12;
@@ -159,25 +158,6 @@ fn same_texels(name: &str, ours: &[u8], expected: &[u8], is_exact: bool) {
     }
 }
 
-/// Single precision: every texel is one that its rounding allows.
-fn within_rounding(name: &str, bake: &Bake, side: usize, ours: &[u8], expected: &[u8], by: Single) {
-    assert_eq!(ours.len(), expected.len(), "{name}");
-    let table = permutation(bake.seed);
-    let wrong: Vec<String> = (0..ours.len())
-        .into_par_iter()
-        .filter(|&index| ours[index] != expected[index])
-        .filter_map(|index| {
-            let place = [index % side, index / side % side, index / side / side];
-            let place = place.map(|number| number as f64 / (side - 1) as f64);
-            let error = blend_error(bake, &table, place, by);
-            let [low, high] = bytes_within(bake, bake.blend::<f64>(&table, place), error, by);
-            let is_allowed = (low..=high).contains(&ours[index]) && (low..=high).contains(&expected[index]);
-            (!is_allowed).then(|| format!("{place:?}: {}, not {}, of {low} to {high}", ours[index], expected[index]))
-        })
-        .collect();
-    assert!(wrong.is_empty(), "{name}: {} texels, {}", wrong.len(), wrong[0]);
-}
-
 #[test]
 fn random_numbers_and_permutations_are_those_of_the_engine() {
     let Some(golden) = Golden::open() else { return };
@@ -275,7 +255,7 @@ fn bakes_in_single_precision_are_within_their_rounding() {
         let side = sides(entry)[0];
         let bake = bake(&entry["parameters"]);
         let ours = bake.volume_in::<f32>(side).expect("parameters in range");
-        within_rounding(name, &bake, side, &ours.texels, &golden.bytes(name), Single::Cpu);
+        check_bake(name, &bake, side, [&ours.texels, &golden.bytes(name)], Single::Cpu);
     }
 }
 
@@ -291,7 +271,7 @@ fn bakes_on_the_adapter_are_within_their_rounding() {
         let side = sides(entry)[0];
         let bake = bake(&entry["parameters"]);
         let ours = kernel.volume(&bake, side).expect("parameters in range");
-        within_rounding(name, &bake, side, &ours.texels, &golden.bytes(name), Single::Adapter);
+        check_bake(name, &bake, side, [&ours.texels, &golden.bytes(name)], Single::Adapter);
     }
 }
 
@@ -478,7 +458,7 @@ struct Picture {
 }
 
 impl Picture {
-    fn of(golden: &Golden, entry: &Value) -> Self {
+    fn of(entry: &Value) -> Self {
         let config = &entry["config"];
         let [height, width] = sides(entry);
         let [origin, target] = ["pos", "target"].map(|name| DVec3::from(triple(&config[name])));
@@ -532,7 +512,7 @@ fn pictures_are_the_engines() {
         let config = &entry["config"];
         let size = number(config, "size") as usize;
         let cloud = cloud(config, bake(&config["bake"]), size, "mult", number(config, "opacity"));
-        let picture = Picture::of(&golden, entry);
+        let picture = Picture::of(entry);
         let pixels = march(&cloud, &picture.light, &picture.settings, &picture.rays).expect("marched");
         let expected = golden.doubles(name);
         check_columns(name, entry);
@@ -580,7 +560,7 @@ fn pictures_on_the_adapter_are_the_engines() {
         let config = &entry["config"];
         let size = number(config, "size") as usize;
         let cloud = cloud(config, bake(&config["bake"]), size, "mult", number(config, "opacity"));
-        let picture = Picture::of(&golden, entry);
+        let picture = Picture::of(entry);
         let kernel = RealTimeKernel::new(&gpu, &cloud, &picture.light, &picture.settings).expect("a kernel");
         let pixels = kernel.march(&picture.rays).expect("pixels");
         let mut largest = 0.0_f64;

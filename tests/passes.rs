@@ -258,8 +258,10 @@ fn god_rays_need_a_plane_and_their_channel() {
     let error = pass(true, 10).run(&mut Image::new(8, 4), &view(&flat, &sun)).expect_err("refused").to_string();
     assert!(error.contains("without transmittance"), "{error}");
     // What is not listed needs nothing.
-    assert_eq!(Channels::of(&[]), Channels { transmittance: false });
-    assert_eq!(Channels::of(&[Box::new(pass(true, 10))]), Channels { transmittance: true });
+    let mut passes: Vec<Box<dyn Pass>> = Vec::new();
+    assert_eq!(Channels::of(&passes), Channels { transmittance: false });
+    passes.push(Box::new(pass(true, 10)));
+    assert_eq!(Channels::of(&passes), Channels { transmittance: true });
 }
 
 /// Sum of the sides of the picture in the plane at distance 1, at most: 36 mm over 50 mm along the longer one.
@@ -323,8 +325,6 @@ fn god_rays_are_the_same_on_the_adapter() {
                     kernel.run(&on_adapter, &view).expect("submitted");
                     let found = on_adapter.read_back(&gpu).expect("a picture");
                     let expected = added(pass, &frame, &view);
-                    let extent =
-                        0.72 * (1.0 + f64::from(size[1].max(size[0])) / f64::from(size[0].min(size[1])).max(1.0));
                     let limit = bound(&pass.rays, size, EXTENT, view.exposure);
                     for (index, (ours, theirs)) in found.pixels.iter().zip(&expected.pixels).enumerate() {
                         shone += usize::from(theirs[0] > frame.pixels[index][0] + 0.1);
@@ -341,6 +341,28 @@ fn god_rays_are_the_same_on_the_adapter() {
         }
     }
     assert!(shone > 1000, "hardly anything shines: {shone}");
+}
+
+#[test]
+fn limits_find_one_read_and_one_texel() {
+    let size = [33, 17];
+    let camera = camera(size, 50.0, Projection::Perspective);
+    let suns = [Sun { towards: DVec3::new(0.02, 1.0, 0.01).normalize(), light: [1.0; 3] }];
+    let view = view(&camera, &suns);
+    let whole = pass(false, 100);
+    let limit = bound(&whole.rays, size, EXTENT, view.exposure);
+    assert!(limit < 2e-3, "{limit:e}");
+    let expected = added(whole, &clear(size), &view);
+    let largest = |found: &Image| {
+        let pairs = found.pixels.as_flattened().iter().zip(expected.pixels.as_flattened());
+        pairs.map(|(a, b)| f64::from((a - b).abs())).fold(0.0, f64::max)
+    };
+    let one_read_less = added(pass(false, 99), &clear(size), &view);
+    assert!(largest(&one_read_less) > limit, "{:e} of {limit:e}", largest(&one_read_less));
+    let mut darker = clear(size);
+    darker.transmittance.as_mut().expect("it is there")[8 * 33 + 17] = [0.95; 3];
+    let darker = added(whole, &darker, &view);
+    assert!(largest(&darker) > limit, "{:e} of {limit:e}", largest(&darker));
 }
 
 #[test]

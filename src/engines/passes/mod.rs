@@ -30,8 +30,8 @@ impl Channels {
     }
 
     /// What all passes of a list need.
-    pub fn of(passes: &[Box<dyn Pass>]) -> Self {
-        passes.iter().map(|pass| pass.needs()).fold(Self::default(), Self::and)
+    pub fn of<P: AsRef<dyn Pass>>(passes: &[P]) -> Self {
+        passes.iter().map(|pass| pass.as_ref().needs()).fold(Self::default(), Self::and)
     }
 }
 
