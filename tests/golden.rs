@@ -397,8 +397,8 @@ impl Jitter {
     }
 }
 
-/// Depth values 0 to 1 by columns of a picture, as the manifest's words say: "all 1.0 (nothing in front)", or clauses such as "columns 16..31:
-/// depth value of a plane at view distance 60", whose last column is part of them.
+/// Depth values 0 to 1 by columns of a picture, as the manifest's words say: "all 1.0 (nothing in front)", or clauses such as "columns
+/// 16..31: depth value of a plane at view distance 60", whose last column is part of them.
 fn read_depths(config: &Value) -> Vec<(RangeInclusive<usize>, f64)> {
     let words = config["depth"].as_str().unwrap_or_else(|| panic!("no words for the depth: {}", config["depth"]));
     let [near, far] = ["near", "far"].map(|name| number(config, name));

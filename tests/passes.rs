@@ -221,7 +221,7 @@ fn a_sun_behind_the_camera_shines_from_the_mirrored_point_with_the_defect_alone(
                 assert!(image.pixels.iter().all(|pixel| *pixel == [0.0; 4]), "mended, nothing shines from behind");
                 continue;
             }
-            // A texel of the half is a sixteenth of the picture's height in these coordinates, and rays are brightest in or beside the sun's.
+            // A texel of the half is a ninth of the picture's height here, and rays are brightest in the sun's or beside it.
             assert!(value > 0.5 && (place - mirrored).abs().max_element() < 0.12, "{towards:?}: {value} at {place}");
         }
     }
@@ -269,9 +269,9 @@ const EXTENT: f64 = 1.44;
 
 /// How far f32 may be off in what god rays add to a pixel, for a transmittance from 0 to 1 and a colour of at most `colour`.
 ///
-/// `extent` is the sum of the picture's sides in the plane at distance 1. A direction through a texel is the sum of three vectors that are rounded
-/// once each, times raster coordinates with 7 roundings, so off by 13 u extent + 4 u, and its length by 16 u. Distances to the glow's
-/// middle, at most its radius, add 2 u and 12 u of it. The glow's steepest slope is 1.5 over its radius.
+/// `extent` is the sum of the picture's sides in the plane at distance 1. A direction through a texel is the sum of three vectors that are
+/// rounded once each, times raster coordinates with 7 roundings, so off by 13 u extent + 4 u, and its length by 16 u. Distances to the
+/// glow's middle, at most its radius, add 2 u and 12 u of it. The glow's steepest slope is 1.5 over its radius.
 fn bound(rays: &GodRays, size: [u32; 2], extent: f64, colour: f64) -> f64 {
     let [width, height] = half(size.map(|side| side as usize));
     let direction = 3.0_f64.sqrt() * (13.0 * extent + 20.0) * U;

@@ -1,5 +1,5 @@
-//! Perlin-FBM in single precision, far from the origin too: noise, bakes and the density's look-up against double precision, within limits that
-//! are derived in tests/support/rounding.rs and beside each test.
+//! Perlin-FBM in single precision, far from the origin too: noise, bakes and the density's look-up against double precision, within limits
+//! that are derived in tests/support/rounding.rs and beside each test.
 
 mod support;
 
@@ -147,24 +147,23 @@ fn the_look_up_on_the_adapter_is_within_its_rounding_at_every_tiling() {
     let gpu = Gpu::open().expect("the adapter that was just there");
     let mut random = ChaCha8Rng::seed_from_u64(5);
     let mut last: Option<Cloud> = None;
-    for (tiling, offset) in [
-        (2.0, [0.0; 3]),
-        (2.0, [0.123, 0.456, 0.789]),
-        (1.5, [0.999_999_99, 1e-9, 0.5]),
-        (6.0, [0.02 * 31_337.0, 0.25, 0.01 * 31_337.0]),
-        (37.3, [0.7, 0.1, 0.9]),
-        (1000.7, [0.3, 0.6, 0.2]),
+    // A mask that is 1 in all of the box, so that the texture is seen alone; then one that fades through it. Its deformations are smooth,
+    // so that their textures add little to the limit.
+    let whole = Mask { radius: 2.0, softness: 0.1, deformations: deformations(0.0), ..Mask::default() };
+    let fading = Mask { radius: 0.9, softness: 0.4, deformations: deformations(0.02), ..Mask::default() };
+    for (mask, tiling, offset) in [
+        (whole, 2.0, [0.0; 3]),
+        (whole, 2.0, [0.123, 0.456, 0.789]),
+        (whole, 1.5, [0.999_999_99, 1e-9, 0.5]),
+        (whole, 6.0, [0.02 * 31_337.0, 0.25, 0.01 * 31_337.0]),
+        (whole, 37.3, [0.7, 0.1, 0.9]),
+        (whole, 1000.7, [0.3, 0.6, 0.2]),
+        (fading, 2.0, [0.123, 0.456, 0.789]),
     ] {
         let parameters = Parameters {
             bake: Bake { softness: 0.3, ..Bake::default() },
             texture_size: 32,
-            mask: Mask {
-                radius: 0.9,
-                softness: 0.4,
-                // Smooth, so that its own textures add little to the limit.
-                deformations: [1.0, 11.0].map(|seed| Deformation { seed, strength: 0.02, frequency: 1.3 }),
-                ..Mask::default()
-            },
+            mask,
             tiling,
             offset: offset.map(|periods: f64| periods.rem_euclid(1.0)),
             threshold: 0.0,
@@ -174,7 +173,6 @@ fn the_look_up_on_the_adapter_is_within_its_rounding_at_every_tiling() {
             shows_mask: false,
         };
         let cloud = Cloud::new_after(parameters, last.as_ref()).expect("in range");
-        let mask = cloud.parameters().mask;
         let kernel = gpu.density_field(&cloud.shader().expect("a shader")).expect("a kernel");
         let positions: Vec<[f32; 3]> = (0..4000)
             .map(|number| match number {
@@ -185,32 +183,49 @@ fn the_look_up_on_the_adapter_is_within_its_rounding_at_every_tiling() {
             })
             .collect();
         let found = kernel.evaluate(Points::new(&positions)).expect("values");
-        // The texture: tiling and offset are rounded, their product with a place of at most 1/2 and the sum with the offset, at most 2, too: as
-        // periods (tiling + 2.5) u, as texels so many times the side, and one rounding more of the product with it. Three axes; a read has
-        // a dozen roundings.
-        let side = cloud.volume().side as f64;
-        let texel = 3.0 * slope(cloud.volume(), true) * (tiling + 3.5) * side * U + 12.0 * U;
-        // The mask: a stretched place is a quotient (5), its length a root of a sum (12), the direction their quotient, and its texture's
-        // coordinate two roundings more: 20 u of half the radius, and 2 u. Its steps to the deformation are twice a texel's value, times the strength.
-        let coordinate = (20.0 * 0.5 * mask.radius + 2.0) * U * 128.0;
-        let deformations = cloud.mask().textures.iter().zip(mask.deformations);
-        let displacement: f64 = deformations
-            .map(|(texture, deformation)| {
-                2.0 * deformation.strength * (3.0 * slope(texture, false) * coordinate + 14.0 * U)
-            })
-            .sum();
-        let flattest = mask.flattening.as_flattened().iter().copied().fold(1.0, f64::min);
-        let farthest = 3.0_f64.sqrt() * 0.5 / flattest;
-        let distance = displacement + (17.0 * farthest + 4.0) * U;
-        let factor = 1.5 * (distance / mask.softness + 7.0 * U) + 6.0 * U;
-        let limit = 50.0 * (texel + factor + 4.0 * U);
-        let mut largest = 0.0_f64;
-        for (place, found) in positions.iter().zip(found) {
-            let expected = cloud.at(place.map(f64::from)).density;
-            largest = largest.max((f64::from(found) - expected).abs());
-        }
+        let expected: Vec<_> = positions.iter().map(|place| cloud.at(place.map(f64::from))).collect();
+        let is_whole = expected.iter().all(|sample| sample.mask == 1.0);
+        assert_eq!(is_whole, mask == whole);
+        // Where the mask is 1 with room to spare, it is 1 in single precision.
+        let limit = 50.0 * (texel_error(&cloud) + if is_whole { 0.0 } else { mask_error(&cloud) } + 4.0 * U);
+        let errors = found.iter().zip(&expected).map(|(&found, sample)| (f64::from(found) - sample.density).abs());
+        let largest = errors.fold(0.0, f64::max);
         eprintln!("tiling {tiling}: {largest:e} of {limit:e}");
         assert!(largest <= limit, "tiling {tiling}, offset {offset:?}: {largest:e} of {limit:e}");
         last = Some(cloud);
     }
+}
+
+/// Main and fine deformation of one strength.
+fn deformations(strength: f64) -> [Deformation; 2] {
+    [1.0, 11.0].map(|seed| Deformation { seed, strength, frequency: 1.3 })
+}
+
+/// How far the texture's value may be off on an adapter.
+///
+/// Tiling and offset are rounded, their product with a place of at most 1/2 and the sum with the offset, at most 2, too: as periods
+/// (tiling + 2.5) u, as texels so many times the side, and one rounding more of the product with it. Three axes; a read has a dozen
+/// roundings.
+fn texel_error(cloud: &Cloud) -> f64 {
+    let side = cloud.volume().side as f64;
+    3.0 * slope(cloud.volume(), true) * (cloud.parameters().tiling + 3.5) * side * U + 12.0 * U
+}
+
+/// How far the mask's factor may be off on an adapter.
+///
+/// A stretched place is a quotient (5), its length a root of a sum (12), the direction their quotient, and its texture's coordinate two
+/// roundings more: 20 u of half the radius, and 2 u. From texels to the deformation it is twice a texel's value, times the strength.
+fn mask_error(cloud: &Cloud) -> f64 {
+    let mask = cloud.parameters().mask;
+    let coordinate = (20.0 * 0.5 * mask.radius + 2.0) * U * 128.0;
+    let deformations = cloud.mask().textures.iter().zip(mask.deformations);
+    let displacement: f64 = deformations
+        .map(|(texture, deformation)| {
+            2.0 * deformation.strength * (3.0 * slope(texture, false) * coordinate + 14.0 * U)
+        })
+        .sum();
+    let flattest = mask.flattening.as_flattened().iter().copied().fold(1.0, f64::min);
+    let farthest = 3.0_f64.sqrt() * 0.5 / flattest;
+    let distance = displacement + (17.0 * farthest + 4.0) * U;
+    1.5 * (distance / mask.softness + 7.0 * U) + 6.0 * U
 }

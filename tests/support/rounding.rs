@@ -21,9 +21,9 @@ pub enum Single {
 
 /// How far the blended noise of a bake in f32 may be from the exact one at a place of the unit box.
 ///
-/// Running error analysis follows every operation of the CPU's text. The adapter sums in another order: amplitudes are over their sum before
-/// (one rounding each), octaves are added (one each), a place is a quotient (5), and so are its three weights (6 each with the difference), with
-/// two products, four copies, and the last sum: at most 2 octaves + 28 roundings of numbers up to 1, halved at the end.
+/// Running error analysis follows every operation of the CPU's text. The adapter sums in another order: amplitudes are over their sum
+/// before (one rounding each), octaves are added (one each), a place is a quotient (5), and so are its three weights (6 each with the
+/// difference), with two products, four copies, and the last sum: at most 2 octaves + 28 roundings of numbers up to 1, halved at the end.
 fn blend_error(bake: &Bake, table: &Permutation, place: [f64; 3], by: Single) -> f64 {
     let own = bake.blend::<RunningError>(table, place).error();
     own + if by == Single::Adapter { (f64::from(bake.octaves.count) + 14.0) * U } else { 0.0 }
@@ -31,9 +31,9 @@ fn blend_error(bake: &Bake, table: &Permutation, place: [f64; 3], by: Single) ->
 
 /// Bytes, lowest and highest, that a bake in f32 may give where the blended noise is `value`, known to `error`.
 ///
-/// The threshold is monotonic in a value that is not negative; below 0 a power is no number and the byte 0, or it is even. What is lost on the way from
-/// the value to the byte: the power (below), its difference from the threshold's begin, which is rounded itself (2), over the width (7, of the
-/// quotient), a slope of at most 1.5, and the cubic with the factor 255 (6).
+/// The threshold is monotonic in a value that is not negative; below 0 a power is no number and the byte 0, or it is even. What is lost on
+/// the way from the value to the byte: the power (below), its difference from the threshold's begin, which is rounded itself (2), over the
+/// width (7, of the quotient), a slope of at most 1.5, and the cubic with the factor 255 (6).
 fn bytes_within(bake: &Bake, value: f64, error: f64, by: Single) -> [u8; 2] {
     let width = 2.0 * bake.softness;
     let slack = 1.5 * ((power_error(bake.intensity, value, by) + 2.0 * U) / width + 7.0 * U) + 6.0 * U;
@@ -44,8 +44,8 @@ fn bytes_within(bake: &Bake, value: f64, error: f64, by: Single) -> [u8; 2] {
     [low, high].map(|value| (value * 255.0).floor().clamp(0.0, 255.0) as u8)
 }
 
-/// Holds a bake in single precision against the double one, texel by texel: both have to be bytes that rounding leaves open, which must not be
-/// more than two. The number of texels that differ.
+/// Holds a bake in single precision against the double one, texel by texel: both have to be bytes that rounding leaves open, which must
+/// not be more than two. The number of texels that differ.
 pub fn check_bake(what: &str, bake: &Bake, side: usize, [ours, double]: [&[u8]; 2], by: Single) -> usize {
     assert!(ours.len() == side.pow(3) && double.len() == ours.len(), "{what}");
     let table = permutation(bake.seed);
@@ -63,8 +63,9 @@ pub fn check_bake(what: &str, bake: &Bake, side: usize, [ours, double]: [&[u8]; 
     (0..ours.len()).into_par_iter().filter(|&index| differs(index)).count()
 }
 
-/// Of a power of a number up to about 1 in f32. The exponent is rounded, which counts p |ln x| x^p, at most 1/e. The C library is within an ulp. An
-/// adapter's power is `exp2(p log2(x))`: the logarithm is off by 2^-21 or 3 ulp, the product by a rounding, the exponential by 3 + 2 |p log2(x)| ulp.
+/// Of a power of a number up to about 1 in f32. The exponent is rounded, which counts p |ln x| x^p, at most 1/e. The C library is within
+/// an ulp. An adapter's power is `exp2(p log2(x))`: the logarithm is off by 2^-21 or 3 ulp, the product by a rounding, the exponential by
+/// 3 + 2 |p log2(x)| ulp.
 fn power_error(exponent: f64, base: f64, by: Single) -> f64 {
     if exponent == 1.0 {
         return 0.0;
@@ -83,8 +84,8 @@ fn power_error(exponent: f64, base: f64, by: Single) -> f64 {
 
 /// How far an adapter's blur of a layer of `size` texels from 0 to 1 may be off, where each texel is off by `texel` already.
 ///
-/// Neighbours differ by at most 1. A place on the way has 4 roundings, of numbers up to the side, and as many of the way; a read six. The weight of a
-/// read is a product of so many rounded numbers, and the sum has a rounding for each.
+/// Neighbours differ by at most 1. A place on the way has 4 roundings, of numbers up to the side, and as many of the way; a read six. The
+/// weight of a read is a product of so many rounded numbers, and the sum has a rounding for each.
 pub fn blur_error(rays: &GodRays, [width, height]: [usize; 2], texel: f64) -> f64 {
     let read = texel + 8.0 * U * (width as f64 + 1.0 + height as f64 + 1.0) + 6.0 * U;
     let (mut weight, mut sum, mut error) = (rays.weight, 0.0, 0.0);
