@@ -21,6 +21,7 @@ LUMINANCE_WEIGHTS = (0.2126, 0.7152, 0.0722)  # Rec.709 primaries, D65
 RELATIVE_EPSILON = 0.01  # epsilon of every relative figure, as a share of the mean of the reference
 FLIP_MIDTONE = 0.85  # FLIP's exposures map the median and the maximum of the reference to this display value
 FLIP_TONEMAPPER = "ACES"
+TRANSMITTANCE = "transmittance."  # begins the channels of a transparent picture that say what each channel lets through
 
 
 class Unreadable(Exception):
@@ -88,6 +89,7 @@ def read_image(path, part=None):
     """Read one EXR as (float32 [h, w, c], channel names, pixel window, colour space name or None).
 
     `part` names the part (a render pass) of a file with several; None is allowed only where there is one.
+    What a transparent picture keeps of each channel's transmittance beside its alpha is left out.
     Raises Unreadable with the reason.
     """
     name = os.path.basename(path)
@@ -109,9 +111,10 @@ def read_image(path, part=None):
         raise Unreadable(f"{name} is damaged: {first_line(problem or 'no pixels')}. Render it again.")
     window = (spec.x, spec.y, spec.width, spec.height)
     space = spec.get_string_attribute("colorInteropID") or None
+    kept = [i for i, channel in enumerate(spec.channelnames) if not channel.startswith(TRANSMITTANCE)]
     return (
-        np.asarray(pixels, np.float32).reshape(spec.height, spec.width, -1),
-        list(spec.channelnames),
+        np.asarray(pixels, np.float32).reshape(spec.height, spec.width, -1)[..., kept],
+        [spec.channelnames[i] for i in kept],
         window,
         space,
     )

@@ -10,7 +10,8 @@ use cloudparity::engines::light::LightModel;
 use cloudparity::engines::march::adapter::RealTimeKernel;
 use cloudparity::engines::march::{RealTimeRay, RealTimeSettings, march};
 use cloudparity::engines::parameters::Values;
-use cloudparity::engines::passes::god_rays::{GodRays, Layer};
+use cloudparity::engines::passes::compositing::Compositing;
+use cloudparity::engines::passes::god_rays::{GodRayKernel, GodRayPass, GodRays, Layer, texel_of};
 use cloudparity::engines::perlin_fbm::adapter::BakeKernel;
 use cloudparity::engines::perlin_fbm::bake::Bake;
 use cloudparity::engines::perlin_fbm::mask::{Deformation, Mask};
@@ -18,29 +19,18 @@ use cloudparity::engines::perlin_fbm::noise::{Field, Octaves, noise, octaves};
 use cloudparity::engines::perlin_fbm::random::{Random, permutation};
 use cloudparity::engines::perlin_fbm::settings;
 use cloudparity::engines::perlin_fbm::{Cloud, Evaluation, Parameters, Volume};
+use cloudparity::engines::render::EngineJitter;
 use cloudparity::gpu::Gpu;
+use cloudparity::nodes::running_error::RunningError;
+use cloudparity::view::jitter_table;
 use glam::DVec3;
-use serde_json::Value;
+use serde_json::{Value, json};
+use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
+use support::rounding::{Single, blur_error, check_bake};
 
 /// Double precision in another order of operations: some ten roundings of values up to 50.
 const ROUNDING: f64 = 1e-12;
-
-/// Largest errors of single precision for coordinates below 64 and below 1000: one noise, and five octaves of persistence 0.5 and
-/// lacunarity 3, whose fractional parts lose bits. Measured for the reference data.
-const SINGLE_NOISE: [f64; 2] = [4e-6, 8e-5];
-const SINGLE_OCTAVES: [f64; 2] = [3e-5, 5e-4];
-
-/// The same for other octaves: a coordinate's rounding grows with the frequency, and counts with the amplitude. Never below the
-/// figure itself, which is the largest of a thousand points, not a bound.
-fn single_octaves(octaves: &Octaves, range: usize) -> f64 {
-    let growth = |octaves: &Octaves| {
-        let powers = |base: f64| (0..octaves.count as i32).map(|number| base.powi(number)).sum::<f64>();
-        powers(octaves.persistence * octaves.lacunarity) / powers(octaves.persistence)
-    };
-    let measured = Octaves { count: 5, persistence: 0.5, lacunarity: 3.0 };
-    SINGLE_OCTAVES[range] * (growth(octaves) / growth(&measured)).max(1.0)
-}
 
 struct Golden {
     folder: PathBuf,
@@ -77,6 +67,14 @@ impl Golden {
         self.bytes(name).chunks_exact(8).map(|bytes| f64::from_le_bytes(bytes.try_into().expect("eight"))).collect()
     }
 
+    /// The parameters of a bake of the manifest by its name, `P0`.
+    fn bake(&self, name: &Value) -> Bake {
+        let name = name.as_str().unwrap_or_else(|| panic!("no name of a bake: {name}"));
+        let begin = format!("bake_{name}_");
+        let entry = self.files(&begin, ".u8").map(|(_, entry)| entry).next();
+        bake(&entry.unwrap_or_else(|| panic!("no bake {name} in the manifest"))["parameters"])
+    }
+
     /// Names of the manifest's files that begin and end so, with their entries.
     fn files<'a>(&'a self, begin: &str, end: &'a str) -> impl Iterator<Item = (&'a str, &'a Value)> {
         let begin = begin.to_owned();
@@ -91,6 +89,17 @@ impl Golden {
 fn read_json(path: &Path) -> Value {
     let text = std::fs::read_to_string(path).unwrap_or_else(|cause| panic!("{}: {cause}", path.display()));
     serde_json::from_str(&text).unwrap_or_else(|cause| panic!("{}: {cause}", path.display()))
+}
+
+/// Names of the columns of an entry.
+fn columns(entry: &Value) -> Vec<&str> {
+    let names = entry["columns"].as_array().unwrap_or_else(|| panic!("no columns in {entry}"));
+    names.iter().map(|name| name.as_str().expect("a column's name")).collect()
+}
+
+/// Sides of an entry's picture: rows and columns.
+fn sides(entry: &Value) -> [usize; 2] {
+    [0, 1].map(|axis| entry["shape"][axis].as_u64().unwrap_or_else(|| panic!("no shape in {entry}")) as usize)
 }
 
 fn number(value: &Value, name: &str) -> f64 {
@@ -149,15 +158,6 @@ fn same_texels(name: &str, ours: &[u8], expected: &[u8], is_exact: bool) {
     }
 }
 
-/// Single precision: at most one off, in a few texels of a hundred (the figure of the reference data).
-fn few_differ(name: &str, ours: &[u8], expected: &[u8]) {
-    assert_eq!(ours.len(), expected.len(), "{name}");
-    let differences: Vec<u8> = ours.iter().zip(expected).map(|(a, b)| a.abs_diff(*b)).filter(|&d| d > 0).collect();
-    eprintln!("{name}: {} of {} texels differ", differences.len(), ours.len());
-    assert!(differences.iter().all(|&difference| difference == 1), "{name}: a texel differs by more than 1");
-    assert!(differences.len() * 100 <= 5 * ours.len(), "{name}: {} texels differ", differences.len());
-}
-
 #[test]
 fn random_numbers_and_permutations_are_those_of_the_engine() {
     let Some(golden) = Golden::open() else { return };
@@ -180,16 +180,11 @@ fn random_numbers_and_permutations_are_those_of_the_engine() {
 }
 
 #[test]
-fn noise_is_exact_in_double_precision_and_within_its_error_in_single() {
+fn noise_is_exact_in_double_precision_and_within_its_rounding_in_single() {
     let Some(golden) = Golden::open() else { return };
     let points = golden.doubles("noise_points.f64");
     let values = golden.doubles("noise_values.f64");
-    let columns: Vec<&str> = golden.manifest["files"]["noise_values.f64"]["columns"]
-        .as_array()
-        .expect("columns")
-        .iter()
-        .map(|column| column.as_str().expect("a name"))
-        .collect();
+    let columns = columns(&golden.manifest["files"]["noise_values.f64"]);
     for (column, name) in columns.iter().enumerate() {
         let after = |word: &str| -> Option<f64> {
             let (_, rest) = name.split_once(word)?;
@@ -201,19 +196,22 @@ fn noise_is_exact_in_double_precision_and_within_its_error_in_single() {
             persistence: after("persistence").expect("a persistence"),
             lacunarity: after("lacunarity").expect("a lacunarity"),
         });
-        let field = if name.contains("mask noise") { Field::Mask } else { Field::Volume };
+        let field = match ["mask noise", "volume noise"].map(|kind| name.contains(kind)) {
+            [true, false] => Field::Mask,
+            [false, true] => Field::Volume,
+            _ => panic!("which noise is \"{name}\"?"),
+        };
+        assert!(sum.is_none() || field == Field::Volume, "octaves are of the volume's noise: {name}");
         for (point, row) in points.chunks_exact(3).zip(values.chunks_exact(columns.len())) {
             let place = [point[0], point[1], point[2]];
-            let (double, single) = match &sum {
-                Some(sum) => (octaves(&table, place, sum), octaves(&table, place.map(|x| x as f32), sum)),
-                None => (noise(field, &table, place), noise(field, &table, place.map(|x| x as f32))),
+            let (double, single, bound): (f64, f32, RunningError) = match &sum {
+                Some(sum) => (octaves(&table, place, sum), octaves(&table, place, sum), octaves(&table, place, sum)),
+                None => (noise(field, &table, place), noise(field, &table, place), noise(field, &table, place)),
             };
             assert_eq!(double, row[column], "{name} at {place:?}");
-            let is_far = usize::from(place.iter().any(|coordinate| coordinate.abs() >= 64.0));
-            let limit = sum.as_ref().map_or(SINGLE_NOISE[is_far], |sum| single_octaves(sum, is_far));
-            // Rounding to single precision may put an integer's neighbour on the integer: noise is continuous there.
             let error = (f64::from(single) - row[column]).abs();
-            assert!(error <= limit, "{name} at {place:?}: error {error:e} in single precision");
+            let limit = bound.error();
+            assert!(error <= limit, "{name} at {place:?}: error {error:e} of {limit:e} in single precision");
         }
     }
 }
@@ -223,7 +221,7 @@ fn bakes_are_the_engines_byte_for_byte() {
     let Some(golden) = Golden::open() else { return };
     for (name, entry) in golden.files("bake_", ".u8") {
         let parameters = bake(&entry["parameters"]);
-        let side = entry["shape"][0].as_u64().expect("a size") as usize;
+        let side = sides(entry)[0];
         let ours = parameters.volume(side).expect("parameters in range");
         same_texels(name, &ours.texels, &golden.bytes(name), parameters.intensity == 1.0);
     }
@@ -239,29 +237,30 @@ fn bakes_are_the_engines_byte_for_byte() {
     }
     for (name, entry) in golden.files("bake_", "_blend.f32") {
         let parameters = bake(&entry["parameters"]);
-        let side = entry["shape"][0].as_u64().expect("a size") as usize;
+        let side = sides(entry)[0];
         let table = permutation(parameters.seed);
         let expected = golden.bytes(name);
         for (index, bytes) in expected.chunks_exact(4).enumerate() {
             let place = [index % side, index / side % side, index / side / side];
-            let value = parameters.blend(&table, place.map(|number| number as f64 / (side - 1) as f64));
+            let value = parameters.blend::<f64>(&table, place.map(|number| number as f64 / (side - 1) as f64));
             assert_eq!(value as f32, f32::from_le_bytes(bytes.try_into().expect("four")), "{name} at {place:?}");
         }
     }
 }
 
 #[test]
-fn bakes_in_single_precision_are_one_off_at_most_in_a_few_texels() {
+fn bakes_in_single_precision_are_within_their_rounding() {
     let Some(golden) = Golden::open() else { return };
     for (name, entry) in golden.files("bake_", ".u8") {
-        let side = entry["shape"][0].as_u64().expect("a size") as usize;
-        let ours = bake(&entry["parameters"]).volume_in::<f32>(side).expect("parameters in range");
-        few_differ(name, &ours.texels, &golden.bytes(name));
+        let side = sides(entry)[0];
+        let bake = bake(&entry["parameters"]);
+        let ours = bake.volume_in::<f32>(side).expect("parameters in range");
+        check_bake(name, &bake, side, [&ours.texels, &golden.bytes(name)], Single::Cpu);
     }
 }
 
 #[test]
-fn bakes_on_the_adapter_are_one_off_at_most_in_a_few_texels() {
+fn bakes_on_the_adapter_are_within_their_rounding() {
     let Some(golden) = Golden::open() else { return };
     if !support::require("vulkan") {
         return;
@@ -269,9 +268,10 @@ fn bakes_on_the_adapter_are_one_off_at_most_in_a_few_texels() {
     let gpu = Gpu::open().expect("the adapter that was just there");
     let kernel = BakeKernel::new(&gpu).expect("a kernel");
     for (name, entry) in golden.files("bake_", ".u8") {
-        let side = entry["shape"][0].as_u64().expect("a size") as usize;
-        let ours = kernel.volume(&bake(&entry["parameters"]), side).expect("parameters in range");
-        few_differ(name, &ours.texels, &golden.bytes(name));
+        let side = sides(entry)[0];
+        let bake = bake(&entry["parameters"]);
+        let ours = kernel.volume(&bake, side).expect("parameters in range");
+        check_bake(name, &bake, side, [&ours.texels, &golden.bytes(name)], Single::Adapter);
     }
 }
 
@@ -293,15 +293,35 @@ fn mask_textures_are_the_engines_byte_for_byte() {
         let Volume { side, texels } = deformation.texture();
         let short = name.trim_start_matches("masknoise_").trim_end_matches("_sub32.u8");
         assert_eq!(hash(&texels), hashes[short]["fnv1a"], "{short}");
-        let coarse = side / 4;
+        // Which texels the file holds: "texels (4i+1,4j+1,4k+1) of the 128^3 texture".
+        let [step, begin, whole] = numbers(entry, "texels (", "^3 texture")[..] else {
+            panic!("which texels are {}?", entry["what"])
+        };
+        assert_eq!(whole as usize, side, "{name}");
+        let coarse = sides(entry)[0];
         let every_fourth: Vec<u8> = (0..coarse.pow(3))
             .map(|index| {
-                let [x, y, z] = [index % coarse, index / coarse % coarse, index / coarse / coarse].map(|n| 4 * n + 1);
+                let place = [index % coarse, index / coarse % coarse, index / coarse / coarse];
+                let [x, y, z] = place.map(|number| step as usize * number + begin as usize);
                 texels[(z * side + y) * side + x]
             })
             .collect();
         same_texels(name, &every_fourth, &golden.bytes(name), true);
     }
+}
+
+/// The different numbers in an entry's words from `begin` to `end`, in their order.
+fn numbers(entry: &Value, begin: &str, end: &str) -> Vec<f64> {
+    let words = entry["what"].as_str().unwrap_or_else(|| panic!("no words in {entry}"));
+    let inside = words.split_once(begin).and_then(|(_, rest)| rest.split_once(end));
+    let (inside, _) = inside.unwrap_or_else(|| panic!("no \"{begin} .. {end}\" in \"{words}\""));
+    let mut found: Vec<f64> = Vec::new();
+    for number in inside.split(|letter: char| !letter.is_ascii_digit()).filter_map(|text| text.parse().ok()) {
+        if !found.contains(&number) {
+            found.push(number);
+        }
+    }
+    found
 }
 
 /// The cloud of an entry: its volume's bake and size, its mask and `from`'s other parameters.
@@ -334,15 +354,13 @@ fn mask_and_density_are_the_engines() {
     let points = golden.doubles("mask_points.f64");
     for (name, entry) in golden.files("mask_values_", ".f64") {
         let size = number(&entry["volume"], "size") as usize;
-        let of = entry["volume"]["bake"].as_str().expect("the name of a bake");
-        let volume = golden
-            .files(&format!("bake_{of}_"), ".u8")
-            .map(|(_, entry)| bake(&entry["parameters"]))
-            .next()
-            .unwrap_or_else(|| panic!("no bake {of} in the manifest"));
+        let volume = golden.bake(&entry["volume"]["bake"]);
         let cloud = cloud(entry, volume, size, "density_multiplier", 1.0);
         let never_uploaded = Mask { reads_textures: false, ..mask(&entry["mask"]) }.bake().expect("a mask");
         let expected = golden.doubles(name);
+        let [distance, bare_distance, rest @ ..] = &columns(entry)[..] else { panic!("columns of {name}") };
+        assert!(*distance == "sdf" && bare_distance.contains("reading 0"), "{name}");
+        assert_eq!(rest, ["mask factor", "volume texel", "density"], "{name}");
         for (point, row) in points.chunks_exact(3).zip(expected.chunks_exact(5)) {
             let place = [point[0], point[1], point[2]];
             let found = cloud.at(place);
@@ -355,6 +373,82 @@ fn mask_and_density_are_the_engines() {
     }
 }
 
+/// The jitter of a picture, as the manifest names it.
+enum Jitter {
+    Constant(f64),
+    Table,
+}
+
+impl Jitter {
+    fn read(value: &Value) -> Self {
+        let words = value.as_str().unwrap_or_else(|| panic!("no words for the jitter: {value}"));
+        match words.strip_prefix("const ") {
+            Some(number) => Self::Constant(number.parse().unwrap_or_else(|cause| panic!("jitter {words}: {cause}"))),
+            None if words == "table" => Self::Table,
+            None => panic!("jitter \"{words}\""),
+        }
+    }
+
+    fn at(&self, column: usize, row: usize) -> f64 {
+        match self {
+            Self::Constant(value) => *value,
+            Self::Table => EngineJitter::Table.value([column, row], 0),
+        }
+    }
+}
+
+/// Depth values 0 to 1 by columns of a picture, as the manifest's words say: "all 1.0 (nothing in front)", or clauses such as "columns
+/// 16..31: depth value of a plane at view distance 60", whose last column is part of them.
+fn read_depths(config: &Value) -> Vec<(RangeInclusive<usize>, f64)> {
+    let words = config["depth"].as_str().unwrap_or_else(|| panic!("no words for the depth: {}", config["depth"]));
+    let [near, far] = ["near", "far"].map(|name| number(config, name));
+    let clause = |text: &str| -> Option<(RangeInclusive<usize>, f64)> {
+        let text = text.trim();
+        if let Some(value) = text.strip_prefix("all ") {
+            return Some((0..=usize::MAX, value.split_whitespace().next()?.parse().ok()?));
+        }
+        let (range, what) = text.strip_prefix("columns ")?.split_once(':')?;
+        let (first, last) = range.split_once("..")?;
+        let depth = match what.trim().strip_prefix("depth value of a plane at view distance ") {
+            // The inverse of near far / (far + d (near - far)).
+            Some(distance) => far / (far - near) * (1.0 - near / distance.trim().parse::<f64>().ok()?),
+            None => what.trim().parse().ok()?,
+        };
+        Some((first.trim().parse().ok()?..=last.trim().parse().ok()?, depth))
+    };
+    let depths =
+        words.split(';').map(|text| clause(text).unwrap_or_else(|| panic!("what depth is \"{text}\"?"))).collect();
+    if let Some(expected) = config["depth_value_of_plane"].as_f64() {
+        let found: &Vec<(RangeInclusive<usize>, f64)> = &depths;
+        let is_there = found.iter().any(|(_, depth)| (depth - expected).abs() <= ROUNDING);
+        assert!(is_there, "no depth of {expected} in \"{words}\"");
+    }
+    depths
+}
+
+#[test]
+fn depths_are_those_of_the_words() {
+    let depths = |words: &str| read_depths(&json!({"depth": words, "near": 0.5, "far": 100.0}));
+    assert_eq!(depths("all 1.0 (nothing in front)"), [(0..=usize::MAX, 1.0)]);
+    let found = depths("columns 3..9: depth value of a plane at view distance 40; columns 0..2: 0.25");
+    assert_eq!(found.iter().map(|(columns, _)| columns.clone()).collect::<Vec<_>>(), [3..=9, 0..=2]);
+    assert!((0.5 * 100.0 / (100.0 + found[0].1 * (0.5 - 100.0)) - 40.0).abs() < 1e-12 && found[1].1 == 0.25);
+    for words in ["half 1.0", "columns 3: 1.0", "columns 0..4: far away"] {
+        assert!(std::panic::catch_unwind(|| depths(words)).is_err(), "{words}");
+    }
+}
+
+#[test]
+fn the_table_of_jitter_is_the_manifests() {
+    let Some(golden) = Golden::open() else { return };
+    let [height, width] = sides(&golden.manifest["files"]["jitter_16x16.u8"]);
+    assert_eq!([height, width], [jitter_table::SIDE; 2]);
+    for (index, byte) in golden.bytes("jitter_16x16.u8").into_iter().enumerate() {
+        let found = EngineJitter::Table.value([index % width, index / width + 3 * height], 0);
+        assert_eq!(found, f64::from(byte) / 255.0, "fragment {index}");
+    }
+}
+
 /// A picture of the manifest: how it is marched, and its rays.
 struct Picture {
     light: LightModel,
@@ -364,9 +458,9 @@ struct Picture {
 }
 
 impl Picture {
-    fn of(golden: &Golden, entry: &Value) -> Self {
+    fn of(entry: &Value) -> Self {
         let config = &entry["config"];
-        let [height, width] = [0, 1].map(|axis| entry["shape"][axis].as_u64().expect("a size") as usize);
+        let [height, width] = sides(entry);
         let [origin, target] = ["pos", "target"].map(|name| DVec3::from(triple(&config[name])));
         let forward = (target - origin).normalize();
         let right = forward.cross(DVec3::Y).normalize();
@@ -374,30 +468,23 @@ impl Picture {
         let half = (number(config, "fovDeg").to_radians() / 2.0).tan();
         let scale = number(config, "scale");
         let [near, far] = ["near", "far"].map(|name| number(config, name));
-        let table = (config["jitter"] == "table").then(|| golden.bytes("jitter_16x16.u8"));
-        let constant = config["jitter"]
-            .as_str()
-            .and_then(|text| text.strip_prefix("const "))
-            .map(|text| text.parse::<f64>().unwrap_or_else(|cause| panic!("jitter {text}: {cause}")));
-        let plane = config["depth_value_of_plane"].as_f64();
+        let jitter = Jitter::read(&config["jitter"]);
+        let depths = read_depths(config);
         let rays = (0..width * height)
             .map(|index| {
                 let (column, row) = (index % width, index / width);
                 let across = (2.0 * (column as f64 + 0.5) / width as f64 - 1.0) * width as f64 / height as f64;
                 let along = 1.0 - 2.0 * (row as f64 + 0.5) / height as f64;
                 let direction = (forward + half * (across * right + along * up)).normalize();
-                let jitter = match &table {
-                    Some(table) => f64::from(table[(height - 1 - row) % 16 * 16 + column % 16]) / 255.0,
-                    None => constant.expect("a jitter that is known"),
-                };
-                // The plane stands before the right half of the picture.
-                let depth = plane.filter(|_| column >= width / 2).unwrap_or(1.0);
+                let depth = depths.iter().find(|(columns, _)| columns.contains(&column)).map(|(_, depth)| *depth);
+                let depth = depth.unwrap_or_else(|| panic!("no depth for column {column} in {}", config["depth"]));
                 let view_distance = near * far / (far + depth * (near - far));
                 RealTimeRay {
                     origin: origin / scale,
                     direction,
                     farthest: view_distance / direction.dot(forward) / scale,
-                    jitter,
+                    // Fragments are counted from the bottom.
+                    jitter: jitter.at(column, height - 1 - row),
                 }
             })
             .collect();
@@ -425,9 +512,10 @@ fn pictures_are_the_engines() {
         let config = &entry["config"];
         let size = number(config, "size") as usize;
         let cloud = cloud(config, bake(&config["bake"]), size, "mult", number(config, "opacity"));
-        let picture = Picture::of(&golden, entry);
+        let picture = Picture::of(entry);
         let pixels = march(&cloud, &picture.light, &picture.settings, &picture.rays).expect("marched");
         let expected = golden.doubles(name);
+        check_columns(name, entry);
         for (index, (pixel, row)) in pixels.iter().zip(expected.chunks_exact(9)).enumerate() {
             let [red, green, blue] = pixel.radiance;
             let [through_red, through_green, through_blue] = pixel.transmittance;
@@ -446,6 +534,18 @@ fn pictures_are_the_engines() {
     }
 }
 
+/// What the columns of a picture hold.
+fn check_columns(name: &str, entry: &Value) {
+    let columns = columns(entry);
+    let expected = ["r", "g", "b", "alpha", "transmittance r", "transmittance g", "transmittance b"];
+    assert_eq!(columns[..7], expected, "{name}");
+    let counts = ["passed both break tests", "with density > 0.01"];
+    assert!(
+        columns.len() == 9 && columns[7..].iter().zip(counts).all(|(column, words)| column.contains(words)),
+        "{name}"
+    );
+}
+
 /// Largest error of a picture in single precision with textures filtered in full.
 const PICTURE: f64 = 1e-4;
 
@@ -460,7 +560,7 @@ fn pictures_on_the_adapter_are_the_engines() {
         let config = &entry["config"];
         let size = number(config, "size") as usize;
         let cloud = cloud(config, bake(&config["bake"]), size, "mult", number(config, "opacity"));
-        let picture = Picture::of(&golden, entry);
+        let picture = Picture::of(entry);
         let kernel = RealTimeKernel::new(&gpu, &cloud, &picture.light, &picture.settings).expect("a kernel");
         let pixels = kernel.march(&picture.rays).expect("pixels");
         let mut largest = 0.0_f64;
@@ -477,13 +577,15 @@ fn pictures_on_the_adapter_are_the_engines() {
 #[test]
 fn god_rays_are_the_engines() {
     let Some(golden) = Golden::open() else { return };
+    let gpu = support::require("vulkan").then(|| Gpu::open().expect("the adapter that was just there"));
     for (name, entry) in golden.files("godrays_output", ".f64") {
         let input = &golden.manifest["files"]["godrays_input.f32"];
-        let [height, width] = [0, 1].map(|axis| input["shape"][axis].as_u64().expect("a size") as usize);
-        let singles = golden.bytes("godrays_input.f32");
-        let read = |bytes: &[u8]| f64::from(f32::from_le_bytes(bytes.try_into().expect("four")));
-        let pixels = singles.chunks_exact(16).map(|pixel| [0, 4, 8].map(|at| read(&pixel[at..at + 4]))).collect();
-        let sun = std::array::from_fn(|axis| entry["light_ndc"][axis].as_f64().expect("a number"));
+        let [height, width] = sides(input);
+        let singles: Vec<f32> = bytemuck::pod_collect_to_vec(&golden.bytes("godrays_input.f32"));
+        // The blur has one channel: the picture of what hides the sun is grey.
+        let grey: Vec<f32> = singles.chunks_exact(4).map(|pixel| pixel[0]).collect();
+        assert!(singles.chunks_exact(4).all(|pixel| pixel[..3] == [pixel[0]; 3]), "{name}");
+        let device: [f64; 2] = std::array::from_fn(|axis| entry["light_ndc"][axis].as_f64().expect("a number"));
         let rays = GodRays {
             density: number(entry, "density"),
             decay: number(entry, "decay"),
@@ -492,10 +594,28 @@ fn god_rays_are_the_engines() {
             samples: number(entry, "samples") as u32,
             ..GodRays::default()
         };
-        let output = rays.render(&Layer { width, height, pixels }, sun, triple(&entry["sun_colour"]));
-        for (found, expected) in output.pixels.as_flattened().iter().zip(golden.doubles(name)) {
-            // A hundred reads, summed.
-            assert!((found - expected).abs() <= 100.0 * ROUNDING, "{name}: {found}, not {expected}");
+        let layer = Layer { width, height, pixels: grey.iter().map(|&value| f64::from(value)).collect() };
+        let output = rays.render(&layer, texel_of(device, [width, height]));
+        let colour = triple(&entry["sun_colour"]);
+        assert_eq!(columns(entry), ["r", "g", "b"]);
+        let expected = golden.doubles(name);
+        for (found, expected) in output.pixels.iter().zip(expected.chunks_exact(3)) {
+            for (expected, colour) in expected.iter().zip(colour) {
+                // A hundred reads, summed.
+                let found = colour * found;
+                assert!((found - expected).abs() <= 100.0 * ROUNDING, "{name}: {found}, not {expected}");
+            }
+        }
+        let Some(gpu) = &gpu else { continue };
+        let pass = GodRayPass { rays, compositing: Compositing::default() };
+        let kernel = GodRayKernel::new(gpu, pass).expect("a kernel");
+        let occlusion = gpu.upload("occlusion", bytemuck::cast_slice(&grey), wgpu::BufferUsages::STORAGE);
+        let blurred = kernel.blur(&occlusion, [width, height], device).expect("submitted");
+        let bytes = gpu.read_back(&blurred, (4 * width * height) as u64).expect("numbers");
+        let limit = blur_error(&rays, [width, height], 0.0);
+        for (&found, expected) in bytemuck::pod_collect_to_vec::<u8, f32>(&bytes).iter().zip(output.pixels) {
+            let error = (f64::from(found) - expected).abs();
+            assert!(error <= limit, "{name} on the adapter: {error:e} of {limit:e}");
         }
     }
 }

@@ -15,10 +15,7 @@ use cloudparity::view::camera::Camera;
 use glam::{DVec2, DVec3};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-
-/// Largest relative error of one rounding to f32. WGSL's division is off by 5 of them, its square root by 9 (2 ulp of `inverseSqrt` and a
-/// division).
-const U: f64 = 1.0 / 16_777_216.0;
+use support::rounding::{U, blur_error};
 
 /// Sizes of frames: one pixel, one row or column, odd and even sides, more than a workgroup.
 const SIZES: [[u32; 2]; 7] = [[1, 1], [1, 9], [7, 1], [2, 2], [5, 3], [33, 17], [40, 24]];
@@ -226,7 +223,7 @@ fn a_sun_behind_the_camera_shines_from_the_mirrored_point_with_the_defect_alone(
                 assert!(image.pixels.iter().all(|pixel| *pixel == [0.0; 4]), "mended, nothing shines from behind");
                 continue;
             }
-            // A texel of the half is a sixteenth of the picture's height in these coordinates, and rays are brightest in or beside the sun's.
+            // A texel of the half is a ninth of the picture's height here, and rays are brightest in the sun's or beside it.
             assert!(value > 0.5 && (place - mirrored).abs().max_element() < 0.12, "{towards:?}: {value} at {place}");
         }
     }
@@ -263,45 +260,31 @@ fn god_rays_need_a_plane_and_their_channel() {
     let error = pass(true, 10).run(&mut Image::new(8, 4), &view(&flat, &sun)).expect_err("refused").to_string();
     assert!(error.contains("without transmittance"), "{error}");
     // What is not listed needs nothing.
-    assert_eq!(Channels::of(&[]), Channels { transmittance: false });
-    assert_eq!(Channels::of(&[Box::new(pass(true, 10))]), Channels { transmittance: true });
+    let mut passes: Vec<Box<dyn Pass>> = Vec::new();
+    assert_eq!(Channels::of(&passes), Channels { transmittance: false });
+    passes.push(Box::new(pass(true, 10)));
+    assert_eq!(Channels::of(&passes), Channels { transmittance: true });
 }
 
-/// Largest difference of neighbours along rows and along columns.
-fn slopes(values: &[f64], width: usize) -> [f64; 2] {
-    let along = |step: usize, is_inside: &dyn Fn(usize) -> bool| {
-        let pairs = (0..values.len().saturating_sub(step)).filter(|&index| is_inside(index));
-        pairs.map(|index| (values[index] - values[index + step]).abs()).fold(0.0, f64::max)
-    };
-    [along(1, &|index| (index + 1) % width != 0), along(width, &|_| true)]
-}
+/// Sum of the sides of the picture in the plane at distance 1, at most: 36 mm over 50 mm along the longer one.
+const EXTENT: f64 = 1.44;
 
 /// How far f32 may be off in what god rays add to a pixel, for a transmittance from 0 to 1 and a colour of at most `colour`.
 ///
-/// `extent` is the size of the picture in the plane at distance 1. A direction through a texel is the sum of three vectors that are rounded
-/// once each, times raster coordinates with 7 roundings, so off by 13 u extent + 4 u, and its length by 16 u. Distances to the glow's
-/// middle, at most its radius, add 2 u and 12 u of it. The glow's steepest slope is 1.5 over its radius.
+/// `extent` is the sum of the picture's sides in the plane at distance 1. A direction through a texel is the sum of three vectors that are
+/// rounded once each, times raster coordinates with 7 roundings, so off by 13 u extent + 4 u, and its length by 16 u. Distances to the
+/// glow's middle, at most its radius, add 2 u and 12 u of it. The glow's steepest slope is 1.5 over its radius.
 fn bound(rays: &GodRays, size: [u32; 2], extent: f64, colour: f64) -> f64 {
-    let [width, height] = half(size.map(|side| side as usize)).map(|side| side as f64);
+    let [width, height] = half(size.map(|side| side as usize));
     let direction = 3.0_f64.sqrt() * (13.0 * extent + 20.0) * U;
     let glow = 1.5 * (direction + 2.0 * U + 12.0 * U * SUN_GLOW) / SUN_GLOW + 20.0 * U;
     // Nine texels, each with the mean of three channels and two shares, summed.
     let occlusion = glow + 24.0 * U;
-    // Neighbours of the occlusion picture differ by at most 1. A place on the way has 4 roundings, of numbers up to the side, and 4 of the way.
-    let read = occlusion + 8.0 * U * (width + 1.0 + height + 1.0) + 6.0 * U;
-    let (mut weight, mut sum, mut error) = (rays.weight, 0.0, 0.0);
-    for number in 0..rays.samples {
-        // The weight is a product of so many rounded numbers.
-        error += weight * (read + 2.0 * (f64::from(number) + 2.0) * U);
-        sum += weight;
-        weight *= rays.decay;
-    }
-    error += f64::from(rays.samples) * U * sum;
-    let gain = rays.density * rays.exposure;
-    let blurred = gain * (error + 3.0 * U * sum);
+    let blurred = blur_error(rays, [width, height], occlusion);
     // Added: rays differ by at most their largest value from texel to texel, and the place is rounded three times.
-    let largest = gain * sum;
-    colour * (blurred + 3.0 * U * (width + height) * largest + 12.0 * U * largest)
+    let weights: f64 = (0..rays.samples as i32).map(|number| rays.weight * rays.decay.powi(number)).sum();
+    let largest = rays.density * rays.exposure * weights;
+    colour * (blurred + 3.0 * U * (width + height) as f64 * largest + 12.0 * U * largest)
 }
 
 #[test]
@@ -344,9 +327,7 @@ fn god_rays_are_the_same_on_the_adapter() {
                     kernel.run(&on_adapter, &view).expect("submitted");
                     let found = on_adapter.read_back(&gpu).expect("a picture");
                     let expected = added(pass, &frame, &view);
-                    let extent =
-                        0.72 * (1.0 + f64::from(size[1].max(size[0])) / f64::from(size[0].min(size[1])).max(1.0));
-                    let limit = bound(&pass.rays, size, extent, view.exposure);
+                    let limit = bound(&pass.rays, size, EXTENT, view.exposure);
                     for (index, (ours, theirs)) in found.pixels.iter().zip(&expected.pixels).enumerate() {
                         shone += usize::from(theirs[0] > frame.pixels[index][0] + 0.1);
                         for (ours, theirs) in ours.iter().zip(theirs) {
@@ -362,6 +343,28 @@ fn god_rays_are_the_same_on_the_adapter() {
         }
     }
     assert!(shone > 1000, "hardly anything shines: {shone}");
+}
+
+#[test]
+fn limits_find_one_read_and_one_texel() {
+    let size = [33, 17];
+    let camera = camera(size, 50.0, Projection::Perspective);
+    let suns = [Sun { towards: DVec3::new(0.02, 1.0, 0.01).normalize(), light: [1.0; 3] }];
+    let view = view(&camera, &suns);
+    let whole = pass(false, 100);
+    let limit = bound(&whole.rays, size, EXTENT, view.exposure);
+    assert!(limit < 2e-3, "{limit:e}");
+    let expected = added(whole, &clear(size), &view);
+    let largest = |found: &Image| {
+        let pairs = found.pixels.as_flattened().iter().zip(expected.pixels.as_flattened());
+        pairs.map(|(a, b)| f64::from((a - b).abs())).fold(0.0, f64::max)
+    };
+    let one_read_less = added(pass(false, 99), &clear(size), &view);
+    assert!(largest(&one_read_less) > limit, "{:e} of {limit:e}", largest(&one_read_less));
+    let mut darker = clear(size);
+    darker.transmittance.as_mut().expect("it is there")[8 * 33 + 17] = [0.95; 3];
+    let darker = added(whole, &darker, &view);
+    assert!(largest(&darker) > limit, "{:e} of {limit:e}", largest(&darker));
 }
 
 #[test]

@@ -22,8 +22,8 @@ pub struct Ray {
     pub far: f64,
 }
 
-/// Where a camera's rays go, as a plane in world space: the direction through a raster position (x, y), in pixels from the bottom-left corner,
-/// is that of corner + x across + y up.
+/// Where a camera's rays go, as a plane in world space: the direction through a raster position (x, y), in pixels from the bottom-left
+/// corner, is that of corner + x across + y up.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RasterPlane {
     /// Through the bottom-left corner of the picture.

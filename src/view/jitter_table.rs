@@ -1,7 +1,7 @@
 //! The table of jitter that the reference pictures of the Perlin-FBM engine are made with: 16 x 16 bytes of white noise.
 //!
-//! The engine names an image of blue noise that its document does not hold, and falls back to white noise without a seed (defect PF-16); its
-//! reference data come with this table in their place. tests/golden.rs compares it with them.
+//! The engine names an image of blue noise that its document does not hold, and falls back to white noise without a seed (defect PF-16);
+//! its reference data come with this table in their place. tests/golden.rs compares it with them.
 
 use crate::view::blue_noise::in_frame;
 

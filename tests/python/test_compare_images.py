@@ -106,6 +106,15 @@ def test_two_percent_in_one_channel_differs(tmp_path, reference):
     assert rows["B"] == pytest.approx(0.02, rel=1e-3) and rows["R"] == 0 and rows["A"] == 0
 
 
+def test_transmittance_beside_alpha_is_no_channel_of_the_picture(tmp_path, reference):
+    through = np.full((HEIGHT, WIDTH, 3), 0.5, np.float32)
+    names = ("R", "G", "B", "A", "transmittance.R", "transmittance.G", "transmittance.B")
+    ours = save(tmp_path / "ours.exr", np.concatenate([picture(), through], axis=-1), channels=names)
+    pixels, channels, _, _ = image_metrics.read_image(ours)
+    assert channels == ["R", "G", "B", "A"] and np.array_equal(pixels, picture())
+    assert diff([ours], [reference])["verdict"] == "agrees"
+
+
 def test_relmse_follows_its_written_formula(tmp_path, reference):
     pixels = picture()
     pixels[3:20, 9:30, :3] *= 1.3

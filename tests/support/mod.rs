@@ -4,6 +4,7 @@
 pub mod cube;
 pub mod estimate;
 pub mod graphs;
+pub mod rounding;
 
 use cloudparity::scene::Scene;
 use std::path::{Path, PathBuf};

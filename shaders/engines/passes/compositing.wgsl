@@ -1,8 +1,8 @@
 // Rays of a march over a background, averaged into pixels: twin of Compositing::compose in src/engines/passes/compositing.rs, one
 // invocation per pixel.
 //
-// Conditions: BACKGROUND (else the frame gets an alpha), PER_PIXEL (each pixel has its own), ALPHA_OF_RED (all channels let through what red
-// does), ALPHA_TWICE (radiance is multiplied by alpha), TRANSMITTANCE (the frame keeps what each channel lets through).
+// Conditions: BACKGROUND (else the frame gets an alpha), PER_PIXEL (each pixel has its own), ALPHA_OF_RED (all channels let through what
+// red does), ALPHA_TWICE (radiance is multiplied by alpha), TRANSMITTANCE (the frame keeps what each channel lets through).
 
 struct Composite {
     background: vec3f,

@@ -4,8 +4,8 @@
 //! A pixel sums `samples` reads on the way to the sun, the i-th of them with weight `weight` decay^i; the sum is multiplied by
 //! `density`, `exposure` and the sun's colour. `density` does not shorten the way here, unlike in the book.
 //!
-//! What is blurred is the sun's glow times what the medium lets through, at half the resolution, rounded down. The original never renders it
-//! (defect PF-11). The glow stands where the original's sun does: at the point of the screen that the pass knows. With a sun
+//! What is blurred is the sun's glow times what the medium lets through, at half the resolution, rounded down. The original never
+//! renders it (defect PF-11). The glow stands where the original's sun does: at the point of the screen that the pass knows. With a sun
 //! behind the camera that point is a mirrored one (defect PF-13), and so are glow and rays; mended, they fade out before.
 //!
 //! Twin on the adapter: `shaders/engines/passes/god_rays.wgsl`.

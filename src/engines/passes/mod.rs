@@ -1,7 +1,7 @@
 //! Passes over a picture that has been marched and composed: each reads and changes a whole frame.
 //!
-//! A pass has a form for a picture in memory and a kernel for a [`Frame`] on the adapter, where it stays: neither reads back or waits. What a
-//! pass needs beside the colour, and what it allocates, is there only where it is listed.
+//! A pass has a form for a picture in memory and a kernel for a [`Frame`] on the adapter, where it stays: neither reads back or waits.
+//! What a pass needs beside the colour, and what it allocates, is there only where it is listed.
 
 pub mod compositing;
 pub mod frame;

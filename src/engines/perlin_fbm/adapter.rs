@@ -121,7 +121,8 @@ impl<'a> BakeKernel<'a> {
                 first: first as u32,
                 count: count as u32,
                 low: low as f32,
-                width: (high - low) as f32,
+                // Nothing is divided by 0, however hard the threshold.
+                width: ((high - low) as f32).max(f32::MIN_POSITIVE),
                 intensity: bake.intensity as f32,
                 padding: 0,
             };

@@ -1,7 +1,7 @@
 //! Gradient noise over a permutation, and its sum over octaves (Perlin 2002, "Improving noise", with one look-up more).
 //!
-//! A place is f64 whatever the noise is computed in: a coordinate is taken apart into its lattice cell, modulo 256, and its part of the cell
-//! before it becomes a [`Number`] ([`cell_and_part`]). In f32 a coordinate of 31337 would have 11 bits left behind the point; its part
+//! A place is f64 whatever the noise is computed in: a coordinate is taken apart into its lattice cell, modulo 256, and its part of the
+//! cell before it becomes a [`Number`] ([`cell_and_part`]). In f32 a coordinate of 31337 would have 11 bits left behind the point; its part
 //! of a cell has all 24, however far from the origin the place and however high the octave is.
 
 use crate::nodes::perlin_fbm::random::Permutation;
