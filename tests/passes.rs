@@ -2,12 +2,13 @@
 
 mod support;
 
+use cloudparity::engines::light::Sun;
 use cloudparity::engines::march::RealTimePixel;
 use cloudparity::engines::march::adapter::Pixel;
 use cloudparity::engines::passes::compositing::{Background, CompositeKernel, Compositing, Part, mean_transmittance};
 use cloudparity::engines::passes::frame::Frame;
 use cloudparity::engines::passes::god_rays::{GodRayKernel, GodRayPass, GodRays, SUN_GLOW, half};
-use cloudparity::engines::passes::{Channels, Pass, PassKernel, Sun, View};
+use cloudparity::engines::passes::{Channels, Pass, PassKernel, View};
 use cloudparity::gpu::Gpu;
 use cloudparity::scene::image::Image;
 use cloudparity::scene::{Projection, Scene};
@@ -15,6 +16,7 @@ use cloudparity::view::camera::Camera;
 use glam::{DVec2, DVec3};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
+use std::sync::Arc;
 
 /// Largest relative error of one rounding to f32. WGSL's division is off by 5 of them, its square root by 9 (2 ulp of `inverseSqrt` and a
 /// division).
@@ -264,16 +266,7 @@ fn god_rays_need_a_plane_and_their_channel() {
     assert!(error.contains("without transmittance"), "{error}");
     // What is not listed needs nothing.
     assert_eq!(Channels::of(&[]), Channels { transmittance: false });
-    assert_eq!(Channels::of(&[Box::new(pass(true, 10))]), Channels { transmittance: true });
-}
-
-/// Largest difference of neighbours along rows and along columns.
-fn slopes(values: &[f64], width: usize) -> [f64; 2] {
-    let along = |step: usize, is_inside: &dyn Fn(usize) -> bool| {
-        let pairs = (0..values.len().saturating_sub(step)).filter(|&index| is_inside(index));
-        pairs.map(|index| (values[index] - values[index + step]).abs()).fold(0.0, f64::max)
-    };
-    [along(1, &|index| (index + 1) % width != 0), along(width, &|_| true)]
+    assert_eq!(Channels::of(&[Arc::new(pass(true, 10))]), Channels { transmittance: true });
 }
 
 /// How far f32 may be off in what god rays add to a pixel, for a transmittance from 0 to 1 and a colour of at most `colour`.
