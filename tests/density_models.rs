@@ -3,14 +3,17 @@
 mod support;
 
 use cloudparity::engines::defects::Defects;
-use cloudparity::engines::march::adapter::RealTimeKernel;
-use cloudparity::engines::march::{RealTimePixel, RealTimeRay, march};
+use cloudparity::engines::march::adapter::MarchKernel;
+use cloudparity::engines::march::{RealTimePixel, RealTimeRay};
 use cloudparity::engines::parameters::{Range, Values};
-use cloudparity::engines::perlin_fbm::{Cloud, settings};
+use cloudparity::engines::perlin_fbm::settings;
 use cloudparity::gpu::Gpu;
+use cloudparity::nodes::perlin_fbm::Cloud;
 use glam::DVec3;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
+use std::sync::Arc;
+use support::cloud::{Boxed, local_box};
 
 /// Sets of parameters on the CPU, in which one wrong value would be found.
 const SETS: usize = 10_000;
@@ -56,10 +59,10 @@ fn random_rays(random: &mut ChaCha8Rng) -> Vec<RealTimeRay> {
         .map(|number| {
             let origin = point(if number % 3 == 0 { 0.5 } else { 1.5 });
             let direction = (point(0.4) - origin).normalize();
-            RealTimeRay { origin, direction, farthest: f64::INFINITY, jitter: (point(0.5).x + 0.5).clamp(0.0, 1.0) }
+            local_box().ray(origin, direction, f64::INFINITY, (point(0.5).x + 0.5).clamp(0.0, 1.0))
         })
         .collect();
-    let along = |origin: DVec3, direction: DVec3| RealTimeRay { origin, direction, farthest: 2.0, jitter: 0.5 };
+    let along = |origin: DVec3, direction: DVec3| local_box().ray(origin, direction, 2.0, 0.5);
     rays.push(along(DVec3::new(0.0, 0.0, 2.0), DVec3::NEG_Z));
     rays.push(along(DVec3::new(-1.0, 0.5, 0.0), DVec3::X));
     rays.push(along(DVec3::ZERO, DVec3::Y));
@@ -82,7 +85,7 @@ fn no_parameters_make_a_value_that_is_no_number() {
     let gpu = support::require("vulkan").then(|| Gpu::open().expect("the adapter that was just there"));
     let mut random = ChaCha8Rng::seed_from_u64(4);
     // With all defects and with none, for the mask's textures.
-    let mut last: [Option<Cloud>; 2] = [None, None];
+    let mut last: [Option<Arc<Cloud>>; 2] = [None, None];
     let mut opacity = 0.0;
     let mut warned = 0;
     let mut masks = random_values(&mut random);
@@ -103,13 +106,19 @@ fn no_parameters_make_a_value_that_is_no_number() {
         let defects = if set % 2 == 0 { Defects::NONE } else { Defects::ALL };
         let (parameters, warnings) = settings::parameters(&values, &defects, f64::from(set as u32)).expect("in range");
         warned += usize::from(!warnings.is_empty());
-        let cloud = Cloud::new_after(parameters, last[set % 2].as_ref()).expect("in range");
+        let cloud = Arc::new(Cloud::new_after(parameters, last[set % 2].as_deref()).expect("in range"));
+        let of_density = settings::opacity(&values).expect("in range");
         let rays = random_rays(&mut random);
         let (light, rule) = (settings::light(&values, &defects), settings::march(&values, &defects));
         let what = || format!("set {set}, {defects}: {values:?}");
-        opacity += check(&march(&cloud, &light, &rule, &rays).expect("marched"), &what);
+        let pixels = Boxed::filling(&cloud, of_density).marched(&light).march(&rule, &rays).expect("marched");
+        opacity += check(&pixels, &what);
         if let Some(gpu) = gpu.as_ref().filter(|_| set % ADAPTER_EVERY == 0) {
-            let kernel = RealTimeKernel::new(gpu, &cloud, &light, &rule).expect("a kernel");
+            // With the table of what is provably empty, as an engine has it: on the CPU it changes nothing.
+            let again = Cloud::new_after(cloud.parameters().clone(), Some(&cloud)).expect("in range");
+            let engine = Boxed::new(again, of_density);
+            assert_eq!(engine.marched(&light).march(&rule, &rays).expect("marched"), pixels, "{}", what());
+            let kernel = MarchKernel::new(gpu, &engine.marched(&light), &rule).expect("a kernel");
             check(&kernel.march(&rays).expect("pixels"), &what);
         }
         last[set % 2] = Some(cloud);
@@ -132,9 +141,10 @@ fn a_flattening_of_zero_is_defined_and_named() {
             let name = format!("flatten_{side} is 0");
             assert!(warnings.iter().any(|warning| warning.contains(&name)), "{name} is not in {warnings:?}");
         }
-        let cloud = Cloud::new(parameters).expect("in range");
+        let cloud =
+            Boxed::new(Cloud::new(parameters).expect("in range"), settings::opacity(&values).expect("in range"));
         let (light, rule) = (settings::light(&values, &defects), settings::march(&values, &defects));
-        let pixels = march(&cloud, &light, &rule, &rays).expect("marched");
+        let pixels = cloud.marched(&light).march(&rule, &rays).expect("marched");
         let opacity = check(&pixels, &|| format!("{defects}"));
         assert_eq!(opacity == 0.0, is_empty, "{defects}: {opacity}");
     }
@@ -159,7 +169,7 @@ fn baking_error(texture_size: f64) -> [f64; 2] {
     let (mut square, mut largest) = (0.0, 0.0_f64);
     for _ in 0..4000 {
         let place = std::array::from_fn(|_| random.random_range(-0.4..0.4));
-        let (found, wanted) = (baked.at(place).density, exact.at(place).density);
+        let (found, wanted): (f64, f64) = (baked.at(place).density, exact.at(place).density);
         square += (found - wanted).powi(2) / 4000.0;
         largest = largest.max(wanted);
     }

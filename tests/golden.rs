@@ -7,26 +7,28 @@ mod support;
 
 use cloudparity::engines::defects::Defects;
 use cloudparity::engines::light::LightModel;
-use cloudparity::engines::march::adapter::RealTimeKernel;
-use cloudparity::engines::march::{RealTimeRay, RealTimeSettings, march};
+use cloudparity::engines::light::Sun;
+use cloudparity::engines::march::adapter::MarchKernel;
+use cloudparity::engines::march::{RealTimeRay, RealTimeSettings};
 use cloudparity::engines::parameters::Values;
 use cloudparity::engines::passes::compositing::Compositing;
 use cloudparity::engines::passes::god_rays::{GodRayKernel, GodRayPass, GodRays, Layer, texel_of};
 use cloudparity::engines::perlin_fbm::adapter::BakeKernel;
-use cloudparity::engines::perlin_fbm::bake::Bake;
-use cloudparity::engines::perlin_fbm::mask::{Deformation, Mask};
-use cloudparity::engines::perlin_fbm::noise::{Field, Octaves, noise, octaves};
-use cloudparity::engines::perlin_fbm::random::{Random, permutation};
 use cloudparity::engines::perlin_fbm::settings;
-use cloudparity::engines::perlin_fbm::{Cloud, Evaluation, Parameters, Volume};
 use cloudparity::engines::render::EngineJitter;
 use cloudparity::gpu::Gpu;
+use cloudparity::nodes::perlin_fbm::bake::Bake;
+use cloudparity::nodes::perlin_fbm::mask::{Deformation, Mask};
+use cloudparity::nodes::perlin_fbm::noise::{Field, Octaves, noise, octaves};
+use cloudparity::nodes::perlin_fbm::random::{Random, permutation};
+use cloudparity::nodes::perlin_fbm::{Cloud, Evaluation, Parameters, Volume};
 use cloudparity::nodes::running_error::RunningError;
 use cloudparity::view::jitter_table;
 use glam::DVec3;
 use serde_json::{Value, json};
 use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
+use support::cloud::{Boxed, local_box};
 use support::rounding::{Single, blur_error, check_bake};
 
 /// Double precision in another order of operations: some ten roundings of values up to 50.
@@ -325,11 +327,11 @@ fn numbers(entry: &Value, begin: &str, end: &str) -> Vec<f64> {
 }
 
 /// The cloud of an entry: its volume's bake and size, its mask and `from`'s other parameters.
-fn cloud(entry: &Value, bake: Bake, size: usize, density_multiplier: &str, opacity: f64) -> Cloud {
-    Cloud::new(parameters(entry, bake, size, density_multiplier, opacity)).expect("parameters in range")
+fn cloud(entry: &Value, bake: Bake, size: usize, density_multiplier: &str) -> Cloud {
+    Cloud::new(parameters(entry, bake, size, density_multiplier)).expect("parameters in range")
 }
 
-fn parameters(entry: &Value, bake: Bake, size: usize, density_multiplier: &str, opacity: f64) -> Parameters {
+fn parameters(entry: &Value, bake: Bake, size: usize, density_multiplier: &str) -> Parameters {
     Parameters {
         bake,
         texture_size: size,
@@ -338,7 +340,6 @@ fn parameters(entry: &Value, bake: Bake, size: usize, density_multiplier: &str, 
         offset: triple(&entry["offset"]),
         threshold: number(entry, "threshold"),
         density_multiplier: number(entry, density_multiplier),
-        opacity,
         evaluation: Evaluation::Baked,
         shows_mask: entry["mask"]["visualize"].as_bool().unwrap_or(false),
     }
@@ -355,8 +356,9 @@ fn mask_and_density_are_the_engines() {
     for (name, entry) in golden.files("mask_values_", ".f64") {
         let size = number(&entry["volume"], "size") as usize;
         let volume = golden.bake(&entry["volume"]["bake"]);
-        let cloud = cloud(entry, volume, size, "density_multiplier", 1.0);
-        let never_uploaded = Mask { reads_textures: false, ..mask(&entry["mask"]) }.bake().expect("a mask");
+        let cloud = cloud(entry, volume, size, "density_multiplier");
+        let bare = Parameters { mask: Mask { reads_textures: false, ..mask(&entry["mask"]) }, ..*cloud.parameters() };
+        let never_uploaded = Cloud::new_after(bare, Some(&cloud)).expect("parameters in range");
         let expected = golden.doubles(name);
         let [distance, bare_distance, rest @ ..] = &columns(entry)[..] else { panic!("columns of {name}") };
         assert!(*distance == "sdf" && bare_distance.contains("reading 0"), "{name}");
@@ -364,7 +366,7 @@ fn mask_and_density_are_the_engines() {
         for (point, row) in points.chunks_exact(3).zip(expected.chunks_exact(5)) {
             let place = [point[0], point[1], point[2]];
             let found = cloud.at(place);
-            let bare = never_uploaded.distance(place);
+            let bare = never_uploaded.at(place).distance;
             for (ours, expected) in [found.distance, bare, found.mask, found.texel, found.density].iter().zip(row) {
                 let error = (ours - expected).abs();
                 assert!(error <= ROUNDING * expected.abs().max(1.0), "{name} at {place:?}: {ours}, not {expected}");
@@ -479,13 +481,9 @@ impl Picture {
                 let depth = depths.iter().find(|(columns, _)| columns.contains(&column)).map(|(_, depth)| *depth);
                 let depth = depth.unwrap_or_else(|| panic!("no depth for column {column} in {}", config["depth"]));
                 let view_distance = near * far / (far + depth * (near - far));
-                RealTimeRay {
-                    origin: origin / scale,
-                    direction,
-                    farthest: view_distance / direction.dot(forward) / scale,
-                    // Fragments are counted from the bottom.
-                    jitter: jitter.at(column, height - 1 - row),
-                }
+                // Fragments are counted from the bottom.
+                let jitter = jitter.at(column, height - 1 - row);
+                local_box().ray(origin / scale, direction, view_distance / direction.dot(forward) / scale, jitter)
             })
             .collect();
         let mut values = Values::defaults(settings::PARAMETERS);
@@ -495,8 +493,7 @@ impl Picture {
         let scaled =
             |colour: &str, intensity: &str| triple(&config[colour]).map(|part| part * number(config, intensity));
         let light = LightModel {
-            sun_direction: triple(&config["lightDir"]),
-            sun: scaled("sunColor", "sunIntensity"),
+            suns: vec![Sun { direction: triple(&config["lightDir"]), irradiance: scaled("sunColor", "sunIntensity") }],
             ambient: scaled("ambColor", "ambIntensity"),
             ..settings::light(&values, &Defects::ALL)
         };
@@ -511,9 +508,9 @@ fn pictures_are_the_engines() {
     for (name, entry) in golden.files("image_", ".f64") {
         let config = &entry["config"];
         let size = number(config, "size") as usize;
-        let cloud = cloud(config, bake(&config["bake"]), size, "mult", number(config, "opacity"));
+        let cloud = Boxed::new(cloud(config, bake(&config["bake"]), size, "mult"), number(config, "opacity"));
         let picture = Picture::of(entry);
-        let pixels = march(&cloud, &picture.light, &picture.settings, &picture.rays).expect("marched");
+        let pixels = cloud.marched(&picture.light).march(&picture.settings, &picture.rays).expect("marched");
         let expected = golden.doubles(name);
         check_columns(name, entry);
         for (index, (pixel, row)) in pixels.iter().zip(expected.chunks_exact(9)).enumerate() {
@@ -559,9 +556,10 @@ fn pictures_on_the_adapter_are_the_engines() {
     for (name, entry) in golden.files("image_", ".f64") {
         let config = &entry["config"];
         let size = number(config, "size") as usize;
-        let cloud = cloud(config, bake(&config["bake"]), size, "mult", number(config, "opacity"));
+        let cloud = Boxed::new(cloud(config, bake(&config["bake"]), size, "mult"), number(config, "opacity"));
         let picture = Picture::of(entry);
-        let kernel = RealTimeKernel::new(&gpu, &cloud, &picture.light, &picture.settings).expect("a kernel");
+        let marched = cloud.marched(&picture.light);
+        let kernel = MarchKernel::new(&gpu, &marched, &picture.settings).expect("a kernel");
         let pixels = kernel.march(&picture.rays).expect("pixels");
         let mut largest = 0.0_f64;
         for (pixel, row) in pixels.iter().zip(golden.doubles(name).chunks_exact(9)) {

@@ -7,10 +7,9 @@ use cloudparity::base::error::Result;
 use cloudparity::engines;
 use cloudparity::engines::defects::Defects;
 use cloudparity::gpu::Gpu;
-use cloudparity::graph::evaluate::Points;
+use cloudparity::graph::evaluate::{Arithmetic, Points};
 use cloudparity::measure::densities::comparison::{Comparison, Settings, run};
 use cloudparity::scene::Scene;
-use glam::DVec3;
 use rand::{Rng as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 use std::path::Path;
@@ -97,13 +96,12 @@ fn the_density_alone_is_the_same_on_the_adapter() {
     for defects in [Defects::NONE, Defects::ALL] {
         let values = model.values(None, &["texture_size=32".into()]).expect("in range");
         let engine = model.engine(&support::scene("linear-ramp"), &values, &defects, 1.0).expect("in range");
-        let kernel = gpu.density_field(&engine.density.shader().expect("a shader")).expect("a kernel");
+        let kernel = gpu.field(engine.density.program()).expect("a kernel");
         let mut random = ChaCha8Rng::seed_from_u64(3);
         let positions: Vec<[f32; 3]> =
             (0..20_000).map(|_| std::array::from_fn(|_| random.random_range(-0.5..0.5))).collect();
-        let places: Vec<DVec3> = positions.iter().map(|&place| DVec3::from(place.map(f64::from))).collect();
         let found = kernel.evaluate(Points::new(&positions)).expect("values");
-        let expected = engine.density.densities(&places);
+        let expected = engine.density.program().evaluate(Points::new(&positions), Arithmetic::Oracle).expect("values");
         let largest = expected.iter().copied().fold(0.0, f64::max);
         let error = found.iter().zip(&expected).map(|(&a, &b)| (f64::from(a) - b).abs()).fold(0.0, f64::max);
         // A place in f32 is 2^-24 off; a texel of 1/64 of the box, times the largest slope of 1 per texel, 64 times that; the mask's

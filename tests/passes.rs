@@ -2,12 +2,13 @@
 
 mod support;
 
+use cloudparity::engines::light::Sun;
 use cloudparity::engines::march::RealTimePixel;
 use cloudparity::engines::march::adapter::Pixel;
 use cloudparity::engines::passes::compositing::{Background, CompositeKernel, Compositing, Part, mean_transmittance};
 use cloudparity::engines::passes::frame::Frame;
 use cloudparity::engines::passes::god_rays::{GodRayKernel, GodRayPass, GodRays, SUN_GLOW, half};
-use cloudparity::engines::passes::{Channels, Pass, PassKernel, Sun, View};
+use cloudparity::engines::passes::{Channels, Pass, PassKernel, View};
 use cloudparity::gpu::Gpu;
 use cloudparity::scene::image::Image;
 use cloudparity::scene::{Projection, Scene};
@@ -15,6 +16,7 @@ use cloudparity::view::camera::Camera;
 use glam::{DVec2, DVec3};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
+use std::sync::Arc;
 use support::rounding::{U, blur_error};
 
 /// Sizes of frames: one pixel, one row or column, odd and even sides, more than a workgroup.
@@ -260,9 +262,8 @@ fn god_rays_need_a_plane_and_their_channel() {
     let error = pass(true, 10).run(&mut Image::new(8, 4), &view(&flat, &sun)).expect_err("refused").to_string();
     assert!(error.contains("without transmittance"), "{error}");
     // What is not listed needs nothing.
-    let mut passes: Vec<Box<dyn Pass>> = Vec::new();
-    assert_eq!(Channels::of(&passes), Channels { transmittance: false });
-    passes.push(Box::new(pass(true, 10)));
+    assert_eq!(Channels::of::<Arc<dyn Pass>>(&[]), Channels { transmittance: false });
+    let passes: [Arc<dyn Pass>; 1] = [Arc::new(pass(true, 10))];
     assert_eq!(Channels::of(&passes), Channels { transmittance: true });
 }
 

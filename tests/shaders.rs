@@ -4,16 +4,22 @@
 mod support;
 
 use assert_cmd::Command;
+use cloudparity::base::error::Result;
+use cloudparity::base::texture::{Outside, TexelFormat, Texture, TextureFilter, TextureHandle};
+use cloudparity::engines;
+use cloudparity::graph::build::IDENTITY;
 use cloudparity::graph::wgsl::{self, Linker};
 use cloudparity::graph::{Program, Target};
+use cloudparity::integrators::{march, path};
 use cloudparity::measure::nodes::suite::modes;
-use cloudparity::nodes::{self, Mode, NodeType, Role};
-use cloudparity::scene::Scene;
+use cloudparity::nodes::perlin_fbm::{self, Cloud, Parameters};
+use cloudparity::nodes::{self, Data, Mode, NodeType, Role};
 use cloudparity::scene::bare_scene;
 use rayon::prelude::*;
 use serde_json::{Map, Value as Json, json};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 /// Set to renew the committed WGSL of the cloud.
 const RENEW: &str = "CLOUDPARITY_RENEW_SNAPSHOTS";
@@ -314,83 +320,101 @@ fn definitions(text: &str) -> BTreeSet<String> {
         .collect()
 }
 
-/// Files that `text` imports, directly.
-fn imported<'a>(text: &str, all: &'a BTreeMap<String, Shader>) -> Vec<&'a Shader> {
-    let paths: Vec<&str> = text.lines().filter_map(|line| line.trim().strip_prefix("#import ")).collect();
-    all.values()
-        .filter(|shader| {
-            let Some(import_path) = &shader.import_path else { return false };
-            paths.iter().any(|path| {
-                path.strip_prefix(import_path.as_str())
-                    .is_some_and(|rest| !rest.starts_with(|c: char| c.is_alphanumeric() || c == '_'))
-            })
-        })
-        .collect()
+/// Texel formats, filters and outsides in turn, so that three textures have all of them.
+fn textures() -> [TextureHandle; 3] {
+    [
+        (TexelFormat::F32, TextureFilter::Trilinear, Outside::Clamp),
+        (TexelFormat::F16, TextureFilter::Nearest, Outside::Repeat),
+        (TexelFormat::Unorm8, TextureFilter::Trilinear, Outside::Zero),
+    ]
+    .map(|(format, filter, outside)| {
+        let values = (0..27).map(|number| number as f32).collect();
+        TextureHandle::new(Texture::store([3; 3], values, format, filter, outside, "a test").expect("ordinary values"))
+    })
 }
 
-/// Adds what `shader` imports, what that imports first. The linker itself adds the modules of nodes and the phase functions.
-fn add_imports(linker: &mut Linker, shader: &Shader, all: &BTreeMap<String, Shader>, added: &mut BTreeSet<String>) {
-    for import in imported(&shader.text, all) {
-        if import.path.starts_with("nodes/") || !added.insert(import.path.clone()) {
-            continue;
-        }
-        if import.path == "lighting/phase.wgsl" {
-            continue;
-        }
-        add_imports(linker, import, all, added);
-        linker.add(&import.path, &import.text).unwrap_or_else(|cause| panic!("{}: {cause}", import.path));
+/// A program that reads a texture, with the position as its index.
+fn lookup(texture: TextureHandle) -> Program {
+    Program::of_texture("texture", texture, IDENTITY)
+}
+
+/// A small cloud of Perlin-FBM.
+fn perlin_fbm_cloud() -> Program {
+    let cloud = Cloud::new(Parameters { texture_size: 8, ..Parameters::default() }).expect("in range");
+    let mode = Mode::of_data(&perlin_fbm::TYPE, vec![(perlin_fbm::PARAMETERS, Data::PerlinFbm(Arc::new(cloud)))]);
+    Program::of_node("Perlin-FBM", &perlin_fbm::TYPE, mode, IDENTITY)
+}
+
+/// Nodes of ours that no file of Blender holds, linked and validated.
+fn link_own_nodes() -> BTreeSet<String> {
+    let mut names = BTreeSet::new();
+    for program in textures().map(lookup).into_iter().chain([perlin_fbm_cloud()]) {
+        let module = linked(&program);
+        validate("a node of ours", &module);
+        names.extend(function_names(&module));
     }
+    names
+}
+
+/// A linker with all that entries import: a program, two averages, the constants of every kernel, and a system's own terms.
+fn linker(program: &Program) -> Result<Linker> {
+    let mut linker = Linker::new(program)?;
+    for constants in [&engines::march::adapter::CONSTANTS, &march::adapter::CONSTANTS, &path::CONSTANTS] {
+        linker.add_constants(constants)?;
+    }
+    let [along, around, _] = textures();
+    linker.add_program("cloudparity::averages::along", &lookup(along))?;
+    linker.add_program("cloudparity::averages::around", &lookup(around))?;
+    let terms = "#define_import_path cloudparity::engines::own_terms\n\
+                 fn source(place: vec3f, height: f32, extinction: f32) -> vec3f { return vec3f(height * extinction) + place; }\n";
+    linker.add("generated/terms.wgsl", terms)?;
+    Ok(linker)
 }
 
 #[test]
 fn every_mode_and_every_file_links_and_validates() {
     let mut names = link_every_mode();
     names.extend(link_mapped_texture());
+    names.extend(link_own_nodes());
     let all = shaders();
-    let scene: Scene = support::scene("procedural-clouds");
-    let program = Program::density(&scene).expect("the cloud compiles");
     let mut used: BTreeSet<String> = BTreeSet::new();
+    // A program without textures, one with a single texture, and one with three.
+    let programs = [
+        Program::density(&support::scene("procedural-clouds")).expect("the cloud compiles"),
+        lookup(textures()[0].clone()),
+        perlin_fbm_cloud(),
+    ];
+    let mut check = |program: &Program, path: &str, definitions: &[&str]| {
+        let name = format!("{path} {definitions:?}");
+        let module = linker(program).and_then(|linker| linker.link_with(path, &all[path].text, definitions));
+        let module = module.unwrap_or_else(|cause| panic!("{name}: {cause}"));
+        assert!(!module.entry_points.is_empty(), "{name}: no entry point");
+        validate(&name, &module);
+        names.extend(function_names(&module));
+    };
     for shader in all.values().filter(|shader| shader.is_entry) {
-        let mut linker = Linker::new(&program).expect("the cloud links");
-        let mut added = BTreeSet::new();
-        add_imports(&mut linker, shader, &all, &mut added);
-        used.extend(added);
-        let module = linker.link(&shader.path, &shader.text).unwrap_or_else(|cause| panic!("{}: {cause}", shader.path));
-        assert!(!module.entry_points.is_empty(), "{}: no entry point", shader.path);
-        validate(&shader.path, &module);
+        let reads_program = shader.text.contains("#import cloudparity::graph");
+        for program in &programs[..if reads_program { programs.len() } else { 1 }] {
+            check(program, &shader.path, &[]);
+        }
+        // Each definition alone.
+        for definition in definitions(&shader.text) {
+            check(&programs[1], &shader.path, &[&definition]);
+        }
         used.insert(shader.path.clone());
     }
-    // The marching kernel with each definition alone, with a graph and with a cache; every kind of cache in both
-    // kernels that read one.
-    let own = definitions(&all["integrate/march.wgsl"].text);
-    let cache = definitions(&all["integrate/density_cache.wgsl"].text);
-    assert_eq!((own.len(), cache.len()), (7, 3), "{own:?} {cache:?}");
-    let small = Program::density(&support::scene("homogeneous-cube")).expect("the cube compiles");
-    let check = |linker: cloudparity::base::error::Result<Linker>, path: &str, definitions: &[&str]| {
-        let name = format!("{path} {definitions:?}");
-        let module = linker.and_then(|linker| linker.link_with(path, &all[path].text, definitions));
-        validate(&name, &module.unwrap_or_else(|cause| panic!("{name}: {cause}")));
-    };
-    for definition in &own {
-        check(Linker::new(&small), "integrate/march.wgsl", &[definition]);
-        check(Linker::cached(), "integrate/march.wgsl", &[definition]);
+    // The march of engines with all terms, in a box and in a shell, with one sun and with several.
+    let terms = ["OCTAVES", "COMPRESSION", "SILVER", "POWDER", "AMBIENT_GRADIENT", "BODY", "COARSE_SHADOW", "TERMS"];
+    for more in [&[][..], &["SHELL"], &["SEVERAL_SUNS"], &["NO_SUN", "SHELL", "EMPTY_CELLS"]] {
+        check(&programs[2], "engines/march.wgsl", &[&terms, more].concat());
     }
-    for kind in [&[][..], &["CACHE_F16"], &["CACHE_UNORM8"], &["CACHE_NEAREST"]] {
-        check(Linker::cached(), "integrate/march.wgsl", kind);
-        check(Linker::cached(), "integrate/light_grid_bake.wgsl", kind);
-    }
-    // The march of engines and the bake with each definition alone.
-    for path in ["integrate/real_time.wgsl", "density/perlin_fbm_bake.wgsl"] {
-        let own = definitions(&all[path].text);
-        assert!(!own.is_empty(), "{path}");
-        for definition in &own {
-            let mut linker = Linker::bare().expect("an empty linker");
-            add_imports(&mut linker, &all[path], &all, &mut BTreeSet::new());
-            check(Ok(linker), path, &[definition]);
-        }
-    }
-    used.insert("integrate/density_cache.wgsl".into());
-    for shader in all.values().filter(|shader| shader.path.starts_with("nodes/")) {
+    let conditions: Vec<(&str, usize)> =
+        ["engines/march.wgsl", "integrators/march/march.wgsl", "engines/passes/compositing.wgsl"]
+            .map(|path| (path, definitions(&all[path].text).len()))
+            .to_vec();
+    // Conditions that the search finds: were it blind, nothing would be tried.
+    assert_eq!(conditions.iter().map(|(_, count)| *count).collect::<Vec<_>>(), [18, 7, 5], "{conditions:?}");
+    for shader in all.values().filter(|shader| !shader.is_entry) {
         let stem = Path::new(&shader.path).file_stem().expect("a name").to_string_lossy().into_owned();
         let prefix = match &shader.import_path {
             // Shared modules keep their name; a node's module becomes one instance per mode.

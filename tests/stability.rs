@@ -3,8 +3,7 @@
 mod support;
 
 use assert_cmd::cargo::cargo_bin_cmd;
-use cloudparity::engines::march::adapter::RealTimeKernel;
-use cloudparity::engines::march::march;
+use cloudparity::engines::march::adapter::MarchKernel;
 use cloudparity::gpu::Gpu;
 use cloudparity::integrators::{MarchSettings, march};
 use cloudparity::measure::stability;
@@ -152,14 +151,13 @@ fn a_scene_far_from_the_origin_looks_the_same_on_the_adapter() {
 #[test]
 fn ten_thousand_steps_are_taken_on_the_adapter() {
     let Some(gpu) = adapter() else { return };
-    let density = Uniform { density: 4.0, extinction: [1.0; 3] };
+    let density = Uniform::new(4.0, [1.0; 3]);
     // 24 steps towards the sun: 10,000 of them go through 250,000 iterations of a loop.
     let mut sun = light(Some([0.3, 0.8, 0.1]), 0.5);
     sun.shadow.steps = 24;
     let settings = steps(10_000, Integration::EnergyConserving);
     let ray = &rays()[..1];
-    let kernel = RealTimeKernel::new(&gpu, &density, &sun, &settings).expect("a kernel");
-    let found = kernel.march(ray).expect("marched")[0];
+    let found = density.march_on(&gpu, &sun, &settings, ray).expect("marched")[0];
     assert_eq!((found.samples, found.dense), (10_000, 10_000));
     let through = (-4.0_f64).exp();
     // 10,000 products of a rounding each, and the exponentials'.
@@ -168,15 +166,15 @@ fn ten_thousand_steps_are_taken_on_the_adapter() {
 
 #[test]
 fn surroundings_without_averages_are_refused() {
-    let density = Uniform { density: 4.0, extinction: [1.0; 3] };
+    let density = Uniform::new(4.0, [1.0; 3]);
     let mut sun = light(Some([0.3, 0.8, 0.1]), 0.5);
     sun.terms.body.strength = 0.5;
     let settings = steps(4, Integration::EnergyConserving);
-    let error = march(&density, &sun, &settings, &rays()).expect_err("no averages").to_string();
-    assert!(error.contains("WithCoarse"), "{error}");
+    let error = density.march(&sun, &settings, &rays()).expect_err("no averages").to_string();
+    assert!(error.contains("media::averages"), "{error}");
     if let Some(gpu) = adapter() {
-        let error = RealTimeKernel::new(&gpu, &density, &sun, &settings).err().expect("no averages").to_string();
-        assert!(error.contains("WithCoarse"), "{error}");
+        let error = MarchKernel::new(&gpu, &density.marched(&sun), &settings).err().expect("no averages").to_string();
+        assert!(error.contains("media::averages"), "{error}");
     }
 }
 

@@ -104,7 +104,7 @@ fn grid_scene(values: ndarray::Array3<f32>, to_world: [f32; 3]) -> Scene {
     for axis in 0..3 {
         scene.volume.matrix_world[axis][axis] = to_world[axis];
     }
-    scene.volume.grid = Some(GridHandle::new(grid, "none".into()));
+    scene.volume.grid = Some(GridHandle::new(&grid, "none".into()));
     let node = |name: &str, kind: &str, inputs: serde_json::Value| serde_json::json!({"name": name, "type": kind, "inputs": inputs});
     let link = |node: &str, socket: &str| serde_json::json!({"node": node, "socket": socket});
     let graph = serde_json::json!({

@@ -1,6 +1,7 @@
 //! What integration tests share: optional requirements and the committed scenes.
 #![allow(dead_code, reason = "each test file uses a part of it")]
 
+pub mod cloud;
 pub mod cube;
 pub mod estimate;
 pub mod graphs;

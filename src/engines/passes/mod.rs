@@ -16,7 +16,6 @@ use crate::view::camera::Camera;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 use std::pin::Pin;
-use std::sync::Arc;
 
 /// What a frame holds beside its colour.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -32,8 +31,8 @@ impl Channels {
     }
 
     /// What all passes of a list need.
-    pub fn of(passes: &[Arc<dyn Pass>]) -> Self {
-        passes.iter().map(|pass| pass.needs()).fold(Self::default(), Self::and)
+    pub fn of<P: AsRef<dyn Pass>>(passes: &[P]) -> Self {
+        passes.iter().map(|pass| pass.as_ref().needs()).fold(Self::default(), Self::and)
     }
 }
 
