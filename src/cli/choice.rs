@@ -38,7 +38,7 @@ mod tests {
         check::<crate::media::density_cache::CacheFormat>();
         check::<crate::media::majorant::Tracking>();
         check::<crate::media::transfer::Integration>();
-        check::<crate::measure::study::front::Metric>();
+        check::<crate::measure::study::pareto_front::Metric>();
     }
 
     #[test]
