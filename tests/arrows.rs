@@ -61,6 +61,30 @@ const SHARED: &[&str] = &[
     "voxels",
 ];
 
+/// The module of a file's own tests. What they use beside it is no arrow of the module: tests may look at what uses it.
+const TESTS: &str = "tests";
+
+/// Arrows on circles that are still to be taken apart; further ones fail.
+const STILL_IN_CIRCLES: &[&str] = &[
+    "engines::light -> engines::march",
+    "engines::march -> engines::light",
+    "engines::perlin_fbm::bake -> engines::perlin_fbm::rows",
+    "engines::perlin_fbm::rows -> engines::perlin_fbm::bake",
+    "measure::nodes::costs -> measure::nodes::measurements",
+    "measure::nodes::measurements -> measure::nodes::costs",
+    "measure::study::curves -> measure::study::truth",
+    "measure::study::file -> measure::study::curves",
+    "measure::study::truth -> measure::study::file",
+    "media::averages -> media::density",
+    "media::density -> media::averages",
+    "media::density_cache -> media::lattice",
+    "media::density_cache -> media::medium",
+    "media::lattice -> media::medium",
+    "media::medium -> media::density_cache",
+    "media::medium -> media::objects",
+    "media::objects -> media::medium",
+];
+
 /// An arrow: from a module path to a module path.
 type Arrow = (Vec<String>, Vec<String>);
 
@@ -95,7 +119,12 @@ fn walk(tokens: TokenStream, place: &mut Vec<String>, file: &[String], found: &m
                 if is_module {
                     place.push(word(at - 1));
                 }
-                walk(group.stream(), place, file, found);
+                if is_module && word(at - 1) == TESTS {
+                    let tests = [file, &[TESTS.to_owned()]].concat();
+                    walk(group.stream(), place, &tests, found);
+                } else {
+                    walk(group.stream(), place, file, found);
+                }
                 if is_module {
                     place.pop();
                 }
@@ -172,25 +201,31 @@ fn between_questions(arrows: &[Arrow]) -> BTreeSet<String> {
     wrong
 }
 
-/// Folders that lie on a circle of arrows.
-fn circles(arrows: &[Arrow]) -> BTreeSet<String> {
-    let mut uses: BTreeMap<&str, BTreeSet<&str>> = BTreeMap::new();
-    for (from, to) in arrows {
-        if allowed(&from[0]).is_some() && allowed(&to[0]).is_some() && from[0] != to[0] {
-            uses.entry(&from[0]).or_default().insert(&to[0]);
+/// The arrows between modules of one folder that lie on a circle, as text. A folder stands for all that is in it, and its own file is in no
+/// circle with what it holds: it says what they share and lists them.
+fn circles(arrows: &[Arrow], modules: &BTreeSet<Vec<String>>) -> BTreeSet<String> {
+    let mut uses: BTreeMap<&[String], BTreeSet<&[String]>> = BTreeMap::new();
+    for (from, to) in arrows.iter().filter(|(from, _)| from.last().is_none_or(|last| last != TESTS)) {
+        // Where the two paths part.
+        let common = from.iter().zip(to).take_while(|(from, to)| from == to).count();
+        if common < from.len() && common < to.len() && modules.contains(&to[..=common]) {
+            uses.entry(&from[..=common]).or_default().insert(&to[..=common]);
         }
     }
-    let reaches = |start: &str| {
-        let mut seen: BTreeSet<&str> = BTreeSet::new();
-        let mut open: Vec<&str> = uses.get(start).into_iter().flatten().copied().collect();
+    let reaches = |start: &[String], end: &[String]| {
+        let mut seen: BTreeSet<&[String]> = BTreeSet::new();
+        let mut open = vec![start];
         while let Some(next) = open.pop() {
             if seen.insert(next) {
                 open.extend(uses.get(next).into_iter().flatten());
             }
         }
-        seen.contains(start)
+        seen.contains(end)
     };
-    uses.keys().filter(|folder| reaches(folder)).map(|folder| (*folder).to_owned()).collect()
+    let all = uses.iter().flat_map(|(from, to)| to.iter().map(|to| (*from, *to)));
+    all.filter(|(from, to)| reaches(to, from))
+        .map(|(from, to)| format!("{} -> {}", from.join("::"), to.join("::")))
+        .collect()
 }
 
 /// What a source holds that belongs to the command line alone, as tokens: flags in strings and comments, the parser, printing.
@@ -244,9 +279,10 @@ fn module_of(path: &Path, root: &Path) -> Vec<String> {
     parts
 }
 
-fn all_arrows() -> Vec<Arrow> {
+/// All arrows, and all modules.
+fn all_arrows() -> (Vec<Arrow>, BTreeSet<Vec<String>>) {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
-    let mut found = Vec::new();
+    let (mut found, mut modules) = (Vec::new(), BTreeSet::new());
     for path in sources(&root) {
         let module = module_of(&path, &root);
         if allowed(&module[0]).is_none() {
@@ -254,13 +290,15 @@ fn all_arrows() -> Vec<Arrow> {
             continue;
         }
         found.extend(arrows(&std::fs::read_to_string(&path).expect("a source"), &module));
+        // A folder without a file of its own is a module, too.
+        modules.extend((1..=module.len()).map(|length| module[..length].to_vec()));
     }
-    found
+    (found, modules)
 }
 
 #[test]
-fn no_arrow_runs_back_and_no_folder_is_in_a_circle() {
-    let arrows = all_arrows();
+fn no_arrow_runs_back_and_no_module_is_in_a_circle() {
+    let (arrows, modules) = all_arrows();
     assert!(arrows.len() > 1000, "the sources were read: {} arrows", arrows.len());
     let mut table: BTreeMap<(&str, &str), usize> = BTreeMap::new();
     for (from, to) in arrows.iter().filter(|(from, to)| allowed(&to[0]).is_some() && from[0] != to[0]) {
@@ -275,7 +313,9 @@ fn no_arrow_runs_back_and_no_folder_is_in_a_circle() {
         println!("{folder:12} uses {}", if uses.is_empty() { "nothing".into() } else { uses.join(", ") });
     }
     assert_eq!(backwards(&arrows), BTreeSet::new(), "arrows that run back");
-    assert_eq!(circles(&arrows), BTreeSet::new(), "folders in a circle");
+    let found = circles(&arrows, &modules);
+    let further: Vec<&String> = found.iter().filter(|arrow| !STILL_IN_CIRCLES.contains(&arrow.as_str())).collect();
+    assert!(further.is_empty(), "modules in a circle: {further:#?}");
 }
 
 #[test]
@@ -315,7 +355,7 @@ fn a_planted_arrow_that_runs_back_is_found() {
         ("use crate::{base::error::Error, report::{numbers, tables}};", "nodes::math -> report::numbers"),
         ("fn f() { let x = crate::gpu::Gpu::open(); }", "nodes::math -> gpu::Gpu::open"),
         ("use super::super::cli;", "nodes::math -> cli"),
-        ("mod tests { use super::super::super::view::camera; }", "nodes::math -> view::camera"),
+        ("mod tests { use super::super::super::view::camera; }", "nodes::math::tests -> view::camera"),
         ("pub(crate) use crate::engines as parts;", "nodes::math -> engines"),
     ] {
         let wrong = backwards(&arrows(text, &module));
@@ -344,11 +384,36 @@ fn a_planted_arrow_that_runs_back_is_found() {
         let module: Vec<String> = ["measure", "study"].map(str::to_owned).to_vec();
         assert_eq!(between_questions(&arrows(text, &module)), BTreeSet::new(), "{text}");
     }
-    // A circle of two folders, each arrow for itself.
-    let text = |path: &str| arrows(&format!("use crate::{path};"), &[]);
-    let arrow = |from: &str, to: &str| -> Arrow { (vec![from.to_owned()], text(to)[0].1.clone()) };
-    assert_eq!(circles(&[arrow("media", "view::camera"), arrow("view", "media::phase")]).len(), 2);
-    assert!(circles(&[arrow("media", "view::camera"), arrow("integrators", "media::phase")]).is_empty());
+}
+
+#[test]
+fn a_planted_circle_of_modules_is_found() {
+    let path = |text: &str| -> Vec<String> { text.split("::").map(str::to_owned).collect() };
+    let found = |sources: &[(&str, &str)]| {
+        let planted: Vec<Arrow> = sources.iter().flat_map(|(module, text)| arrows(text, &path(module))).collect();
+        let named = ["media::phase", "media::medium", "media::medium::parts", "view::camera", "integrators::path"];
+        let named: Vec<Vec<String>> = named.iter().map(|name| path(name)).collect();
+        circles(&planted, &named.iter().flat_map(|name| (1..=name.len()).map(|end| name[..end].to_vec())).collect())
+    };
+    let set = |names: &[&str]| -> BTreeSet<String> { names.iter().map(|name| (*name).to_owned()).collect() };
+    // Two folders, each arrow for itself.
+    let folders = [("media::phase", "use crate::view::camera::Camera;"), ("view::camera", "use crate::media::phase;")];
+    assert_eq!(found(&folders), set(&["media -> view", "view -> media"]));
+    assert_eq!(found(&folders[..1]), set(&[]));
+    // Two modules of a folder, one of them by its part.
+    let modules = [
+        ("media::phase", "use crate::media::medium::Medium;"),
+        ("media::medium::parts", "fn f() { let x = super::super::phase::lobe(); }"),
+    ];
+    assert_eq!(found(&modules), set(&["media::medium -> media::phase", "media::phase -> media::medium"]));
+    assert_eq!(found(&modules[1..]), set(&[]));
+    // The tests of a module are none of it.
+    let tested = [modules[1], ("media::phase", "mod tests { use crate::media::medium::Medium; }")];
+    assert_eq!(found(&tested), set(&[]));
+    // What a folder's own file says is used by all that it holds.
+    let shared =
+        [("media", "use crate::media::phase::Lobe;"), ("media::phase", "use super::Kind; use crate::media::Name;")];
+    assert_eq!(found(&shared), set(&[]));
 }
 
 #[test]

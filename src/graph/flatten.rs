@@ -1,7 +1,6 @@
 //! Groups, reroutes, muted nodes and implicit conversions resolved into one flat list of nodes.
 
 use crate::base::error::{Error, Result};
-use crate::graph::passes::affine_inputs;
 use crate::graph::{Note, Target};
 use crate::nodes::{self, Mode, NodeType, Role, SourceContext, SourceValue, refused};
 use crate::scene::{DEEPEST_NESTING, Graph, Group, Input, Node, Socket, SocketType, Volume};
@@ -44,6 +43,15 @@ pub(super) struct Flat {
     pub notes: Vec<Note>,
     /// Generated coordinates as an affine map of the position.
     pub generated: [[f32; 4]; 3],
+}
+
+/// Inputs of an affine map of the position with these rows.
+pub(super) fn affine_inputs(rows: [[f32; 4]; 3]) -> Vec<Source> {
+    let mut inputs: Vec<Source> = (0..3).map(Source::Position).collect();
+    for column in 0..4 {
+        inputs.extend(rows.iter().map(|row| Source::Constant(row[column])));
+    }
+    inputs
 }
 
 /// A resolved value and its type.

@@ -1,7 +1,7 @@
 //! Passes on the flat graph: fold constants, simplify, merge equal nodes, drop what is not reached,
 //! number the registers.
 
-use crate::graph::flatten::{Flat, Source};
+use crate::graph::flatten::{Flat, Source, affine_inputs};
 use crate::graph::zero_signs;
 use crate::graph::{Instruction, Note, Operand, Output, Program};
 use crate::nodes::{Column, Kernel, Mode, NodeType, Nudge, Nudged, Role, Simplified, affine, nudged};
@@ -239,15 +239,6 @@ fn as_known(source: &Source) -> Option<f32> {
         Source::Constant(value) | Source::Runtime(value) => Some(*value),
         _ => None,
     }
-}
-
-/// Inputs of an affine map of the position with these rows.
-pub(super) fn affine_inputs(rows: [[f32; 4]; 3]) -> Vec<Source> {
-    let mut inputs: Vec<Source> = (0..3).map(Source::Position).collect();
-    for column in 0..4 {
-        inputs.extend(rows.iter().map(|row| Source::Constant(row[column])));
-    }
-    inputs
 }
 
 fn generated_mode() -> Mode {

@@ -5,12 +5,14 @@
 
 pub(super) mod blend;
 mod folding;
+mod formulas;
 
 use crate::nodes::{
     Column, Evaluate, InputSocket, Interval, Mode, NodeType, OutputSocket, Property, Real, Role, Simplified,
 };
 use crate::scene::SocketType;
-use blend::{BLEND_TYPES, Blend, Corner, same_output, weighted};
+use blend::{BLEND_TYPES, Blend, Corner, same_output};
+use formulas::weighted;
 
 /// The node type.
 pub static TYPE: NodeType = NodeType {

@@ -4,7 +4,7 @@
 //! values of Blender, equal in every bit for ordinary operands, infinities and NaN.
 
 use crate::nodes::color_space::blender::{hsv_to_rgb, rgb_to_hsv};
-use crate::nodes::mix::blend::{burn, divide, dodge, linear_light, overlay, screen, soft_light, weighted};
+use crate::nodes::mix::formulas::{burn, divide, dodge, linear_light, overlay, screen, soft_light, weighted};
 
 /// Limits to [0, 1] if asked to; NaN stays, where the kernels' limit makes it 0.
 pub fn limited(value: f32, limits: bool) -> f32 {
