@@ -72,7 +72,7 @@ def handle(request, messages):
     name = request["op"]
     if name not in operations:
         raise protocol.InputError(
-            "request.op", repr(name), f"one of {', '.join(operations)}", "mend the request"
+            "request.op", repr(name), f"one of {', '.join(operations)}", "correct the request"
         )
     return operations[name](request, messages)
 
@@ -101,7 +101,7 @@ def _number(request, key, default, low, high=math.inf):
     good = isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
     if not good or not low <= value <= high:
         raise protocol.InputError(
-            f"{request.place}.{key}", json.dumps(value), f"a number from {low} to {high}", "mend the request"
+            f"{request.place}.{key}", json.dumps(value), f"a number from {low} to {high}", "correct the request"
         )
     return value
 
@@ -114,7 +114,7 @@ def _tolerances(request):
                 f"{given.place}.{key}",
                 "an unknown tolerance",
                 f"one of {', '.join(TOLERANCES)}",
-                "mend the request",
+                "correct the request",
             )
         _number(given, key, None, 0)
     return {key: float(given[key]) for key in TOLERANCES if given.get(key) is not None}
@@ -535,7 +535,7 @@ def _write_display(side, settings, png):
     channels = settings.get("channels") or "rgba"
     if channels not in ("rgba", "rgb"):
         raise protocol.InputError(
-            f"{settings.place}.channels", repr(channels), "rgba or rgb", "mend the request"
+            f"{settings.place}.channels", repr(channels), "rgba or rgb", "correct the request"
         )
     # Blender divides by alpha only where it writes alpha, so neither does this.
     if not alpha or (channels == "rgb" and background is None):
@@ -551,7 +551,7 @@ def _write_display(side, settings, png):
             f"{settings.place}.background",
             json.dumps(background),
             "null or three scene-linear values of at least 0",
-            "mend it",
+            "correct it",
         )
     display_picture.write_png(png, display_picture.over(view, rgb, coverage, background))
     result["png_alpha"] = f"{os.path.splitext(png)[0]}-alpha.png"

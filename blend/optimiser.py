@@ -43,7 +43,7 @@ class Session:
         }
         if request["op"] not in operations:
             raise protocol.InputError(
-                "request.op", repr(request["op"]), f"one of {', '.join(operations)}", "mend the request"
+                "request.op", repr(request["op"]), f"one of {', '.join(operations)}", "correct the request"
             )
         return operations[request["op"]](request)
 

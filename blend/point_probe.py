@@ -256,7 +256,7 @@ def _read_exr(path, layer, components):
 def _positive(job, key):
     value = job.get(key, 1)
     if not isinstance(value, int) or value < 1:
-        raise InputError(f"job.{key}", repr(value), "a whole number from 1", "mend the request")
+        raise InputError(f"job.{key}", repr(value), "a whole number from 1", "correct the request")
     return value
 
 
@@ -273,7 +273,7 @@ def _load_attributes(files, count):
     for name, values in attributes.items():
         if len(values) != count:
             raise InputError(
-                f"job.attributes[{name}]", f"{len(values)} rows", f"{count}, one for each point", "mend it"
+                f"job.attributes[{name}]", f"{len(values)} rows", f"{count}, one for each point", "correct it"
             )
     return attributes
 

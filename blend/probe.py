@@ -25,7 +25,7 @@ def check_kernel(request):
     kernel = request["kernel"]
     if kernel not in KERNELS:
         raise protocol.InputError(
-            "request.kernel", repr(kernel), f"one of {list(KERNELS)}", "mend the request"
+            "request.kernel", repr(kernel), f"one of {list(KERNELS)}", "correct the request"
         )
     found = os.environ.get(KERNEL_VARIABLE)
     if found != KERNELS[kernel]:

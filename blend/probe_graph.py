@@ -106,7 +106,7 @@ class ProbeMaterial:
             caller = _find_node(tree, name, place)
             if caller.bl_idname != "ShaderNodeGroup" or caller.mute:
                 raise InputError(
-                    place, f'node "{name}", {caller.bl_idname}', "a group that is not muted", "mend it"
+                    place, f'node "{name}", {caller.bl_idname}', "a group that is not muted", "correct it"
                 )
             callers.append(caller)
             tree = caller.node_tree
@@ -213,7 +213,7 @@ def _find_node(tree, name, place):
     node = tree.nodes.get(name)
     if node is None:
         names = ", ".join(item.name for item in tree.nodes)
-        raise InputError(place, f'node "{name}"', f'a node of tree "{tree.name}": {names}', "mend the target")
+        raise InputError(place, f'node "{name}"', f'a node of tree "{tree.name}": {names}', "correct the target")
     return node
 
 

@@ -145,10 +145,10 @@ def _parse(text):
             f"stdin, line {error.lineno}, column {error.colno}",
             error.msg,
             "one JSON document",
-            "mend the request",
+            "correct the request",
         ) from None
     if not isinstance(request, dict):
-        raise InputError("stdin", f"a JSON {type(request).__name__}", "a JSON object", "mend the request")
+        raise InputError("stdin", f"a JSON {type(request).__name__}", "a JSON object", "correct the request")
     return located(request, "request")
 
 

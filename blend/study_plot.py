@@ -5,14 +5,14 @@ ids, curves of unbiased renderers, truth: files of its replicas), `folder` (that
 and `figures`: for each of `time`, `convergence` and `pictures` the files `svg`, `png` and `pdf`.
 
 `time`: a log-log panel per group. A point is a run; colour and marker tell light models apart. The line is
-the front: what no other run beats in time and error. Bars are standard errors from the truth's noise.
+the Pareto front: what no other run beats in time and error. Bars are standard errors from the truth's noise.
 Errors that noise drove below 0 stand on the lower edge as triangles. A curve counts its preparation, which
 every render pays; the dotted one beside it leaves it out, where the samples have a time of their own.
 
 `convergence`: error by steps of the view ray, a line per light model, at the most light steps (solid) and
 the fewest (dotted), other settings at their first value: where a line is level, steps are not what is wrong.
 
-`pictures`: per group the truth, three runs of the front (fastest, least time x relMSE, closest), their
+`pictures`: per group the truth, three runs of the Pareto front (fastest, least time x relMSE, closest), their
 HDR-FLIP maps, and below them the window where the closest one errs most.
 """
 
@@ -28,7 +28,7 @@ MARKERS = "os^Dv<>"
 COLUMNS = 2
 SHOWN = 3  # runs of a group whose pictures are shown
 LARGEST_FLIP = 0.8  # of the maps' scale: the fastest runs are far off
-LABELS = 6  # of a front: more would cover each other
+LABELS = 6  # of a Pareto front: more would cover each other
 CURVES = {
     "path": ("path tracing", "#882255", "P"),
     "cycles": ("Cycles", "#332288", "X"),
@@ -168,7 +168,7 @@ def _pictures(title, groups, folder):
     for axis, text in zip(axes[0], titles, strict=True):
         axis.set_title(text, fontsize=6)
     figure.colorbar(grid.image, ax=axes, shrink=0.3, aspect=40, pad=0.01).ax.tick_params(labelsize=6)
-    figure.suptitle(f"{title}: pictures of the front", fontsize=9)
+    figure.suptitle(f"{title}: pictures of the Pareto front", fontsize=9)
     return figure
 
 

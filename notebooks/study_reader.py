@@ -33,7 +33,7 @@ SCENE_FORMAT = "cloudparity-scene/1"
 METRICS = ("relmse", "rms", "flip")
 ROOT = Path(__file__).resolve().parents[1]
 
-# The times of two settings on a front differ by more than this share: they are stated to the nanosecond.
+# The times of two settings on a Pareto front differ by more than this share: they are stated to the nanosecond.
 _SMALLEST_DIFFERENCE = 1e-12
 
 
@@ -254,7 +254,7 @@ class Study:
         return found[::-1]
 
     def front_of_table(self):
-        """Ids of the runs that results.csv marks as on a front (by relMSE)."""
+        """Ids of the runs that results.csv marks as on a Pareto front (by relMSE)."""
         path = self.folder / "results.csv"
         with _opened(path, "the table of a study") as file:
             rows = list(csv.DictReader(file))

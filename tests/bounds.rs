@@ -9,7 +9,7 @@ use cloudparity::graph::Program;
 use cloudparity::graph::bounds::Bounds3;
 use cloudparity::graph::bounds_check::{Survey, layer, points_in, violations};
 use cloudparity::graph::evaluate::{Arithmetic, Points};
-use cloudparity::nodes::{Column, Interval, Kernel, Mode, NodeType, Oracle, Role, registry};
+use cloudparity::nodes::{Column, Interval, Mode, NodeEvaluator, NodeType, Oracle, Role, registry};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
@@ -113,19 +113,19 @@ fn texture_inputs(node_type: &'static NodeType, mode: &Mode, random: &mut ChaCha
     inputs
 }
 
-/// Evaluates a kernel at points and counts the values outside of the bounds.
-fn outside(kernel: &dyn Kernel, inputs: &[Vec<f32>], bounds: &[Interval]) -> (usize, String) {
+/// Evaluates a node at points and counts the values outside of the bounds.
+fn outside(node_evaluator: &dyn NodeEvaluator, inputs: &[Vec<f32>], bounds: &[Interval]) -> (usize, String) {
     let count = inputs.first().map_or(1, Vec::len);
     let columns: Vec<Column<'_, f32>> = inputs.iter().map(|values| Column { values, uniform: false }).collect();
     let mut single = vec![vec![0.0_f32; count]; bounds.len()];
     let mut slices: Vec<&mut [f32]> = single.iter_mut().map(Vec::as_mut_slice).collect();
-    kernel.evaluate_f32(&columns, &mut slices);
+    node_evaluator.evaluate_f32(&columns, &mut slices);
     let wide: Vec<Vec<Oracle>> =
         inputs.iter().map(|values| values.iter().map(|&x| Oracle(f64::from(x))).collect()).collect();
     let columns: Vec<Column<'_, Oracle>> = wide.iter().map(|values| Column { values, uniform: false }).collect();
     let mut oracle = vec![vec![Oracle(0.0); count]; bounds.len()];
     let mut slices: Vec<&mut [Oracle]> = oracle.iter_mut().map(Vec::as_mut_slice).collect();
-    kernel.evaluate_oracle(&columns, &mut slices);
+    node_evaluator.evaluate_oracle(&columns, &mut slices);
     let mut found = 0;
     let mut example = String::new();
     for point in 0..count {
@@ -152,7 +152,7 @@ fn is_texture(node_type: &NodeType) -> bool {
 
 fn check_mode(node_type: &'static NodeType, mode: &Mode, boxes: usize, samples: usize, seed: u64) -> Vec<String> {
     let Role::Evaluated(build) = node_type.role else { return Vec::new() };
-    let kernel = build(mode);
+    let node_evaluator = build(mode);
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     let width = node_type.outputs_of(mode).map(|output| output.kind.components()).sum();
     let components: usize = node_type.inputs_of(mode).map(|socket| socket.kind.components()).sum();
@@ -166,10 +166,10 @@ fn check_mode(node_type: &'static NodeType, mode: &Mode, boxes: usize, samples: 
             (0..components).map(|_| interval(&mut random, hostile)).collect()
         };
         let mut bounds = vec![Interval::EVERYTHING; width];
-        kernel.bounds(&intervals, &mut bounds);
+        node_evaluator.bounds(&intervals, &mut bounds);
         let inputs: Vec<Vec<f32>> =
             intervals.iter().map(|&interval| (0..samples).map(|_| value_in(interval, &mut random)).collect()).collect();
-        let (found, example) = outside(kernel.as_ref(), &inputs, &bounds);
+        let (found, example) = outside(node_evaluator.as_ref(), &inputs, &bounds);
         if found > 0 {
             failures.push(format!(
                 "{} {}: {found} values, box {intervals:?}; {example}",
@@ -281,16 +281,16 @@ fn a_planted_violation_is_found() {
     properties.insert("operation".into(), "MULTIPLY".into());
     let mode = Mode::read(node_type, &properties, "test").expect("a mode of Math").with_wanted(vec!["Value"]);
     let Role::Evaluated(build) = node_type.role else { panic!("Math evaluates") };
-    let kernel = build(&mode);
+    let node_evaluator = build(&mode);
     let inputs = [Interval::new(1.0, 2.0), Interval::new(3.0, 4.0)];
     let mut bounds = [Interval::EVERYTHING];
-    kernel.bounds(&inputs, &mut bounds);
+    node_evaluator.bounds(&inputs, &mut bounds);
     let mut random = ChaCha8Rng::seed_from_u64(1);
     let values: Vec<Vec<f32>> =
         inputs.iter().map(|&interval| (0..200).map(|_| value_in(interval, &mut random)).collect()).collect();
-    assert_eq!(outside(kernel.as_ref(), &values, &bounds).0, 0);
+    assert_eq!(outside(node_evaluator.as_ref(), &values, &bounds).0, 0);
     // Narrower by 1e-3 of its width: the products of ends fall outside.
     let margin = 1e-3 * (bounds[0].high - bounds[0].low);
     let narrowed = [Interval::new(bounds[0].low + margin, bounds[0].high - margin)];
-    assert!(outside(kernel.as_ref(), &values, &narrowed).0 > 0);
+    assert!(outside(node_evaluator.as_ref(), &values, &narrowed).0 > 0);
 }

@@ -1,4 +1,4 @@
-//! Defects of published engines: each is kept by itself, all together are the engine as published, none the mended one.
+//! Defects of published engines: each is kept by itself, all together are the engine as published, none the corrected one.
 
 mod support;
 
@@ -46,7 +46,7 @@ fn digest(image: &Image) -> String {
     hash.finalize().iter().take(16).map(|byte| format!("{byte:02x}")).collect()
 }
 
-/// Parameters, whether the film is transparent, and digests of the mended picture and of the one as published. They were written when an
+/// Parameters, whether the film is transparent, and digests of the corrected picture and of the one as published. They were written when an
 /// engine had two forms and no defect could be kept by itself, its mask had seeds of its own, and the sun of its god rays, which is not
 /// seen in these pictures, stood nowhere else.
 const PICTURES: [(&[&str], bool, [&str; 2]); 4] = [
@@ -123,14 +123,15 @@ fn revealing(id: &str) -> (Scene, &'static [&'static str]) {
 fn each_defect_alone_changes_a_picture() {
     for defect in DEFECTS {
         let (scene, changes) = revealing(defect.id);
-        let [mended, kept] = [Defects::NONE, Defects::only(defect)].map(|defects| picture(&scene, &defects, changes));
+        let [corrected, kept] =
+            [Defects::NONE, Defects::only(defect)].map(|defects| picture(&scene, &defects, changes));
         let differences =
-            mended.pixels.as_flattened().iter().zip(kept.pixels.as_flattened()).map(|(a, b)| (a - b).abs());
+            corrected.pixels.as_flattened().iter().zip(kept.pixels.as_flattened()).map(|(a, b)| (a - b).abs());
         let largest = differences.fold(0.0, f32::max);
         // What is seen: half a step of 8 bits at least.
         assert!(largest > 0.5 / 255.0, "{}: {largest}", defect.id);
         assert_eq!(kept.provenance["defects"], defect.id);
-        assert_eq!(mended.provenance["defects"], "none");
+        assert_eq!(corrected.provenance["defects"], "none");
     }
 }
 
@@ -143,9 +144,9 @@ fn a_defect_that_another_hides_changes_nothing_beside_it() {
     // And no god rays, no defect of theirs.
     let (scene, changes) = revealing(GOD_RAYS_FROM_BEHIND.id);
     let away = Scene { lights: Vec::new(), ..scene };
-    let [mended, kept] =
+    let [corrected, kept] =
         [Defects::NONE, Defects::only(&GOD_RAYS_FROM_BEHIND)].map(|defects| picture(&away, &defects, changes));
-    assert_eq!(mended.pixels, kept.pixels);
+    assert_eq!(corrected.pixels, kept.pixels);
 }
 
 #[test]

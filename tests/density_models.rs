@@ -3,7 +3,7 @@
 mod support;
 
 use cloudparity::engines::defects::Defects;
-use cloudparity::engines::march::adapter::MarchKernel;
+use cloudparity::engines::march::gpu::MarchKernel;
 use cloudparity::engines::march::{RealTimePixel, RealTimeRay};
 use cloudparity::engines::parameters::{Range, Values};
 use cloudparity::engines::perlin_fbm::settings;

@@ -106,8 +106,8 @@ fn a_transparent_picture_keeps_what_each_channel_lets_through() {
     let mut transparent = opaque.clone();
     transparent.film.transparent = true;
     let settings = EngineSettings { god_rays: true, ..SETTINGS };
-    let mended = engine(&Defects::NONE, &["opacity=1.5"]);
-    let [over, alone] = [&opaque, &transparent].map(|scene| picture(scene, &mended, &settings, Backend::Cpu));
+    let corrected = engine(&Defects::NONE, &["opacity=1.5"]);
+    let [over, alone] = [&opaque, &transparent].map(|scene| picture(scene, &corrected, &settings, Backend::Cpu));
     assert_eq!(over.transmittance, None, "what a pass needed is not kept");
     let transmittance = alone.transmittance.as_ref().expect("the channels");
     let mut coloured = 0;

@@ -109,7 +109,7 @@ fn a_planted_difference_is_found() {
         repeat: 1,
         samples: 1,
     };
-    let answers = cloudparity::bridge::probe::ask(&[job], cloudparity::bridge::Kernel::Sse42, |_| {});
+    let answers = cloudparity::bridge::probe::ask(&[job], cloudparity::bridge::CyclesKernel::Sse42, |_| {});
     let theirs = answers.expect("Cycles answers").jobs.remove(0).values.remove(0);
     let program = Program::density(&scene).expect("the scene compiles");
     let (ours, _) =
@@ -363,7 +363,7 @@ fn planted(scene: &Scene, targets: &[Target], nudge: Option<Nudge>) -> Result<Pr
     for instruction in &mut program.instructions {
         let properties_are_plain = instruction.mode.words().contains(&"MINMAX".to_owned());
         if instruction.node_type.type_name == "ShaderNodeClamp" && properties_are_plain {
-            instruction.kernel = Box::new(WrongClamp);
+            instruction.evaluator = Box::new(WrongClamp);
         }
     }
     Ok(program)

@@ -4,7 +4,7 @@
 
 mod support;
 
-use cloudparity::bridge::{Kernel, probe};
+use cloudparity::bridge::{CyclesKernel, probe};
 use cloudparity::graph::evaluate::Points;
 use cloudparity::graph::{Operand, Program, Target};
 use cloudparity::measure::errors::values::equal;
@@ -490,7 +490,7 @@ impl Cases {
                 samples: 1,
             })
             .collect();
-        let answers = probe::ask(&jobs, Kernel::Sse42, |_| {}).expect("Cycles answers");
+        let answers = probe::ask(&jobs, CyclesKernel::Sse42, |_| {}).expect("Cycles answers");
         let mut found = Vec::new();
         for ((cases, scene), answer) in scenes.iter().zip(&answers.jobs) {
             for ((case, target), theirs) in cases.iter().zip(targets(cases)).zip(&answer.values) {

@@ -5,7 +5,7 @@ mod support;
 
 use cloudparity::bridge::reference::{ReferenceSettings, reference};
 use cloudparity::graph::bounds::Bounds3;
-use cloudparity::media::objects::{Media, ObjectMedium, Place};
+use cloudparity::media::objects::{Media, MediumAtPoint, ObjectMedium};
 use cloudparity::nodes::closure::Coefficients;
 use cloudparity::scene::image::Image;
 use cloudparity::scene::{Graph, Scene, Volume};
@@ -34,7 +34,7 @@ fn medium(scene: &Scene) -> ObjectMedium {
     ObjectMedium::new(scene.graph(), &scene.volume).expect("the medium compiles")
 }
 
-fn at_centre(scene: &Scene) -> Place {
+fn at_centre(scene: &Scene) -> MediumAtPoint {
     let media = Media::new(scene).expect("the media compile");
     media.evaluate(&[DVec3::ZERO]).expect("they evaluate").remove(0)
 }
@@ -545,7 +545,7 @@ fn scenes_of_several_volumes_are_checked_and_read_again() {
 
 /// What the central ray sees: a sun at right angles, emission, and the mean opacity. Each piece of the ray has
 /// its length and place; the sun's way through the medium is `shadow(t)`.
-fn closed_form(place: &Place) -> [f64; 4] {
+fn closed_form(place: &MediumAtPoint) -> [f64; 4] {
     let Coefficients { scattering, extinction, emission } = place.coefficients;
     let phase = place.mixture.evaluate(0.0);
     let mut result = [0.0, 0.0, 0.0, 1.0];

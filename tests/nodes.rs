@@ -14,8 +14,8 @@ use cloudparity::media::phase::PhaseFunction;
 use cloudparity::nodes::closure::ClosureRole;
 use cloudparity::nodes::refused::{self, Part};
 use cloudparity::nodes::{
-    self, Column, Evaluate, InputSocket, Interval, Kernel, Mode, NodeType, Oracle, OutputSocket, PropertyValues, Real,
-    Role, RunningError, Simplified, always, socket_limits,
+    self, Column, Evaluate, InputSocket, Interval, Mode, NodeEvaluator, NodeType, Oracle, OutputSocket, PropertyValues,
+    Real, Role, RunningError, Simplified, always, socket_limits,
 };
 use cloudparity::scene::bare_scene;
 use cloudparity::scene::{Input, SocketType};
@@ -29,7 +29,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 /// Set to renew docs/nodes.md.
 const RENEW: &str = "CLOUDPARITY_RENEW_SNAPSHOTS";
 
-/// What stands in result columns before a kernel runs: a column that keeps it was not written.
+/// What stands in result columns before a node runs: a column that keeps it was not written.
 const FILLINGS: [f32; 2] = [1234.5, -77.25];
 
 fn evaluated() -> Vec<&'static NodeType> {
@@ -46,7 +46,7 @@ fn modes(node_type: &'static NodeType) -> Vec<Mode> {
     suite::modes(node_type).into_iter().map(read).collect()
 }
 
-fn kernel(node_type: &NodeType, mode: &Mode) -> Box<dyn Kernel> {
+fn node_evaluator(node_type: &NodeType, mode: &Mode) -> Box<dyn NodeEvaluator> {
     match node_type.role {
         Role::Evaluated(build) => build(mode),
         _ => panic!("{} does not evaluate", node_type.label),
@@ -63,13 +63,13 @@ fn width_in(node_type: &'static NodeType, mode: &Mode) -> usize {
 }
 
 /// Runs one evaluator on one point.
-fn run<R: Evaluation>(kernel: &dyn Kernel, inputs: &[f32], width: usize, filling: f32) -> Vec<R> {
+fn run<R: Evaluation>(node_evaluator: &dyn NodeEvaluator, inputs: &[f32], width: usize, filling: f32) -> Vec<R> {
     let values: Vec<R> = inputs.iter().map(|&value| R::of(value)).collect();
     let columns: Vec<Column<'_, R>> =
         values.iter().map(|value| Column { values: std::slice::from_ref(value), uniform: false }).collect();
     let mut results = vec![R::of(filling); width];
     let mut slices: Vec<&mut [R]> = results.iter_mut().map(std::slice::from_mut).collect();
-    R::run(kernel, &columns, &mut slices);
+    R::run(node_evaluator, &columns, &mut slices);
     results
 }
 
@@ -80,13 +80,14 @@ fn same(a: f64, b: f64) -> bool {
 /// Runs one evaluator with each filling; says which columns it did not write.
 fn written<R: Evaluation>(
     evaluator: &str,
-    kernel: &dyn Kernel,
+    node_evaluator: &dyn NodeEvaluator,
     inputs: &[f32],
     width: usize,
     wrong: &mut Vec<String>,
 ) -> Vec<f64> {
-    let [first, second] = FILLINGS
-        .map(|filling| run::<R>(kernel, inputs, width, filling).into_iter().map(Real::to_f64).collect::<Vec<f64>>());
+    let [first, second] = FILLINGS.map(|filling| {
+        run::<R>(node_evaluator, inputs, width, filling).into_iter().map(Real::to_f64).collect::<Vec<f64>>()
+    });
     for column in 0..width {
         if !same(first[column], second[column]) {
             wrong.push(format!("{evaluator}: output column {column} of {width} is not written"));
@@ -99,23 +100,23 @@ fn written<R: Evaluation>(
 fn faults(node_type: &'static NodeType, mode: &Mode) -> Vec<String> {
     let found = catch_unwind(AssertUnwindSafe(|| {
         let mut wrong = Vec::new();
-        let (all, kernel) = (node_type.outputs_of(mode).collect::<Vec<_>>(), kernel(node_type, mode));
+        let (all, node_evaluator) = (node_type.outputs_of(mode).collect::<Vec<_>>(), node_evaluator(node_type, mode));
         let width: usize = all.iter().map(|output| output.kind.components()).sum();
         if width == 0 {
             wrong.push("no output".to_owned());
         }
         let inputs: Vec<f32> = (0..width_in(node_type, mode)).map(|number| 0.35 + 0.21 * number as f32).collect();
-        let single = written::<f32>("f32", kernel.as_ref(), &inputs, width, &mut wrong);
-        let oracle = written::<Oracle>("f64 oracle", kernel.as_ref(), &inputs, width, &mut wrong);
-        written::<f64>("f64", kernel.as_ref(), &inputs, width, &mut wrong);
-        let running = written::<RunningError>("rounding bound", kernel.as_ref(), &inputs, width, &mut wrong);
+        let single = written::<f32>("f32", node_evaluator.as_ref(), &inputs, width, &mut wrong);
+        let oracle = written::<Oracle>("f64 oracle", node_evaluator.as_ref(), &inputs, width, &mut wrong);
+        written::<f64>("f64", node_evaluator.as_ref(), &inputs, width, &mut wrong);
+        let running = written::<RunningError>("rounding bound", node_evaluator.as_ref(), &inputs, width, &mut wrong);
         if !single.iter().zip(&running).all(|(a, b)| same(*a, *b)) {
             wrong.push(format!("rounding bound: its values {running:?} are not those of f32, {single:?}"));
         }
         let points: Vec<Interval> = inputs.iter().map(|&value| Interval::point(value)).collect();
         let [first, second] = FILLINGS.map(|filling| {
             let mut results = vec![Interval::point(filling); width];
-            kernel.bounds(&points, &mut results);
+            node_evaluator.bounds(&points, &mut results);
             results
         });
         for column in 0..width {
@@ -133,9 +134,9 @@ fn faults(node_type: &'static NodeType, mode: &Mode) -> Vec<String> {
         for output in all.iter().filter(|_| all.len() > 1) {
             let mode = mode.clone().with_wanted(vec![output.identifier]);
             let components = output.kind.components();
-            let kernel = self::kernel(node_type, &mode);
+            let node_evaluator = self::node_evaluator(node_type, &mode);
             let evaluator = format!("f32 of {} alone", output.identifier);
-            let alone = written::<f32>(&evaluator, kernel.as_ref(), &inputs, components, &mut wrong);
+            let alone = written::<f32>(&evaluator, node_evaluator.as_ref(), &inputs, components, &mut wrong);
             let together = &single[start..start + components];
             if !alone.iter().zip(together).all(|(a, b)| same(*a, *b)) {
                 wrong.push(format!("{evaluator}: {alone:?}, together with the others {together:?}"));

@@ -4,7 +4,7 @@ mod support;
 
 use cloudparity::engines::light::Sun;
 use cloudparity::engines::march::RealTimePixel;
-use cloudparity::engines::march::adapter::Pixel;
+use cloudparity::engines::march::gpu::Pixel;
 use cloudparity::engines::passes::compositing::{Background, CompositeKernel, Compositing, Part, mean_transmittance};
 use cloudparity::engines::passes::frame::Frame;
 use cloudparity::engines::passes::god_rays::{GodRayKernel, GodRayPass, GodRays, SUN_GLOW, half};
@@ -222,7 +222,7 @@ fn a_sun_behind_the_camera_shines_from_the_mirrored_point_with_the_defect_alone(
             let image = added(pass(from_behind, 100), &clear(size), &view(&camera, &sun(towards)));
             let (place, value) = brightest(&image);
             if is_behind && !from_behind {
-                assert!(image.pixels.iter().all(|pixel| *pixel == [0.0; 4]), "mended, nothing shines from behind");
+                assert!(image.pixels.iter().all(|pixel| *pixel == [0.0; 4]), "corrected, nothing shines from behind");
                 continue;
             }
             // A texel of the half is a ninth of the picture's height here, and rays are brightest in the sun's or beside it.

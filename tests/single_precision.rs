@@ -3,8 +3,8 @@
 
 mod support;
 
-use cloudparity::engines::perlin_fbm::adapter::BakeKernel;
 use cloudparity::engines::perlin_fbm::bake::Bake;
+use cloudparity::engines::perlin_fbm::gpu::BakeKernel;
 use cloudparity::engines::perlin_fbm::mask::{Deformation, Mask};
 use cloudparity::engines::perlin_fbm::noise::{Field, Octaves, noise, octaves};
 use cloudparity::engines::perlin_fbm::random::permutation;

@@ -3,12 +3,12 @@
 mod support;
 
 use assert_cmd::cargo::cargo_bin_cmd;
-use cloudparity::engines::march::adapter::MarchKernel;
+use cloudparity::engines::march::gpu::MarchKernel;
 use cloudparity::gpu::Gpu;
 use cloudparity::integrators::{MarchSettings, march};
 use cloudparity::measure::stability;
-use cloudparity::measure::stability::kernels;
-use cloudparity::measure::stability::kernels::{Kernel, Pipeline, Side};
+use cloudparity::measure::stability::functions;
+use cloudparity::measure::stability::functions::{Pipeline, ScalarFunction, Side};
 use cloudparity::measure::stability::pictures::{Uniform, light, rays, steps};
 use cloudparity::measure::stability::{Table, Verdict, guards};
 use cloudparity::media::transfer::Integration;
@@ -65,7 +65,7 @@ fn the_suite_holds_on_another_scene() {
 
 #[test]
 fn every_kernel_is_finite_and_within_its_bound() {
-    for row in kernels::rows(adapter().as_ref()).expect("measured") {
+    for row in functions::rows(adapter().as_ref()).expect("measured") {
         assert!(row.nonfinite == 0 && row.share_of_bound.is_some_and(|share| share <= 1.0), "{row:?}");
     }
 }
@@ -74,24 +74,24 @@ fn every_kernel_is_finite_and_within_its_bound() {
 fn a_kernel_without_its_guard_fails_in_wgsl() {
     let Some(gpu) = adapter() else { return };
     // Each guard taken away, as it would be written without a thought.
-    for (kernel, guarded, plain) in [
+    for (function, guarded, plain) in [
         (
-            Kernel::MeanTransmittance,
+            ScalarFunction::MeanTransmittance,
             "transfer::mean_transmittance(vec3f(input.x)).x",
             "(1.0 - exp(-input.x)) / input.x",
         ),
-        (Kernel::Absorbed, "transfer::absorbed(vec3f(input.x)).x", "1.0 - exp(-input.x)"),
+        (ScalarFunction::Absorbed, "transfer::absorbed(vec3f(input.x)).x", "1.0 - exp(-input.x)"),
         (
-            Kernel::HenyeyGreenstein,
+            ScalarFunction::HenyeyGreenstein,
             "phase::henyey_greenstein_by_lack(input.x, input.y)",
             "(1.0 - input.x * input.x) * phase::isotropic() \
              / pow(1.0 + input.x * input.x - 2.0 * input.x * (1.0 - input.y), 1.5)",
         ),
     ] {
-        let source = kernels::SHADER.replacen(guarded, plain, 1);
-        assert_ne!(source, kernels::SHADER, "{kernel:?}");
+        let source = functions::SHADER.replacen(guarded, plain, 1);
+        assert_ne!(source, functions::SHADER, "{function:?}");
         let pipeline = Pipeline::new(&gpu, &source).expect("it compiles");
-        let row = kernel.judge(Side::Wgsl, &pipeline.values(kernel, &kernel.arguments()).expect("values"));
+        let row = function.judge(Side::Wgsl, &pipeline.values(function, &function.arguments()).expect("values"));
         assert_eq!(row.verdict, Verdict::Fails, "{row:?}");
     }
 }

@@ -67,14 +67,14 @@ pub const INTERPRETER_VARIABLE: &str = "CLOUDPARITY_PYTHON";
 
 /// Cycles' kernel for a script that renders.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Kernel {
+pub enum CyclesKernel {
     /// No fused operations: the reference for values.
     Sse42,
     /// What Cycles chooses by itself.
     Default,
 }
 
-impl Kernel {
+impl CyclesKernel {
     /// The name in requests and results.
     pub fn name(self) -> &'static str {
         match self {
@@ -120,7 +120,7 @@ pub fn script_folder() -> Result<PathBuf> {
 }
 
 /// Runs a script of `blend/` and returns the result of its `done` message.
-pub fn run_script(name: &str, request: &Json, kernel: Kernel, receive: impl FnMut(Message)) -> Result<Json> {
+pub fn run_script(name: &str, request: &Json, kernel: CyclesKernel, receive: impl FnMut(Message)) -> Result<Json> {
     let mut conversation = Conversation::start(name, kernel)?;
     // A script that stops before it has read its request breaks the pipe; its answer says why.
     let _ = conversation.say(&request.to_string());
@@ -140,15 +140,15 @@ pub struct Conversation {
 
 impl Conversation {
     /// Starts a script.
-    pub fn start(name: &str, kernel: Kernel) -> Result<Self> {
+    pub fn start(name: &str, kernel: CyclesKernel) -> Result<Self> {
         let python = interpreter();
         let script = script_folder()?.join(name);
         let mut command = Command::new(&python);
         command.arg(&script).stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
         command.env("PYTHONDONTWRITEBYTECODE", "1");
         match kernel {
-            Kernel::Sse42 => command.env("CYCLES_CPU_NO_AVX2", "1"),
-            Kernel::Default => command.env_remove("CYCLES_CPU_NO_AVX2"),
+            CyclesKernel::Sse42 => command.env("CYCLES_CPU_NO_AVX2", "1"),
+            CyclesKernel::Default => command.env_remove("CYCLES_CPU_NO_AVX2"),
         };
         let mut child = command.spawn().map_err(|cause| {
             Error::new(

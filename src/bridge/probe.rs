@@ -2,7 +2,7 @@
 
 use crate::base::error::{Error, Result};
 use crate::base::files;
-use crate::bridge::{Kernel, Message, run_script};
+use crate::bridge::{CyclesKernel, Message, run_script};
 use crate::graph::Target;
 use crate::scene::Scene;
 use serde_json::{Value as Json, json};
@@ -42,12 +42,12 @@ pub struct Answers {
 }
 
 /// Evaluates the jobs in one Blender process, on all cores.
-pub fn ask(jobs: &[Job<'_>], kernel: Kernel, receive: impl FnMut(Message)) -> Result<Answers> {
+pub fn ask(jobs: &[Job<'_>], kernel: CyclesKernel, receive: impl FnMut(Message)) -> Result<Answers> {
     ask_on(jobs, kernel, 0, receive)
 }
 
 /// [`ask`] on this many threads of rendering (0 for all).
-pub fn ask_on(jobs: &[Job<'_>], kernel: Kernel, threads: u32, receive: impl FnMut(Message)) -> Result<Answers> {
+pub fn ask_on(jobs: &[Job<'_>], kernel: CyclesKernel, threads: u32, receive: impl FnMut(Message)) -> Result<Answers> {
     let folder = tempfile::tempdir()
         .map_err(|cause| Error::io(&std::env::temp_dir(), "a folder for temporary files", &cause))?;
     let mut requests = Vec::new();

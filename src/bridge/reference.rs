@@ -7,7 +7,7 @@
 use crate::base::error::{Error, Result};
 use crate::base::files;
 use crate::base::identity::Identity;
-use crate::bridge::{Kernel, Message, module_version, run_script};
+use crate::bridge::{CyclesKernel, Message, module_version, run_script};
 use crate::scene::Scene;
 use serde::Serialize;
 use serde_json::{Value as Json, json};
@@ -166,7 +166,7 @@ pub fn references(
             "requested_by": format!("cloudparity {}", Identity::current().full()),
         },
     });
-    run_script("reference.py", &request, Kernel::Default, receive)?;
+    run_script("reference.py", &request, CyclesKernel::Default, receive)?;
     Ok(found)
 }
 

@@ -1,6 +1,6 @@
 //! OpenVDB files of grids, written and read by the OpenVDB library that Blender carries.
 
-use super::Kernel;
+use super::CyclesKernel;
 use crate::base::error::{Error, Result};
 use crate::base::files;
 use crate::scene::volume_grid::{DENSITY, VolumeGrid};
@@ -47,7 +47,7 @@ pub fn read(path: &Path, name: &str) -> Result<VolumeGrid> {
 }
 
 fn run(request: &Json) -> Result<Json> {
-    super::run_script("volume_grid.py", request, Kernel::Default, |_| ())
+    super::run_script("volume_grid.py", request, CyclesKernel::Default, |_| ())
 }
 
 fn file_error(place: &str, cause: &dyn std::fmt::Display) -> Error {

@@ -2,7 +2,7 @@
 
 use crate::base::error::Result;
 use crate::bridge;
-use crate::bridge::Kernel;
+use crate::bridge::CyclesKernel;
 use crate::scene::Scene;
 use serde_json::json;
 use std::path::PathBuf;
@@ -23,7 +23,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
     let bar = super::progress_bar(1000);
     let output = std::path::absolute(&arguments.output).unwrap_or_else(|_| arguments.output.clone());
     let request = json!({"scene": scene, "blend": output, "folder": scene.folder});
-    bridge::run_script("build_scene.py", &request, Kernel::Default, super::report_to(&bar))?;
+    bridge::run_script("build_scene.py", &request, CyclesKernel::Default, super::report_to(&bar))?;
     bar.finish_and_clear();
     Ok(ExitCode::SUCCESS)
 }

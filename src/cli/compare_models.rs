@@ -17,7 +17,7 @@ use std::time::Instant;
 /// Put the density of a scene's graph beside that of a published engine: same box, camera, light and mean optical depth.
 ///
 /// Measures both fields (histogram, power spectrum, covered share) and what a sample costs, renders both with the engine's light as
-/// published and mended and by path tracing, and writes models.json, pictures and the report's page.
+/// published and corrected and by path tracing, and writes models.json, pictures and the report's page.
 #[derive(clap::Args)]
 pub(super) struct Arguments {
     #[command(flatten)]

@@ -3,7 +3,7 @@
 use crate::base::error::{Error, Result};
 use crate::base::files;
 use crate::bridge;
-use crate::bridge::Kernel;
+use crate::bridge::CyclesKernel;
 use crate::cli::march::MarchArguments;
 use crate::cli::picture::SceneArguments;
 use crate::cli::resume::{ExperimentArguments, whole};
@@ -76,6 +76,6 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
     files::write_atomically(&file("csv"), found.csv().as_bytes())?;
     super::print(&if arguments.json { document } else { found.summary() })?;
     let request = json!({"convergence": found, "svg": file("svg"), "png": file("png")});
-    bridge::run_script(SCRIPT, &request, Kernel::Default, |_| ())?;
+    bridge::run_script(SCRIPT, &request, CyclesKernel::Default, |_| ())?;
     Ok(ExitCode::SUCCESS)
 }

@@ -10,7 +10,7 @@ use crate::base::files;
 use crate::base::identity::Identity;
 use crate::bridge;
 use crate::bridge::reference::{ReferenceSettings, cache_folder, reference};
-use crate::bridge::{Kernel, Message};
+use crate::bridge::{CyclesKernel, Message};
 use crate::cli::explain::describe;
 use crate::engines;
 use crate::gpu::Backend;
@@ -204,9 +204,9 @@ impl Demo<'_> {
         let blend = self.path("procedural-clouds.blend");
         let absolute = std::path::absolute(&blend).unwrap_or(blend);
         let request = json!({"scene": self.scene, "blend": absolute});
-        bridge::run_script("build_scene.py", &request, Kernel::Default, |_| ())?;
+        bridge::run_script("build_scene.py", &request, CyclesKernel::Default, |_| ())?;
         let request = json!({"blend": absolute, "object": null});
-        let result = bridge::run_script("export_scene.py", &request, Kernel::Default, |_| ())?;
+        let result = bridge::run_script("export_scene.py", &request, CyclesKernel::Default, |_| ())?;
         let exported = Scene::from_value(result["scene"].clone(), "the exported scene")?;
         if exported != self.scene {
             return Err(Error::new(
@@ -260,7 +260,7 @@ impl Demo<'_> {
             })
             .collect();
         let request = json!({"op": "field_slices", "slices": requests});
-        match bridge::run_script("compare_images.py", &request, Kernel::Default, |_| ()) {
+        match bridge::run_script("compare_images.py", &request, CyclesKernel::Default, |_| ()) {
             Ok(result) => self.write_json("slices.json", &result["slices"]),
             Err(error) => {
                 self.leave_out("pictures of slices", &error.found, &error.remedy);
@@ -317,7 +317,7 @@ impl Demo<'_> {
         let world = &self.scene.world;
         let background = world.color.map(|value| f64::from(value * world.strength));
         request.display = Some(DisplaySettings::of(&self.scene.display, Some(background)));
-        match request.run(|script, request| bridge::run_script(script, request, Kernel::Default, |_| ())) {
+        match request.run(|script, request| bridge::run_script(script, request, CyclesKernel::Default, |_| ())) {
             Ok(result) => Ok(Some(result.verdict)),
             Err(error) => {
                 self.leave_out("comparison of the pictures", &error.found, &error.remedy);

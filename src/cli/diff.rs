@@ -3,7 +3,7 @@
 use crate::base::error::{Error, Result};
 use crate::base::numbers::{figure, percent, signed_percent};
 use crate::bridge;
-use crate::bridge::Kernel;
+use crate::bridge::CyclesKernel;
 use crate::measure::pictures::{
     Check, DiffRequest, DiffResult, DisplaySettings, ImageFigures, Statistics, StatisticsSettings, Tolerances,
 };
@@ -199,7 +199,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
     let bar = super::progress_bar(1000);
     let result = arguments
         .request()
-        .run(|script, request| bridge::run_script(script, request, Kernel::Default, super::report_to(&bar)))?;
+        .run(|script, request| bridge::run_script(script, request, CyclesKernel::Default, super::report_to(&bar)))?;
     bar.finish_and_clear();
     let text = if arguments.json {
         let text = serde_json::to_string_pretty(&result).map_err(|cause| {

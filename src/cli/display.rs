@@ -2,7 +2,7 @@
 
 use crate::base::error::Result;
 use crate::bridge;
-use crate::bridge::Kernel;
+use crate::bridge::CyclesKernel;
 use crate::measure::pictures::SCRIPT;
 use serde_json::json;
 use std::path::PathBuf;
@@ -52,7 +52,8 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
         "background": arguments.background,
         "channels": if arguments.rgb { "rgb" } else { "rgba" },
     });
-    let result = bridge::run_script(SCRIPT, &json!({"op": "display", "images": [picture]}), Kernel::Default, |_| ())?;
+    let result =
+        bridge::run_script(SCRIPT, &json!({"op": "display", "images": [picture]}), CyclesKernel::Default, |_| ())?;
     let view = result["images"][0]["view_used"].as_str().unwrap_or_default();
     super::print(&format!("{} ({view})\n", arguments.output.display()))?;
     Ok(ExitCode::SUCCESS)

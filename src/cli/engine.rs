@@ -128,7 +128,7 @@ impl EngineArguments {
 /// Which defects an engine keeps.
 #[derive(clap::Args)]
 pub(super) struct DefectsArgument {
-    /// Defects of the original that are kept: all (as published), none (mended), or some, such as PF-4,PF-6; `cloudparity models` says
+    /// Defects of the original that are kept: all (as published), none (corrected), or some, such as PF-4,PF-6; `cloudparity models` says
     /// what each is [default: none].
     #[arg(long)]
     defects: Option<String>,

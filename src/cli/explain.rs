@@ -4,7 +4,7 @@ use crate::base::error::Result;
 use crate::gpu::Gpu;
 use crate::graph::{Operand, Program};
 use crate::measure::speed::leaving_out;
-use crate::measure::speed::leaving_out::{Kernel, LeavingOut};
+use crate::measure::speed::leaving_out::{KernelSize, LeavingOut};
 use crate::scene::Scene;
 use std::fmt::Write;
 use std::path::PathBuf;
@@ -53,7 +53,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
 fn describe_kernels(found: &LeavingOut) -> String {
     let left_out: Vec<String> = found.left_out.iter().map(crate::base::files::word).collect();
     let left_out = if left_out.is_empty() { "nothing".to_owned() } else { left_out.join(", ") };
-    let size = |kernel: &Kernel| {
+    let size = |kernel: &KernelSize| {
         format!("{} bytes of WGSL, {} SPIR-V instructions", kernel.wgsl_bytes, kernel.spirv_instructions)
     };
     let special = found.specialised.as_ref().map_or_else(|| "none: one exponential per ray".to_owned(), size);

@@ -3,7 +3,7 @@
 use crate::base::error::{Error, Result};
 use crate::base::files;
 use crate::bridge;
-use crate::bridge::Kernel;
+use crate::bridge::CyclesKernel;
 use crate::graph::closures::ClosureSum;
 use crate::scene::Scene;
 use serde_json::json;
@@ -34,7 +34,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
         true => error,
         false => Error { place: format!("{place}: {}", error.place), ..error },
     };
-    let result = bridge::run_script("export_scene.py", &request, Kernel::Default, super::report_to(&bar));
+    let result = bridge::run_script("export_scene.py", &request, CyclesKernel::Default, super::report_to(&bar));
     let result = result.map_err(in_file)?;
     bar.finish_and_clear();
     let scene = Scene::from_value(result["scene"].clone(), &place)?;

@@ -97,7 +97,7 @@ fn describe(model: &Model) -> String {
         text += &format!("quality {name}: {}\n", assignments(settings));
     }
     for defect in model.defects {
-        text += &format!("defect {}: {}; mended: {}\n", defect.id, defect.about, defect.mended);
+        text += &format!("defect {}: {}; corrected: {}\n", defect.id, defect.about, defect.corrected);
     }
     text
 }

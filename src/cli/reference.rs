@@ -5,7 +5,7 @@ use crate::base::files;
 use crate::bridge::reference::{
     FIRST_REPLICA_SEED, Quality, Reference, ReferenceSettings, WorldSampling, cache_folder, references,
 };
-use crate::bridge::{Kernel, run_script};
+use crate::bridge::{CyclesKernel, run_script};
 use crate::cli::picture::PictureArguments;
 use crate::measure::pictures;
 use serde_json::json;
@@ -109,7 +109,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
     let variance = super::beside(output, "variance");
     let images: Vec<&PathBuf> = found.iter().map(|reference| &reference.path).collect();
     let request = json!({"op": "combine", "images": images, "mean": output, "variance": variance});
-    run_script(pictures::SCRIPT, &request, Kernel::Default, |_| ())?;
+    run_script(pictures::SCRIPT, &request, CyclesKernel::Default, |_| ())?;
     super::print(&format!("{} mean\n{} variance of one replica\n", output.display(), variance.display()))?;
     Ok(ExitCode::SUCCESS)
 }

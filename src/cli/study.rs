@@ -15,7 +15,7 @@ use std::process::ExitCode;
 /// Render every combination of a study file's axes, and measure its error against path tracing and its time.
 ///
 /// Every result is kept as soon as it is there: an interrupted study goes on where it stopped. Writes results.json, results.csv and the
-/// figure error against time (study.svg, .png, .pdf). With --verify the fronts of an earlier run are measured again from scratch;
+/// figure error against time (study.svg, .png, .pdf). With --verify the Pareto fronts of an earlier run are measured again from scratch;
 /// exit status 1 where an error does not come out the same within its uncertainty.
 #[derive(clap::Args)]
 pub(super) struct Arguments {
@@ -27,7 +27,7 @@ pub(super) struct Arguments {
     /// Say what would be run and what is left out, and why; run nothing.
     #[arg(long)]
     list: bool,
-    /// Measure the settings on the fronts again, against new truths.
+    /// Measure the settings on the Pareto fronts again, against new truths.
     #[arg(long, conflicts_with = "list")]
     verify: bool,
     /// Only render what takes longest and is not timed: the truths, and Cycles' pictures for its curves.

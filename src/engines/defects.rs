@@ -1,6 +1,6 @@
-//! Defects of published systems: each is declared beside its model, and each is kept or mended by itself.
+//! Defects of published systems: each is declared beside its model, and each is kept or corrected by itself.
 //!
-//! A system *as published* has all of its defects, its *mended* form has none, and every set between them is an engine, too. So what one
+//! A system *as published* has all of its defects, its *corrected* form has none, and every set between them is an engine, too. So what one
 //! defect costs is the difference of two pictures.
 
 use crate::base::error::{Error, Result};
@@ -16,11 +16,11 @@ pub struct Defect {
     pub id: &'static str,
     /// What the system does.
     pub about: &'static str,
-    /// What the mended form does.
-    pub mended: &'static str,
+    /// What the corrected form does.
+    pub corrected: &'static str,
 }
 
-/// The defects that an engine keeps; others are mended. Its text is `all`, `none`, or ids such as `PF-4,PF-6`.
+/// The defects that an engine keeps; others are corrected. Its text is `all`, `none`, or ids such as `PF-4,PF-6`.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Defects(Set);
 
@@ -33,7 +33,7 @@ enum Set {
 }
 
 impl Default for Defects {
-    /// None: the mended form.
+    /// None: the corrected form.
     fn default() -> Self {
         Self::NONE
     }
@@ -42,7 +42,7 @@ impl Default for Defects {
 impl Defects {
     /// Every defect: the system as published.
     pub const ALL: Self = Self(Set::All);
-    /// No defect: the mended form.
+    /// No defect: the corrected form.
     pub const NONE: Self = Self(Set::Listed(Vec::new()));
 
     /// A single defect.

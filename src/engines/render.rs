@@ -13,7 +13,7 @@ use crate::base::progress::Progress;
 use crate::engines::Engine;
 use crate::engines::light::{LightModel, Sun};
 use crate::engines::march::RealTimeRay;
-use crate::engines::march::adapter::MarchKernel;
+use crate::engines::march::gpu::MarchKernel;
 use crate::engines::passes::compositing::{self, CompositeKernel, Part, mean_transmittance};
 use crate::engines::passes::frame::Frame;
 use crate::engines::passes::god_rays::GodRayPass;

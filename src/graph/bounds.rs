@@ -65,7 +65,7 @@ impl Workspace {
             let registers = &self.registers;
             self.inputs.extend(instruction.inputs.iter().map(|operand| read(operand, registers, place)));
             let range = instruction.first_register..instruction.first_register + instruction.components();
-            instruction.kernel.bounds(&self.inputs, &mut self.registers[range]);
+            instruction.evaluator.bounds(&self.inputs, &mut self.registers[range]);
         }
         let operands = program.outputs.iter().flat_map(|output| &output.operands);
         for (result, operand) in results.iter_mut().zip(operands) {

@@ -73,9 +73,9 @@ impl Program {
         assert_eq!(components, inputs.len(), "inputs of {}", node_type.label);
         let outputs = node_type.outputs_of(&mode).filter(|output| mode.wants(output.identifier));
         let outputs = outputs.map(|output| (output.identifier, output.kind)).collect();
-        let kernel = build(&mode);
+        let evaluator = build(&mode);
         let first_register = self.registers;
-        let instruction = Instruction { label: label.into(), node_type, mode, inputs, first_register, outputs, kernel };
+        let instruction = Instruction { label: label.into(), node_type, mode, inputs, first_register, outputs, evaluator };
         self.registers += instruction.components();
         self.instructions.push(instruction);
         (first_register..self.registers).map(Operand::Register).collect()
@@ -92,7 +92,7 @@ impl Clone for Instruction {
             inputs: self.inputs.clone(),
             first_register: self.first_register,
             outputs: self.outputs.clone(),
-            kernel: build(&self.mode),
+            evaluator: build(&self.mode),
         }
     }
 }

@@ -2,7 +2,7 @@
 
 use crate::base::error::{Error, Result};
 use crate::graph::{Operand, Program};
-use crate::nodes::{Column, Kernel, Nudge, Nudged, Oracle, Real, RunningError, nudged};
+use crate::nodes::{Column, NodeEvaluator, Nudge, Nudged, Oracle, Real, RunningError, nudged};
 use rayon::prelude::*;
 
 /// Points per batch: registers of a batch stay in the caches.
@@ -35,39 +35,39 @@ impl<'a> Points<'a> {
     }
 }
 
-/// A number type with its entry point into a kernel.
+/// A number type with its entry point into an evaluator.
 pub trait Evaluation: Real {
     /// Evaluates one instruction.
-    fn run(kernel: &dyn Kernel, inputs: &[Column<'_, Self>], outputs: &mut [&mut [Self]]);
+    fn run(evaluator: &dyn NodeEvaluator, inputs: &[Column<'_, Self>], outputs: &mut [&mut [Self]]);
 }
 
 impl Evaluation for f32 {
-    fn run(kernel: &dyn Kernel, inputs: &[Column<'_, Self>], outputs: &mut [&mut [Self]]) {
-        kernel.evaluate_f32(inputs, outputs);
+    fn run(evaluator: &dyn NodeEvaluator, inputs: &[Column<'_, Self>], outputs: &mut [&mut [Self]]) {
+        evaluator.evaluate_f32(inputs, outputs);
     }
 }
 
 impl Evaluation for Oracle {
-    fn run(kernel: &dyn Kernel, inputs: &[Column<'_, Self>], outputs: &mut [&mut [Self]]) {
-        kernel.evaluate_oracle(inputs, outputs);
+    fn run(evaluator: &dyn NodeEvaluator, inputs: &[Column<'_, Self>], outputs: &mut [&mut [Self]]) {
+        evaluator.evaluate_oracle(inputs, outputs);
     }
 }
 
 impl Evaluation for f64 {
-    fn run(kernel: &dyn Kernel, inputs: &[Column<'_, Self>], outputs: &mut [&mut [Self]]) {
-        kernel.evaluate_unrounded(inputs, outputs);
+    fn run(evaluator: &dyn NodeEvaluator, inputs: &[Column<'_, Self>], outputs: &mut [&mut [Self]]) {
+        evaluator.evaluate_unrounded(inputs, outputs);
     }
 }
 
 impl Evaluation for RunningError {
-    fn run(kernel: &dyn Kernel, inputs: &[Column<'_, Self>], outputs: &mut [&mut [Self]]) {
-        kernel.evaluate_running_error(inputs, outputs);
+    fn run(evaluator: &dyn NodeEvaluator, inputs: &[Column<'_, Self>], outputs: &mut [&mut [Self]]) {
+        evaluator.evaluate_running_error(inputs, outputs);
     }
 }
 
 impl Evaluation for Nudged {
-    fn run(kernel: &dyn Kernel, inputs: &[Column<'_, Self>], outputs: &mut [&mut [Self]]) {
-        kernel.evaluate_nudged(inputs, outputs);
+    fn run(evaluator: &dyn NodeEvaluator, inputs: &[Column<'_, Self>], outputs: &mut [&mut [Self]]) {
+        evaluator.evaluate_nudged(inputs, outputs);
     }
 }
 
@@ -341,7 +341,7 @@ impl<R: Evaluation> Workspace<R> {
                 .collect();
             let mut outputs: Vec<&mut [R]> =
                 after[..instruction.components()].iter_mut().map(|column| &mut column[..count]).collect();
-            R::run(instruction.kernel.as_ref(), &inputs, &mut outputs);
+            R::run(instruction.evaluator.as_ref(), &inputs, &mut outputs);
             observe(self, number);
         }
     }

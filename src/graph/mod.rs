@@ -21,7 +21,7 @@ mod zero_signs;
 pub use target::Target;
 
 use crate::base::error::Result;
-use crate::nodes::{Kernel, Mode, NodeType, Nudge};
+use crate::nodes::{Mode, NodeEvaluator, NodeType, Nudge};
 use crate::scene::{Scene, SocketType};
 
 /// Where a scalar component comes from.
@@ -52,7 +52,7 @@ pub struct Instruction {
     /// Wanted outputs: identifier, kind.
     pub outputs: Vec<(&'static str, SocketType)>,
     /// The evaluator.
-    pub kernel: Box<dyn Kernel>,
+    pub evaluator: Box<dyn NodeEvaluator>,
 }
 
 impl Instruction {

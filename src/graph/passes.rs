@@ -4,7 +4,7 @@
 use crate::graph::flatten::{Flat, Source, affine_inputs};
 use crate::graph::zero_signs;
 use crate::graph::{Instruction, Note, Operand, Output, Program};
-use crate::nodes::{Column, Kernel, Mode, NodeType, Nudge, Nudged, Role, Simplified, affine, nudged};
+use crate::nodes::{Column, Mode, NodeEvaluator, NodeType, Nudge, Nudged, Role, Simplified, affine, nudged};
 use std::collections::HashMap;
 
 /// A node after the first pass: what its output components are now.
@@ -15,7 +15,7 @@ struct Kept {
     inputs: Vec<Source>,
 }
 
-fn kernel_of(node_type: &NodeType, mode: &Mode) -> Box<dyn Kernel> {
+fn evaluator_of(node_type: &NodeType, mode: &Mode) -> Box<dyn NodeEvaluator> {
     match node_type.role {
         Role::Evaluated(build) => build(mode),
         _ => unreachable!("the flat graph holds evaluated nodes only"),
@@ -68,21 +68,21 @@ pub(super) fn run_nudged(flat: Flat, nudge: Option<Nudge>) -> Program {
             });
             inputs.splice(first..first + 3, (0..3).map(|axis| Source::Node(kept.len() - 1, axis)));
         }
-        let kernel = kernel_of(node.node_type, &node.mode);
+        let evaluator = evaluator_of(node.node_type, &node.mode);
         let constants: Vec<Option<f32>> = inputs.iter().map(as_constant).collect();
         let count = components(node.node_type, &node.mode);
         if let Some(values) = inputs.iter().map(as_known).collect::<Option<Vec<f32>>>() {
-            let folds_late = constants.iter().all(Option::is_some) && kernel.folds_late();
+            let folds_late = constants.iter().all(Option::is_some) && evaluator.folds_late();
             // What Blender has not folded (a simplification made it constant, or a node that Blender cannot
             // evaluate stands before it) Cycles folds by rules of its own, if it can.
             let own_rule = match (node.constant, folds_late) {
-                (true, _) => kernel.fold(&values),
-                (false, true) => kernel.fold_late(&values),
+                (true, _) => evaluator.fold(&values),
+                (false, true) => evaluator.fold_late(&values),
                 (false, false) => None,
             };
             let values = match nudge {
-                Some(nudge) => nudged::with(nudge, || evaluate_nudged(kernel.as_ref(), &values, count, own_rule)),
-                None => own_rule.unwrap_or_else(|| evaluate(kernel.as_ref(), &values, count)),
+                Some(nudge) => nudged::with(nudge, || evaluate_nudged(evaluator.as_ref(), &values, count, own_rule)),
+                None => own_rule.unwrap_or_else(|| evaluate(evaluator.as_ref(), &values, count)),
             };
             note("folded", format!("constant inputs: {}", list(&values)));
             let source = if node.constant || folds_late { Source::Constant } else { Source::Runtime };
@@ -92,7 +92,7 @@ pub(super) fn run_nudged(flat: Flat, nudge: Option<Nudge>) -> Program {
         }
         let linked: Vec<Source> = node.inputs.iter().map(|source| follow(&links, source)).collect();
         let equal = |first: usize, second: usize| as_known(&linked[first]).is_none() && linked[first] == linked[second];
-        match kernel.simplify(&constants).or_else(|| kernel.simplify_links(&constants, &equal)) {
+        match evaluator.simplify(&constants).or_else(|| evaluator.simplify_links(&constants, &equal)) {
             Some(Simplified::Inputs(indices)) => {
                 if !node.node_type.properties.is_empty() {
                     note("simplified", "passes an input on".into());
@@ -155,7 +155,7 @@ pub(super) fn run_nudged(flat: Flat, nudge: Option<Nudge>) -> Program {
             }
         }
     }
-    // Registers and kernels for the reached nodes only.
+    // Registers and evaluators for the reached nodes only.
     let mut registers = 0;
     let mut register_of: Vec<Vec<Option<usize>>> = Vec::new();
     let mut instructions = Vec::new();
@@ -192,7 +192,7 @@ pub(super) fn run_nudged(flat: Flat, nudge: Option<Nudge>) -> Program {
         instructions.push(Instruction {
             label: node.label,
             node_type: node.node_type,
-            kernel: kernel_of(node.node_type, &mode),
+            evaluator: evaluator_of(node.node_type, &mode),
             mode,
             inputs,
             first_register,
@@ -259,25 +259,30 @@ fn operand(register_of: &[Vec<Option<usize>>], source: &Source) -> Operand {
 }
 
 /// The node's value for constant inputs.
-fn evaluate(kernel: &dyn Kernel, values: &[f32], count: usize) -> Vec<f32> {
+fn evaluate(evaluator: &dyn NodeEvaluator, values: &[f32], count: usize) -> Vec<f32> {
     let columns: Vec<Column<'_, f32>> =
         values.iter().map(|value| Column { values: std::slice::from_ref(value), uniform: true }).collect();
     let mut result = vec![0.0; count];
     let mut slices: Vec<&mut [f32]> = result.iter_mut().map(std::slice::from_mut).collect();
-    kernel.evaluate_f32(&columns, &mut slices);
+    evaluator.evaluate_f32(&columns, &mut slices);
     result
 }
 
 /// [`evaluate`] under the thread's nudge. A value by the node's own rule is no generic arithmetic: where the node calls the C
 /// library, the value itself is nudged.
-fn evaluate_nudged(kernel: &dyn Kernel, values: &[f32], count: usize, own_rule: Option<Vec<f32>>) -> Vec<f32> {
+fn evaluate_nudged(
+    evaluator: &dyn NodeEvaluator,
+    values: &[f32],
+    count: usize,
+    own_rule: Option<Vec<f32>>,
+) -> Vec<f32> {
     let calls = nudged::calls();
     let values: Vec<Nudged> = values.iter().map(|&value| Nudged(value)).collect();
     let columns: Vec<Column<'_, Nudged>> =
         values.iter().map(|value| Column { values: std::slice::from_ref(value), uniform: true }).collect();
     let mut result = vec![Nudged(0.0); count];
     let mut slices: Vec<&mut [Nudged]> = result.iter_mut().map(std::slice::from_mut).collect();
-    kernel.evaluate_nudged(&columns, &mut slices);
+    evaluator.evaluate_nudged(&columns, &mut slices);
     match own_rule {
         Some(own) if nudged::calls() > calls => own.into_iter().map(nudged::folded).collect(),
         Some(own) => own,

@@ -91,7 +91,7 @@ impl Linker {
             .with_setting("backend"));
         }
         for node in &program.instructions {
-            if let Some(found) = node.kernel.without_shader() {
+            if let Some(found) = node.evaluator.without_shader() {
                 return Err(Error::new(
                     format!("node {}", node.label),
                     found,
@@ -234,10 +234,10 @@ impl Linker {
             }
             let module = instruction.node_type.module;
             let mut constants = instruction.mode.shader_constants();
-            for (number, texture) in instruction.kernel.textures().into_iter().enumerate() {
+            for (number, texture) in instruction.evaluator.textures().into_iter().enumerate() {
                 line(&mut constants, format_args!("const TEXELS_{number}: u32 = {}u;", self.first_word(texture)));
             }
-            constants += &instruction.kernel.shader_constants();
+            constants += &instruction.evaluator.shader_constants();
             let key = format!("{module} {} {constants}", definitions.join(" "));
             let instance = match self.instances.get(&key) {
                 Some(instance) => instance.clone(),

@@ -1,7 +1,7 @@
 //! Our evaluators of a field, and their values beside those of live Cycles at the same points.
 
 use crate::base::error::{Error, Result};
-use crate::bridge::{Kernel, Message, probe};
+use crate::bridge::{CyclesKernel, Message, probe};
 use crate::gpu::Gpu;
 use crate::graph::evaluate::{Arithmetic, Points};
 use crate::graph::{Program, Target};
@@ -138,7 +138,7 @@ pub fn compare(requests: &[Request<'_>], receive: impl FnMut(Message)) -> Result
             jobs.push(probe::Job { scene: request.scene, positions, attributes: &[], targets, repeat: 1, samples: 1 });
         }
     }
-    let answers = probe::ask(&jobs, Kernel::Sse42, receive)?;
+    let answers = probe::ask(&jobs, CyclesKernel::Sse42, receive)?;
     let seconds = answers.jobs.iter().flat_map(|answer| &answer.render_seconds).sum();
     let reference = Reference { renderer: "Cycles", kernel: "sse42", blender: answers.blender, seconds };
     let mut parts = answers.jobs.into_iter();

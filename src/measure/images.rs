@@ -2,7 +2,7 @@
 
 use crate::base::error::{Error, Result};
 use crate::bridge;
-use crate::bridge::Kernel;
+use crate::bridge::CyclesKernel;
 use crate::scene::Display;
 use serde::{Deserialize, Serialize};
 use serde_json::json;
@@ -51,7 +51,7 @@ pub struct FlipPair {
 /// Mean HDR-FLIP of each pair, in one run of the script.
 pub fn flip(pairs: &[FlipPair]) -> Result<Vec<f64>> {
     let request = json!({"op": "flip", "pairs": pairs});
-    let found = bridge::run_script(SCRIPT, &request, Kernel::Default, |_| ())?;
+    let found = bridge::run_script(SCRIPT, &request, CyclesKernel::Default, |_| ())?;
     let means: Option<Vec<f64>> =
         found["means"].as_array().map(|means| means.iter().filter_map(|mean| mean.as_f64()).collect());
     means

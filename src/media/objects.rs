@@ -509,7 +509,7 @@ pub struct Media {
 
 /// Coefficients and lobes at a point of the world.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Place {
+pub struct MediumAtPoint {
     /// Sums over the objects that hold the point.
     pub coefficients: Coefficients<f64>,
     /// All their lobes.
@@ -528,9 +528,9 @@ impl Media {
     }
 
     /// What is at positions of the world; faces count as inside.
-    pub fn evaluate(&self, positions: &[DVec3]) -> Result<Vec<Place>> {
+    pub fn evaluate(&self, positions: &[DVec3]) -> Result<Vec<MediumAtPoint>> {
         let zero = Coefficients { scattering: [0.0; 3], extinction: [0.0; 3], emission: [0.0; 3] };
-        let mut places = vec![Place { coefficients: zero, mixture: PhaseMixture::empty() }; positions.len()];
+        let mut places = vec![MediumAtPoint { coefficients: zero, mixture: PhaseMixture::empty() }; positions.len()];
         for medium in &self.objects {
             let local = |&position: &DVec3| medium.to_object.transform_point3(position);
             let inside: Vec<(usize, [f32; 3])> = positions

@@ -478,13 +478,13 @@ fn value_of(layout: Layout, curves: &[Curve], channel: usize, x: f32) -> f32 {
     curves[channel].value(if layout == Layout::Color { curves[3].value(x) } else { x })
 }
 
-/// The kernel of the three nodes: inputs are a factor and a float, colour or vector.
+/// The evaluator of the three nodes: inputs are a factor and a float, colour or vector.
 pub struct Curves {
     mapping: Arc<CurveMapping>,
 }
 
 impl Curves {
-    /// The kernel for the curves in the property `mapping` of a mode.
+    /// The evaluator for the curves in the property `mapping` of a mode.
     pub fn new(mode: &Mode) -> Self {
         let Data::Curves(mapping) = mode.data("mapping") else { unreachable!("this property reads curves") };
         Self { mapping: Arc::clone(mapping) }

@@ -61,7 +61,7 @@ pub(super) fn assert_lanes_equal_scalar(
     let properties = properties.as_object().expect("an object of properties");
     let mode = Mode::read(node_type, properties, "test").expect("legal properties").with_wanted(wanted);
     let Role::Evaluated(build) = node_type.role else { panic!("a node that evaluates") };
-    let kernel = build(&mode);
+    let evaluator = build(&mode);
     let count = coordinates.len();
     let components: usize = node_type
         .outputs_of(&mode)
@@ -88,7 +88,7 @@ pub(super) fn assert_lanes_equal_scalar(
             .collect();
         let mut outputs = vec![vec![0.0_f32; count]; components];
         let mut slices: Vec<&mut [f32]> = outputs.iter_mut().map(Vec::as_mut_slice).collect();
-        kernel.evaluate_f32(&columns, &mut slices);
+        evaluator.evaluate_f32(&columns, &mut slices);
         outputs
     };
     let (lanes, scalar) = (evaluate(true), evaluate(false));

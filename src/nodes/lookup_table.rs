@@ -33,9 +33,9 @@ pub struct Table {
     half_steps: Vec<f32>,
 }
 
-/// A place in a table.
+/// A position in a table.
 #[derive(Clone, Copy)]
-pub struct Place<R> {
+pub struct TablePosition<R> {
     index: usize,
     /// From 0, at the entry, to 1.
     rest: R,
@@ -79,7 +79,7 @@ impl Table {
 
     /// Where a factor reads.
     #[inline]
-    pub fn place<R: Real>(&self, factor: R) -> Place<R> {
+    pub fn place<R: Real>(&self, factor: R) -> TablePosition<R> {
         let position = Self::position(factor);
         let cell = position.to_int();
         self.place_of(position, cell, position - R::of(cell as f32))
@@ -87,7 +87,7 @@ impl Table {
 
     /// Where a position from 0 to 256 reads, with the number of its cell, `position.to_int()`, and the rest above it.
     #[inline(always)]
-    pub fn place_of<R: Real>(&self, position: R, cell: i32, rest: R) -> Place<R> {
+    pub fn place_of<R: Real>(&self, position: R, cell: i32, rest: R) -> TablePosition<R> {
         let index = cell.clamp(0, CELLS as i32) as usize;
         // A lookup is continuous, or it jumps at every entry: either way the neighbouring cell counts too.
         #[allow(clippy::eq_op, reason = "zero as a number, but not as a bound of its error")]
@@ -96,12 +96,12 @@ impl Table {
             (false, true) => rest - rest,
             (false, false) => position.floor() - position.floor(),
         };
-        Place { index, rest, doubt }
+        TablePosition { index, rest, doubt }
     }
 
     /// A channel's value at a place.
     #[inline]
-    pub fn value<R: Real>(&self, channel: usize, place: Place<R>) -> R {
+    pub fn value<R: Real>(&self, channel: usize, place: TablePosition<R>) -> R {
         let entries = &self.channels[channel];
         let value = self.between(place.rest, entries[place.index], entries[(place.index + 1).min(CELLS)]);
         self.doubted(channel, place, value)
@@ -109,7 +109,7 @@ impl Table {
 
     /// The values of all channels of a table of four. Panics for another table.
     #[inline(always)]
-    pub fn values<R: Real>(&self, place: Place<R>) -> [R; 4] {
+    pub fn values<R: Real>(&self, place: TablePosition<R>) -> [R; 4] {
         let rows = self.rows.as_ref().expect("a table of four channels");
         // (The index is below already; here a compiler sees it.)
         let index = place.index.min(CELLS);
@@ -129,7 +129,7 @@ impl Table {
 
     /// The value with the doubt of its place, for numbers that carry one.
     #[inline(always)]
-    fn doubted<R: Real>(&self, channel: usize, place: Place<R>, value: R) -> R {
+    fn doubted<R: Real>(&self, channel: usize, place: TablePosition<R>, value: R) -> R {
         if R::IS_PLAIN { value } else { value - place.doubt * R::of(self.half_steps[channel]) }
     }
 

@@ -168,9 +168,9 @@ impl Evaluate for Mapping {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::nodes::Kernel;
+    use crate::nodes::NodeEvaluator;
 
-    fn kernel(kind: &str) -> Box<dyn Kernel> {
+    fn evaluator(kind: &str) -> Box<dyn NodeEvaluator> {
         let mut properties = serde_json::Map::new();
         properties.insert("vector_type".into(), kind.into());
         let mode = Mode::read(&TYPE, &properties, "test").expect("a mode");
@@ -183,7 +183,7 @@ mod tests {
             inputs.iter().map(|value| Column { values: std::slice::from_ref(value), uniform: true }).collect();
         let mut result = [0.0; 3];
         let mut outputs: Vec<&mut [f32]> = result.iter_mut().map(std::slice::from_mut).collect();
-        kernel(kind).evaluate_f32(&columns, &mut outputs);
+        evaluator(kind).evaluate_f32(&columns, &mut outputs);
         result
     }
 
@@ -204,16 +204,16 @@ mod tests {
         assert_eq!(value("TEXTURE", &[&[1.0, 2.0, 3.0][..], &rest[..]].concat()), [0.0; 3]);
         assert_eq!(value("NORMAL", &[1.0, 2.0, 3.0, 0.4, -1.1, 2.3, 0.0, 0.0, 0.0]), [0.0; 3]);
         let known = [&[None; 3][..], &rest.map(Some)[..]].concat();
-        assert_eq!(kernel("POINT").simplify(&known), Some(Simplified::Constant(vec![0.0; 3])));
+        assert_eq!(evaluator("POINT").simplify(&known), Some(Simplified::Constant(vec![0.0; 3])));
     }
 
     #[test]
     fn what_changes_nothing_is_left_out_but_for_normals() {
         let neutral = [None, None, None, Some(-0.0), Some(0.0), Some(0.0), Some(1.0), Some(1.0), Some(1.0)];
-        assert_eq!(kernel("VECTOR").simplify(&neutral), Some(Simplified::Inputs(vec![0, 1, 2])));
-        assert_eq!(kernel("NORMAL").simplify(&neutral), None);
+        assert_eq!(evaluator("VECTOR").simplify(&neutral), Some(Simplified::Inputs(vec![0, 1, 2])));
+        assert_eq!(evaluator("NORMAL").simplify(&neutral), None);
         // The location counts.
         let moved = [&neutral[..3], &[Some(1.0), Some(0.0), Some(0.0)], &neutral[3..]].concat();
-        assert_eq!(kernel("POINT").simplify(&moved), None);
+        assert_eq!(evaluator("POINT").simplify(&moved), None);
     }
 }

@@ -1,7 +1,7 @@
 //! Blender's nodes. One file per node here, one WGSL module of the same name in `shaders/nodes/`.
 //!
 //! A file holds the node's sockets and modes ([`NodeType`]), its evaluation on batches of points
-//! ([`Evaluate`], generic over [`Real`]) and its bounds over a box ([`Kernel::bounds`]). The graph
+//! ([`Evaluate`], generic over [`Real`]) and its bounds over a box ([`NodeEvaluator::bounds`]). The graph
 //! compiler knows no node by name: it reads [`registry`].
 //!
 //! Sockets are flattened to scalar components: a vector is three columns. Columns hold one value
@@ -111,8 +111,8 @@ pub struct NodeType {
 
 /// What the compiler does with a node of a type.
 pub enum Role {
-    /// Evaluates: builds the kernel for a mode.
-    Evaluated(fn(&Mode) -> Box<dyn Kernel>),
+    /// Evaluates: builds the evaluator for a mode.
+    Evaluated(fn(&Mode) -> Box<dyn NodeEvaluator>),
     /// Resolved to a coordinate or constant by the compiler.
     Source(fn(&SourceContext, &Mode, &str) -> crate::base::error::Result<SourceValue>),
     /// Makes or joins closures: its inputs are what the renderer asks for.
@@ -693,7 +693,7 @@ pub struct Column<'a, R> {
 ///
 /// `inputs` are the existing inputs' components in socket order, `outputs` the wanted outputs'
 /// components in socket order; all columns of a call have the same length.
-pub trait Kernel: Send + Sync {
+pub trait NodeEvaluator: Send + Sync {
     /// Evaluates as Cycles' SSE4.2 kernel does.
     fn evaluate_f32(&self, inputs: &[Column<'_, f32>], outputs: &mut [&mut [f32]]);
     /// Evaluates in f64 with f32 coordinates and hashes.
@@ -761,43 +761,43 @@ pub enum Simplified {
 
 /// Evaluation written once for every number type, with the node's bounds and folding rules.
 pub trait Evaluate: Send + Sync {
-    /// See [`Kernel`].
+    /// See [`NodeEvaluator`].
     fn evaluate<R: Real>(&self, inputs: &[Column<'_, R>], outputs: &mut [&mut [R]]);
-    /// See [`Kernel::bounds`].
+    /// See [`NodeEvaluator::bounds`].
     fn enclose(&self, inputs: &[Interval], outputs: &mut [Interval]);
-    /// See [`Kernel::fold`].
+    /// See [`NodeEvaluator::fold`].
     fn fold_constants(&self, _inputs: &[f32]) -> Option<Vec<f32>> {
         None
     }
-    /// See [`Kernel::fold_late`].
+    /// See [`NodeEvaluator::fold_late`].
     fn fold_constants_late(&self, _inputs: &[f32]) -> Option<Vec<f32>> {
         None
     }
-    /// See [`Kernel::folds_early`].
+    /// See [`NodeEvaluator::folds_early`].
     fn folds_early(&self) -> bool {
         true
     }
-    /// See [`Kernel::folds_late`].
+    /// See [`NodeEvaluator::folds_late`].
     fn folds_late(&self) -> bool {
         true
     }
-    /// See [`Kernel::shader_constants`].
+    /// See [`NodeEvaluator::shader_constants`].
     fn shader_constants(&self) -> String {
         String::new()
     }
-    /// See [`Kernel::textures`].
+    /// See [`NodeEvaluator::textures`].
     fn textures(&self) -> Vec<TextureHandle> {
         Vec::new()
     }
-    /// See [`Kernel::without_shader`].
+    /// See [`NodeEvaluator::without_shader`].
     fn without_shader(&self) -> Option<&'static str> {
         None
     }
-    /// See [`Kernel::simplify`].
+    /// See [`NodeEvaluator::simplify`].
     fn simplify_constants(&self, _inputs: &[Option<f32>]) -> Option<Simplified> {
         None
     }
-    /// See [`Kernel::simplify_links`].
+    /// See [`NodeEvaluator::simplify_links`].
     fn simplify_linked(&self, _inputs: &[Option<f32>], _equal: &dyn Fn(usize, usize) -> bool) -> Option<Simplified> {
         None
     }
@@ -807,7 +807,7 @@ pub trait Evaluate: Send + Sync {
     }
 }
 
-impl<T: Evaluate> Kernel for T {
+impl<T: Evaluate> NodeEvaluator for T {
     fn evaluate_f32(&self, inputs: &[Column<'_, f32>], outputs: &mut [&mut [f32]]) {
         if !self.evaluate_fast(inputs, outputs) {
             self.evaluate(inputs, outputs);

@@ -321,8 +321,8 @@ mod tests {
 
     #[test]
     fn blender_goes_through_the_center_with_an_axis_that_it_takes_for_none() {
-        let kernel = VectorRotate { turn: Turn::AboutVector, invert: false };
-        let fold = |axis: f32| kernel.fold_constants(&[0.3, -0.7, 0.4, 1e3, 2.0, 3.0, axis, 0.0, 0.0, 1.0]);
+        let evaluator = VectorRotate { turn: Turn::AboutVector, invert: false };
+        let fold = |axis: f32| evaluator.fold_constants(&[0.3, -0.7, 0.4, 1e3, 2.0, 3.0, axis, 0.0, 0.0, 1.0]);
         assert_eq!(fold(0.0), Some(vec![0.299_987_8, -0.700_000_05, 0.400_000_1]));
         assert_eq!(fold(1e-20), fold(0.0));
         let turned = fold(1e-10).expect("a rotation about x");

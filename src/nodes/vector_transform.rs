@@ -206,24 +206,24 @@ impl Evaluate for VectorTransform {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::nodes::Kernel;
+    use crate::nodes::NodeEvaluator;
     use serde_json::json;
 
     /// A sheared, turned and moved object.
     const MATRIX: Matrix = [[0.9, -1.1, 0.3, 2.5], [0.7, 1.3, -0.2, -1.25], [0.1, 0.4, 1.9, 3.3], [0.0, 0.0, 0.0, 1.0]];
 
-    fn kernel(kind: &str, from: &str, to: &str) -> Box<dyn Kernel> {
+    fn evaluator(kind: &str, from: &str, to: &str) -> Box<dyn NodeEvaluator> {
         let properties = json!({"vector_type": kind, "convert_from": from, "convert_to": to});
         let mode = Mode::read(&TYPE, properties.as_object().expect("properties"), "test").expect("a mode");
         let Role::Evaluated(build) = TYPE.role else { unreachable!("it evaluates") };
         build(&mode.with_frame(Frame::of(&MATRIX, "test").expect("an invertible matrix")))
     }
 
-    fn value(kernel: &dyn Kernel, vector: [f32; 3]) -> [f32; 3] {
+    fn value(evaluator: &dyn NodeEvaluator, vector: [f32; 3]) -> [f32; 3] {
         let columns = vector.each_ref().map(|value| Column { values: std::slice::from_ref(value), uniform: true });
         let mut result = [0.0; 3];
         let mut outputs: Vec<&mut [f32]> = result.iter_mut().map(std::slice::from_mut).collect();
-        kernel.evaluate_f32(&columns, &mut outputs);
+        evaluator.evaluate_f32(&columns, &mut outputs);
         result
     }
 
@@ -237,28 +237,28 @@ mod tests {
             ("NORMAL", "WORLD", "OBJECT", [0.619_585_6, -0.757_271_23, 0.206_528_53]),
             ("NORMAL", "OBJECT", "WORLD", [0.754_731_9, 0.654_101, -0.050_315_46]),
         ] {
-            assert_eq!(value(&*kernel(kind, from, to), [1.0, 0.0, 0.0]), wanted, "{kind} {from} {to}");
+            assert_eq!(value(&*evaluator(kind, from, to), [1.0, 0.0, 0.0]), wanted, "{kind} {from} {to}");
         }
     }
 
     #[test]
     fn only_normals_towards_the_world_have_no_guard() {
-        assert_eq!(value(&*kernel("NORMAL", "WORLD", "OBJECT"), [0.0; 3]), [0.0; 3]);
-        assert!(value(&*kernel("NORMAL", "OBJECT", "WORLD"), [0.0; 3]).iter().all(|x| x.is_nan()));
-        assert_eq!(value(&*kernel("NORMAL", "WORLD", "WORLD"), [0.0, 3.0, 0.0]), [0.0, 3.0, 0.0]);
+        assert_eq!(value(&*evaluator("NORMAL", "WORLD", "OBJECT"), [0.0; 3]), [0.0; 3]);
+        assert!(value(&*evaluator("NORMAL", "OBJECT", "WORLD"), [0.0; 3]).iter().all(|x| x.is_nan()));
+        assert_eq!(value(&*evaluator("NORMAL", "WORLD", "WORLD"), [0.0, 3.0, 0.0]), [0.0, 3.0, 0.0]);
     }
 
     #[test]
     fn bounds_hold_in_a_frame_that_shears() {
         for kind in ["POINT", "VECTOR", "NORMAL"] {
             for (from, to) in [("WORLD", "OBJECT"), ("OBJECT", "WORLD"), ("OBJECT", "OBJECT")] {
-                let kernel = kernel(kind, from, to);
+                let evaluator = evaluator(kind, from, to);
                 let inputs = [Interval::new(-1.0, 2.0), Interval::new(0.5, 0.75), Interval::point(-3.0)];
                 let mut bounds = [Interval::ZERO; 3];
-                kernel.bounds(&inputs, &mut bounds);
+                evaluator.bounds(&inputs, &mut bounds);
                 for step in 0..=8_u8 {
                     let t = f32::from(step) / 8.0;
-                    let found = value(&*kernel, [3.0 * t - 1.0, 0.75 - 0.25 * t, -3.0]);
+                    let found = value(&*evaluator, [3.0 * t - 1.0, 0.75 - 0.25 * t, -3.0]);
                     for (x, interval) in found.into_iter().zip(bounds) {
                         assert!(interval.contains(f64::from(x)), "{kind} {from} {to}: {x} in {interval:?}");
                         assert!(interval.high - interval.low < 20.0);

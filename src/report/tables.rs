@@ -131,7 +131,7 @@ impl<'a> TuningTable<'a> {
     }
 }
 
-/// A run of a front: settings in words, milliseconds, relMSE, its standard error, bias, HDR-FLIP.
+/// A run of a Pareto front: settings in words, milliseconds, relMSE, its standard error, bias, HDR-FLIP.
 pub type FrontRow = (String, f64, f64, f64, f64, Option<f64>);
 
 impl<'a> StudyTable<'a> {

@@ -34,7 +34,7 @@ pub(crate) const SPOT: u32 = 3;
 
 shader_struct! {
     /// A light as `shaders/integrators/path/path.wgsl` reads it.
-    pub(crate) struct AdapterLight = "Light" {
+    pub(crate) struct GpuLight = "Light" {
         pub(crate) place: [f32; 3],
         pub(crate) kind: u32,
         pub(crate) axis: [f32; 3],
@@ -178,20 +178,20 @@ impl SampledLight {
     }
 
     /// The light in the form of the shader, whose places are relative to `origin`; it knows suns and points without extent or spots.
-    pub(crate) fn on_adapter(&self, origin: DVec3) -> Result<AdapterLight> {
+    pub(crate) fn on_adapter(&self, origin: DVec3) -> Result<GpuLight> {
         let vector = |value: DVec3| value.as_vec3().to_array();
-        let light = AdapterLight {
+        let light = GpuLight {
             power: self.power.map(|power| power as f32),
             strength: self.strength as f32,
-            ..AdapterLight::zeroed()
+            ..GpuLight::zeroed()
         };
         match (&self.shape, &self.spot) {
-            (Shape::Direction(towards), _) => Ok(AdapterLight { place: vector(*towards), kind: SUN, ..light }),
+            (Shape::Direction(towards), _) => Ok(GpuLight { place: vector(*towards), kind: SUN, ..light }),
             (Shape::Cone(towards, opening), _) => {
-                Ok(AdapterLight { place: vector(*towards), kind: SUN_DISC, opening: *opening as f32, ..light })
+                Ok(GpuLight { place: vector(*towards), kind: SUN_DISC, opening: *opening as f32, ..light })
             }
-            (Shape::Point(place), None) => Ok(AdapterLight { place: vector(*place - origin), kind: POINT, ..light }),
-            (Shape::Point(place), Some(spot)) => Ok(AdapterLight {
+            (Shape::Point(place), None) => Ok(GpuLight { place: vector(*place - origin), kind: POINT, ..light }),
+            (Shape::Point(place), Some(spot)) => Ok(GpuLight {
                 place: vector(*place - origin),
                 kind: SPOT,
                 axis: vector(spot.axis),

@@ -82,7 +82,7 @@ def test_every_group_has_a_panel_with_its_front(tmp_path):
     panels = [axis for axis in figure.axes if axis.get_title()]
     assert [panel.get_title() for panel in panels] == ["graph, one", "graph, two", "graph, three"]
     front = [line for line in panels[0].lines if line.get_linestyle() == "-" and len(line.get_xdata()) > 1]
-    # The last of the front is below 0: half of the smallest error above it stands for it.
+    # The last of the Pareto front is below 0: half of the smallest error above it stands for it.
     assert np.allclose(front[0].get_xdata(), [1, 2, 8]) and np.allclose(
         front[0].get_ydata(), [0.5, 0.1, 0.05]
     )

@@ -1,8 +1,8 @@
 //! What f32 may be off by, on the CPU and on an adapter: bounds that are derived, not measured.
 
 use cloudparity::engines::passes::god_rays::GodRays;
-use cloudparity::engines::perlin_fbm::bake::Bake;
-use cloudparity::engines::perlin_fbm::random::{Permutation, permutation};
+use cloudparity::nodes::perlin_fbm::bake::Bake;
+use cloudparity::nodes::perlin_fbm::random::{Permutation, permutation};
 use cloudparity::nodes::running_error::RunningError;
 use rayon::prelude::*;
 

@@ -42,7 +42,7 @@ pub static MODEL: Model = Model {
 
 /// The toy's only defect.
 pub const BRIGHT_GLASS: Defect =
-    Defect { id: "TF-1", about: "the glass lets everything through", mended: "it lets through what it should" };
+    Defect { id: "TF-1", about: "the glass lets everything through", corrected: "it lets through what it should" };
 
 const fn parameter(name: &'static str, default: f64, about: &'static str) -> Parameter {
     Parameter { name, about, unit: "", range: Range::NotNegative, default, usual: [0.0, 2.0] }

@@ -15,7 +15,7 @@
 //! and T *= exp(-e s). Lengths are in the engine's unit ([`Container::unit`]), directions unit vectors of the world; places are in the
 //! density's frame, whose axes need not be of one length or at right angles.
 
-pub mod adapter;
+pub mod gpu;
 
 use crate::base::error::{Error, Result};
 use crate::engines::domain::{Container, Outline, Segments};

@@ -3,7 +3,7 @@
 
 use crate::base::error::{Error, Result};
 use crate::engines::march::RealTimePixel;
-use crate::engines::march::adapter::Pixel;
+use crate::engines::march::gpu::Pixel;
 use crate::engines::passes::Channels;
 use crate::engines::passes::frame::{Frame, missing};
 use crate::gpu::{Bindings, ComputeKernel, Gpu, Layout};

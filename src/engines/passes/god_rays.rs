@@ -6,7 +6,7 @@
 //!
 //! What is blurred is the sun's glow times what the medium lets through, at half the resolution, rounded down. The original never
 //! renders it (defect PF-11). The glow stands where the original's sun does: at the point of the screen that the pass knows. With a sun
-//! behind the camera that point is a mirrored one (defect PF-13), and so are glow and rays; mended, they fade out before.
+//! behind the camera that point is a mirrored one (defect PF-13), and so are glow and rays; corrected, they fade out before.
 //!
 //! Twin on the adapter: `shaders/engines/passes/god_rays.wgsl`.
 

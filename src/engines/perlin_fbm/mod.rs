@@ -1,7 +1,7 @@
 //! The seeded, baked, masked Perlin-FBM cloud of a published three.js engine. Its density is the node [`crate::nodes::perlin_fbm`].
 
-pub mod adapter;
 pub mod defects;
+pub mod gpu;
 pub mod settings;
 
 use crate::base::error::Result;

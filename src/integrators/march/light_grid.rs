@@ -314,7 +314,7 @@ pub(crate) struct Sweep {
 
 /// The lattice points of one row of rays in one slice.
 #[derive(Clone)]
-struct Front {
+struct Wavefront {
     depth: Vec<f32>,
     density: Vec<f32>,
     /// Whole cells and fraction of the lattice along the row.
@@ -355,28 +355,29 @@ impl Sweep {
         let width = nf + 1;
         table.resize(self.rows * ns * width, 0.0);
         table.par_chunks_mut(ns * width).enumerate().for_each(|(row, table)| {
-            let mut front = Front { depth: vec![0.0; width], density: vec![0.0; width], place: (0, 0.0), column: None };
+            let mut wavefront =
+                Wavefront { depth: vec![0.0; width], density: vec![0.0; width], place: (0, 0.0), column: None };
             for (slice, table) in table.chunks_mut(width).enumerate() {
-                let next = self.advance(density, row, slice, &front);
+                let next = self.advance(density, row, slice, &wavefront);
                 table.copy_from_slice(&next.depth);
-                front = next;
+                wavefront = next;
             }
         });
     }
 
-    /// The front of a row of rays in the next slice.
-    fn advance(&self, density: &[f32], row: usize, slice: usize, before: &Front) -> Front {
+    /// The wavefront of a row of rays in the next slice.
+    fn advance(&self, density: &[f32], row: usize, slice: usize, before: &Wavefront) -> Wavefront {
         let [nf, nm, ns] = self.size;
         let (whole, fraction) = self.offsets[slice];
         let column = self.first_row + row as i64 + whole[1];
-        let mut front = Front {
+        let mut wavefront = Wavefront {
             depth: vec![0.0; nf + 1],
             density: vec![0.0; nf + 1],
             place: (whole[0], fraction[0]),
             column: (-1..nm as i64).contains(&column).then_some((column, fraction[1])),
         };
-        if front.column.is_none() {
-            return front;
+        if wavefront.column.is_none() {
+            return wavefront;
         }
         let inside_column = inside(column, fraction[1], nm);
         if inside_column {
@@ -385,20 +386,20 @@ impl Sweep {
             let lower = line(column);
             let upper = line((column + 1).min(nm as i64 - 1));
             let [fx, fy] = fraction;
-            for (place, value) in front.density[1..nf].iter_mut().enumerate() {
+            for (place, value) in wavefront.density[1..nf].iter_mut().enumerate() {
                 let near = lower[place] + fx * (lower[place + 1] - lower[place]);
                 let far = upper[place] + fx * (upper[place + 1] - upper[place]);
                 *value = near + fy * (far - near);
             }
             if fx == 0.0 {
-                front.density[nf] = lower[nf - 1] + fy * (upper[nf - 1] - lower[nf - 1]);
+                wavefront.density[nf] = lower[nf - 1] + fy * (upper[nf - 1] - lower[nf - 1]);
             }
         }
         if slice == 0 {
-            return front;
+            return wavefront;
         }
         // A ray at cell p was at cell p - moved one slice before.
-        let moved = front.place.0 - before.place.0;
+        let moved = wavefront.place.0 - before.place.0;
         let both = inside_column && before.column.is_some_and(|(column, fraction)| inside(column, fraction, nm));
         let low = moved.max(0);
         let high = (nf as i64 - 2).min(nf as i64 - 2 + moved);
@@ -408,35 +409,39 @@ impl Sweep {
             let old = (low - moved + 1) as usize;
             let half = 0.5 * self.length;
             for offset in 0..count {
-                front.depth[from + offset] =
-                    before.depth[old + offset] + half * (before.density[old + offset] + front.density[from + offset]);
+                wavefront.depth[from + offset] = before.depth[old + offset]
+                    + half * (before.density[old + offset] + wavefront.density[from + offset]);
             }
         }
         for cell in -1..nf as i64 {
             if !(both && (low..=high).contains(&cell)) {
-                front.depth[(cell + 1) as usize] = self.step_at_edge(cell, cell - moved, &front, before);
+                wavefront.depth[(cell + 1) as usize] = self.step_at_edge(cell, cell - moved, &wavefront, before);
             }
         }
-        front
+        wavefront
     }
 
     /// Depth of a ray near a face: it may have entered or left the grid since the slice before.
-    fn step_at_edge(&self, cell: i64, old_cell: i64, front: &Front, before: &Front) -> f32 {
+    fn step_at_edge(&self, cell: i64, old_cell: i64, wavefront: &Wavefront, before: &Wavefront) -> f32 {
         let [nf, nm, _] = self.size;
-        let Some((column, column_fraction)) = front.column else { return 0.0 };
-        let now = inside(cell, front.place.1, nf) && inside(column, column_fraction, nm);
+        let Some((column, column_fraction)) = wavefront.column else { return 0.0 };
+        let now = inside(cell, wavefront.place.1, nf) && inside(column, column_fraction, nm);
         let index = (cell + 1) as usize;
         let known = (-1..nf as i64).contains(&old_cell) && before.column.is_some();
         let Some((old_column, old_fraction)) = before.column.filter(|_| known) else {
-            return if now { front.density[index] * self.length * self.part_inside(cell, front, 1.0) } else { 0.0 };
+            return if now {
+                wavefront.density[index] * self.length * self.part_inside(cell, wavefront, 1.0)
+            } else {
+                0.0
+            };
         };
         let old_index = (old_cell + 1) as usize;
         let then = inside(old_cell, before.place.1, nf) && inside(old_column, old_fraction, nm);
         match (then, now) {
             (true, true) => {
-                before.depth[old_index] + 0.5 * self.length * (before.density[old_index] + front.density[index])
+                before.depth[old_index] + 0.5 * self.length * (before.density[old_index] + wavefront.density[index])
             }
-            (false, true) => front.density[index] * self.length * self.part_inside(cell, front, 1.0),
+            (false, true) => wavefront.density[index] * self.length * self.part_inside(cell, wavefront, 1.0),
             (true, false) => {
                 before.depth[old_index]
                     + before.density[old_index] * self.length * self.part_inside(old_cell, before, -1.0)
@@ -447,10 +452,10 @@ impl Sweep {
 
     /// Part of a step between a lattice point inside and the face where the ray entered (`way` 1)
     /// or leaves (-1).
-    fn part_inside(&self, cell: i64, front: &Front, way: f32) -> f32 {
+    fn part_inside(&self, cell: i64, wavefront: &Wavefront, way: f32) -> f32 {
         let [nf, nm, _] = self.size;
-        let column = front.column.unwrap_or_default();
-        let places = [cell as f32 + front.place.1, column.0 as f32 + column.1];
+        let column = wavefront.column.unwrap_or_default();
+        let places = [cell as f32 + wavefront.place.1, column.0 as f32 + column.1];
         let highs = [(nf - 1) as f32, (nm - 1) as f32];
         (0..2).fold(1.0_f32, |part, axis| {
             let slope = self.slope[axis] * way;

@@ -20,13 +20,13 @@
 //!
 //! Not here: more than one scattering event, area lights, the penumbra of a sun.
 
-pub(crate) mod adapter;
+pub(crate) mod gpu;
 pub mod light_grid;
 
 use crate::base::error::{Error, Result};
 use crate::base::progress::Progress;
 use crate::gpu::Gpu;
-use crate::integrators::march::adapter::Kernels;
+use crate::integrators::march::gpu::Kernels;
 use crate::integrators::march::light_grid::LightGrid;
 use crate::integrators::{Jitter, LightMode, MarchSettings};
 use crate::media::density_cache::{CacheReport, DensityCache, Samples};
@@ -126,14 +126,14 @@ pub fn render_each(
     scene: &Scene,
     settings: &MarchSettings,
     cache: Option<DensityCache>,
-    variants: &[(f64, Integration)],
+    quadratures: &[(f64, Integration)],
     mut each: impl FnMut(usize, Image),
     progress: Progress<'_>,
 ) -> Result<()> {
-    let count = variants.len() as f64;
+    let count = quadratures.len() as f64;
     let prepared = |done: f64, what: &str| progress(done / (count + 1.0), what);
     let (mut stage, _) = Stage::prepare(scene, settings, cache, None, &prepared)?;
-    for (number, &(view_step, integration)) in variants.iter().enumerate() {
+    for (number, &(view_step, integration)) in quadratures.iter().enumerate() {
         stage.settings.view_step = view_step;
         stage.settings.integration = integration;
         stage.left_out = stage.omissions();

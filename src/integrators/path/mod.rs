@@ -9,14 +9,14 @@
 //! whatever the number of threads.
 
 mod accumulation;
-mod adapter;
+mod gpu;
 mod tracer;
 mod volume;
 
 pub use crate::media::majorant::Tracking;
-pub use adapter::CONSTANTS;
+pub use gpu::CONSTANTS;
 #[cfg(feature = "tools")]
-pub(crate) use adapter::LAYOUTS;
+pub(crate) use gpu::LAYOUTS;
 pub use tracer::Counters;
 
 use crate::base::error::{Error, Result};
@@ -183,14 +183,14 @@ impl<'a> State<'a> {
 /// What traces paths.
 enum Engine<'a> {
     Cpu(&'a Tracer),
-    Adapter(Box<adapter::PathKernel<'a>>),
+    Adapter(Box<gpu::PathKernel<'a>>),
 }
 
 impl<'a> Engine<'a> {
     fn new(tracer: &'a Tracer, gpu: Option<&'a Gpu>) -> Result<Self> {
         let kernel = match gpu {
             // Where no ray can meet the medium there is nothing to do on an adapter.
-            Some(gpu) => adapter::PathKernel::new(tracer, gpu)?,
+            Some(gpu) => gpu::PathKernel::new(tracer, gpu)?,
             None => None,
         };
         Ok(kernel.map_or(Self::Cpu(tracer), |kernel| Self::Adapter(Box::new(kernel))))

@@ -2,7 +2,7 @@
 //!
 //! The density of a scene's node graph takes the place of a published engine's, with the engine's extinction, albedo and phase
 //! function, so that pictures differ by the density alone. One factor on each density brings the mean optical depth along the box's
-//! vertical lines to the same value. Both are then rendered by the engine's light as published, by every light model on its mended form, and by
+//! vertical lines to the same value. Both are then rendered by the engine's light as published, by every light model on its corrected form, and by
 //! path tracing of the densities themselves with the light transport that these stand for.
 
 use crate::base::error::{Error, Result};
@@ -10,7 +10,7 @@ use crate::base::files;
 use crate::base::identity::Identity;
 use crate::base::progress::Progress;
 use crate::bridge;
-use crate::bridge::Kernel;
+use crate::bridge::CyclesKernel;
 use crate::engines::Model;
 use crate::engines::defects::Defects;
 use crate::engines::domain::Container;
@@ -74,7 +74,7 @@ pub struct Comparison {
     pub settings: Settings,
     /// Extinction per unit of density and side of the box.
     pub extinction: [f64; 3],
-    /// Single-scattering albedo of path tracing and of the mended light model.
+    /// Single-scattering albedo of path tracing and of the corrected light model.
     pub albedo: f64,
     /// The phase function.
     pub phase: TwoLobes,
@@ -159,18 +159,18 @@ pub fn run(
     }
     std::fs::create_dir_all(folder).map_err(|cause| Error::io(folder, "a folder for the results", &cause))?;
     let engine = |defects: &Defects| model.engine(scene, values, defects, 0.0);
-    let mended = engine(&Defects::NONE)?;
-    let (extinction, light) = (mended.extinction, mended.light.clone());
+    let corrected = engine(&Defects::NONE)?;
+    let (extinction, light) = (corrected.extinction, corrected.light.clone());
     let SourceFactor::Albedo([albedo, ..]) = light.source else {
-        unreachable!("the mended form of an engine has an albedo");
+        unreachable!("the corrected form of an engine has an albedo");
     };
     let mean_extinction = extinction.iter().sum::<f64>() / 3.0;
 
     progress(0.0, "statistics of the fields");
     let graph = Medium::new(scene)?.density;
     let fields = [
-        sample(&mended.container, &graph, settings.places)?,
-        sample(&mended.container, &mended.density, settings.places)?,
+        sample(&corrected.container, &graph, settings.places)?,
+        sample(&corrected.container, &corrected.density, settings.places)?,
     ];
     let depths = fields.each_ref().map(|field| field.mean().expect("a field has places") * mean_extinction);
     let names = [("graph", format!("node graph of {}", scene.name)), (model.id, model.id.to_owned())];
@@ -180,7 +180,7 @@ pub fn run(
                 format!("the density: {title}"),
                 format!("a mean optical depth of {depth}"),
                 "one above 0, so that it can be brought to the other's",
-                "Look at the density with cloudparity eval or grid, and mend the scene or the parameters.",
+                "Look at the density with cloudparity eval or grid, and correct the scene or the parameters.",
             ));
         }
     }
@@ -189,7 +189,7 @@ pub fn run(
 
     progress(0.1, "cost per sample");
     let gpu = Gpu::open().ok();
-    let [graph_cost, model_cost] = costs(&graph, &mended.density, settings.timed_points, gpu.as_ref())?;
+    let [graph_cost, model_cost] = costs(&graph, &corrected.density, settings.timed_points, gpu.as_ref())?;
     let evaluators = ["f32, vectors", "f32, scalar"];
     let figures = |index: usize, (cpu_nanoseconds, gpu_nanoseconds): (f64, Option<f64>)| Side {
         id: names[index].0.to_owned(),
@@ -202,7 +202,7 @@ pub fn run(
     };
     let sides = [figures(0, graph_cost), figures(1, model_cost)];
 
-    let densities = [graph.scaled(factors[0]), mended.density.scaled(factors[1])];
+    let densities = [graph.scaled(factors[0]), corrected.density.scaled(factors[1])];
     let mut pictures = Vec::new();
     let mut done = 0.15;
     let mut keep = |light: &str, title: &str, density: &str, image: &Image| -> Result<()> {
@@ -224,9 +224,9 @@ pub fn run(
         EngineSettings { jitter: EngineJitter::None, frame: 0, sub_pixels: settings.sub_pixels, god_rays: false };
     let mut lights = vec![(engine(&Defects::ALL)?, "as-published", "Light as published".to_owned())];
     for named in LIGHTS {
-        let mut mended = engine(&Defects::NONE)?;
-        named.apply(&mut mended.light)?;
-        lights.push((mended, named.id, format!("Light {}: {}", named.id, named.about)));
+        let mut corrected = engine(&Defects::NONE)?;
+        named.apply(&mut corrected.light)?;
+        lights.push((corrected, named.id, format!("Light {}: {}", named.id, named.about)));
     }
     let share = 0.5 / (2 * lights.len()) as f64;
     for (lit, id, title) in lights {
@@ -240,7 +240,7 @@ pub fn run(
     }
     let path_settings = PathSettings { samples: settings.samples, ..PathSettings::default() };
     for ((density, side), factor) in densities.iter().zip(&sides).zip(factors) {
-        let engine = mended.with_density(density.clone());
+        let engine = corrected.with_density(density.clone());
         let medium = GivenMedium {
             identity: format!("density {} times {factor} as {}", side.title, engine.medium_identity()),
             object: Arc::new(engine.medium()?),
@@ -300,7 +300,7 @@ fn sample(container: &Container, density: &Density, places: usize) -> Result<Arr
             format!("the density at {} of the object", place(index)),
             values[index].to_string(),
             "a finite density",
-            "Mend the graph: cloudparity eval shows its values.",
+            "Correct the graph: cloudparity eval shows its values.",
         ));
     }
     Ok(Array3::from_shape_vec((places, places, places), values).expect("one value per place"))
@@ -360,12 +360,12 @@ pub fn show(comparison: &mut Comparison, display: &Display, folder: &Path) -> Re
             image
         })
         .collect();
-    bridge::run_script(images::SCRIPT, &json!({"op": "display", "images": images}), Kernel::Default, |_| ())?;
+    bridge::run_script(images::SCRIPT, &json!({"op": "display", "images": images}), CyclesKernel::Default, |_| ())?;
     comparison.pictures.iter_mut().for_each(|picture| picture.png = Some(png_of(picture)));
     write(comparison, folder)?;
     let [svg, png] = [FIGURE, "models.png"].map(|name| folder.join(name));
     let request = json!({"sides": comparison.sides, "svg": svg, "png": png});
-    bridge::run_script("model_comparison_plot.py", &request, Kernel::Default, |_| ()).map(|_| ())
+    bridge::run_script("model_comparison_plot.py", &request, CyclesKernel::Default, |_| ()).map(|_| ())
 }
 
 fn png_of(picture: &Picture) -> String {

@@ -2,7 +2,7 @@
 
 use crate::base::error::Result;
 use crate::base::files;
-use crate::bridge::{Kernel, Message, probe};
+use crate::bridge::{CyclesKernel, Message, probe};
 use crate::graph::evaluate::Points;
 use crate::graph::{Program, target};
 use crate::measure::fields::{Evaluator, evaluate};
@@ -88,7 +88,7 @@ pub fn save(
                 samples: 1,
             })
             .collect();
-        let answers = probe::ask(&jobs, Kernel::Sse42, receive)?;
+        let answers = probe::ask(&jobs, CyclesKernel::Sse42, receive)?;
         for (slice, answer) in slices.iter_mut().zip(&answers.jobs) {
             slice.write(folder, "cycles", &answer.values[0])?;
         }

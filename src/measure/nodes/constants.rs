@@ -6,7 +6,7 @@
 //! ([`FoldedBy::Cycles`]). Inputs are linked: a stored value is limited to its socket's range, a linked one is not.
 
 use crate::base::error::Result;
-use crate::bridge::{Kernel, Message, probe};
+use crate::bridge::{CyclesKernel, Message, probe};
 use crate::graph::evaluate::Points;
 use crate::graph::{Program, Target};
 use crate::measure::errors::values::equal;
@@ -197,7 +197,7 @@ pub fn run(cases: &[Case], mut receive: impl FnMut(Message)) -> Result<super::su
             samples: 1,
         })
         .collect();
-    let answers = probe::ask(&jobs, Kernel::Sse42, &mut receive)?;
+    let answers = probe::ask(&jobs, CyclesKernel::Sse42, &mut receive)?;
     let mut rows = Vec::new();
     for (case, answer) in cases.iter().zip(&answers.jobs) {
         rows.extend(case.rows(&answer.values, &positions)?);

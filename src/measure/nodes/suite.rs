@@ -6,7 +6,7 @@
 //! *ordinary* ones, on which WGSL is judged (it promises nothing for NaN, infinities and denormals).
 
 use crate::base::error::{Error, Result};
-use crate::bridge::{Kernel, Message, probe};
+use crate::bridge::{CyclesKernel, Message, probe};
 use crate::gpu::Gpu;
 use crate::graph::evaluate::Points;
 use crate::graph::{Program, Target};
@@ -746,8 +746,8 @@ pub fn run(cases: &[Case], gpu: Option<&Gpu>, avx2: bool, mut receive: impl FnMu
             samples: 1,
         })
         .collect();
-    let answers = probe::ask(&jobs, Kernel::Sse42, &mut receive)?;
-    let fused = if avx2 { Some(probe::ask(&jobs, Kernel::Default, &mut receive)?) } else { None };
+    let answers = probe::ask(&jobs, CyclesKernel::Sse42, &mut receive)?;
+    let fused = if avx2 { Some(probe::ask(&jobs, CyclesKernel::Default, &mut receive)?) } else { None };
     let mut rows = Vec::new();
     for (number, (case, answer)) in cases.iter().zip(&answers.jobs).enumerate() {
         let fused = fused.as_ref().map(|answers| answers.jobs[number].values.as_slice());

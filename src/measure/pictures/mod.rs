@@ -156,7 +156,7 @@ impl DiffRequest {
                 "comparison request",
                 cause.to_string(),
                 "file names in UTF-8 and finite numbers",
-                "Rename the files or mend the number.",
+                "Rename the files or correct the number.",
             )
         })?;
         request["op"] = "diff".into();

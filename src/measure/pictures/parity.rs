@@ -10,7 +10,7 @@ use crate::base::ledger::{Found, Purpose, to_json};
 use crate::base::numbers::signed_percent;
 use crate::base::progress::Progress;
 use crate::bridge;
-use crate::bridge::Kernel;
+use crate::bridge::CyclesKernel;
 use crate::measure::experiment;
 use crate::measure::experiment::{Desk, Done, Experiment, Outcome, Settings};
 use crate::measure::pictures::{DiffRequest, DiffResult, DisplaySettings, StatisticsSettings, Tolerances, Verdict};
@@ -123,7 +123,8 @@ impl Experiment for Parity<'_> {
             }),
             ..DiffRequest::new(ours, references, Tolerances::default())
         };
-        let result = request.run(|script, request| bridge::run_script(script, request, Kernel::Default, |_| ()))?;
+        let result =
+            request.run(|script, request| bridge::run_script(script, request, CyclesKernel::Default, |_| ()))?;
         let mut builds = vec![build, desk.ledger.own().clone()];
         builds.dedup();
         let found = entry_result(&case.entry, &result);

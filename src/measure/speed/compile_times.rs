@@ -42,8 +42,8 @@ const KERNELS: [Compiled; 3] = [
         name: "march",
         path: "integrators/march/march.wgsl",
         source: include_str!("../../../shaders/integrators/march/march.wgsl"),
-        layouts: march::adapter::LAYOUTS,
-        constants: Some(&march::adapter::CONSTANTS),
+        layouts: march::gpu::LAYOUTS,
+        constants: Some(&march::gpu::CONSTANTS),
     },
     Compiled {
         name: "path",

@@ -8,7 +8,7 @@ use crate::base::error::Result;
 use crate::gpu::Backend;
 use crate::gpu::Gpu;
 use crate::graph::wgsl::{self, Language};
-use crate::integrators::march::adapter::march_module;
+use crate::integrators::march::gpu::march_module;
 use crate::integrators::march::{Omission, Stage};
 use crate::integrators::{MarchSettings, render};
 use crate::measure::errors::values::ulp_distance;
@@ -34,7 +34,7 @@ const SPIRV_HEADER: usize = 5;
 
 /// A marching kernel.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Kernel {
+pub struct KernelSize {
     /// Bytes of its WGSL, density program included.
     pub wgsl_bytes: usize,
     /// SPIR-V instructions.
@@ -64,9 +64,9 @@ pub struct LeavingOut {
     /// What is left out.
     pub left_out: Vec<Omission>,
     /// The generic kernel.
-    pub generic: Kernel,
+    pub generic: KernelSize,
     /// The specialised one; none where no step is marched.
-    pub specialised: Option<Kernel>,
+    pub specialised: Option<KernelSize>,
     /// On all cores, and on the adapter where there is one.
     pub races: Vec<Race>,
 }
@@ -101,9 +101,9 @@ pub fn measure(scene: &Scene, with_adapter: bool) -> Result<LeavingOut> {
     })
 }
 
-fn kernel(stage: &Stage<'_>) -> Result<Kernel> {
+fn kernel(stage: &Stage<'_>) -> Result<KernelSize> {
     let module = march_module(stage)?;
-    Ok(Kernel {
+    Ok(KernelSize {
         wgsl_bytes: wgsl::write(&module, Language::Wgsl)?.len(),
         spirv_instructions: instructions(&wgsl::write(&module, Language::Spirv)?),
     })

@@ -15,7 +15,7 @@ use crate::base::error::{Error, Result};
 use crate::base::ledger::{Found, Purpose};
 use crate::base::progress::Progress;
 use crate::bridge;
-use crate::bridge::{Kernel, probe};
+use crate::bridge::{CyclesKernel, probe};
 use crate::gpu::Gpu;
 use crate::graph::evaluate::Points;
 use crate::graph::{Program, target};
@@ -232,7 +232,7 @@ fn cycles_rate(scene: &Scene, points: &[[f32; 3]], repeats: usize) -> Result<f64
         job(&idle, &points[..few], repeats)?,
         job(&idle, &points[..whole], repeats)?,
     ];
-    let answers = probe::ask(&jobs, Kernel::Default, |_| ())?;
+    let answers = probe::ask(&jobs, CyclesKernel::Default, |_| ())?;
     let seconds = |number: usize| answers.jobs[number].render_seconds.clone();
     let (short, long, idle_short, idle_long) = (seconds(0), seconds(1), seconds(2), seconds(3));
     let differences = (0..repeats.min(long.len()))

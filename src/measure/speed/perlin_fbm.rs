@@ -3,7 +3,7 @@
 use crate::base::error::Result;
 use crate::base::ledger::{Found, Purpose};
 use crate::base::progress::Progress;
-use crate::engines::perlin_fbm::adapter::BakeKernel;
+use crate::engines::perlin_fbm::gpu::BakeKernel;
 use crate::gpu::Gpu;
 use crate::measure::experiment;
 use crate::measure::experiment::{Desk, Done, Experiment};

@@ -18,7 +18,7 @@ use crate::base::identity::Identity;
 use crate::base::ledger::{Found, Purpose, to_json};
 use crate::base::progress::Progress;
 use crate::bridge;
-use crate::bridge::Kernel;
+use crate::bridge::CyclesKernel;
 use crate::bridge::reference::{ReferenceSettings, cache_folder, reference};
 use crate::integrators::path;
 use crate::integrators::path::{PathSettings, Tracking};
@@ -324,7 +324,7 @@ impl Both {
     fn ask(&self, others: &[Json]) -> Result<Json> {
         let Self { ours, cycles, cells, .. } = self;
         let request = json!({"ours": ours, "cycles": cycles, "sub_pixels": cells, "others": others});
-        bridge::run_script("sample_errors.py", &request, Kernel::Default, |_| ())
+        bridge::run_script("sample_errors.py", &request, CyclesKernel::Default, |_| ())
     }
 }
 

@@ -152,8 +152,8 @@ pub const GUARDS: &[Guard] = &[
         name: "relative-places",
         keeps: "places of the adapter are relative to the middle of the box: scenes far from the origin keep their accuracy",
         places: &[
-            ("src/integrators/march/adapter.rs", "ray.origin - self.middle"),
-            ("src/integrators/path/adapter.rs", "path.origin - self.middle"),
+            ("src/integrators/march/gpu.rs", "ray.origin - self.middle"),
+            ("src/integrators/path/gpu.rs", "path.origin - self.middle"),
         ],
         test: ("tests/stability.rs", "a_scene_far_from_the_origin_looks_the_same_on_the_adapter"),
     },
@@ -161,9 +161,9 @@ pub const GUARDS: &[Guard] = &[
         name: "loop-budget",
         keeps: "a dispatch of a software adapter ends before the adapter ends its loops in silence",
         places: &[
-            ("src/engines/march/adapter.rs", "fn steps_together("),
-            ("src/integrators/march/adapter.rs", "const SOFTWARE_STEPS"),
-            ("src/integrators/path/adapter.rs", "const SOFTWARE_BUDGETS"),
+            ("src/engines/march/gpu.rs", "fn steps_together("),
+            ("src/integrators/march/gpu.rs", "const SOFTWARE_STEPS"),
+            ("src/integrators/path/gpu.rs", "const SOFTWARE_BUDGETS"),
         ],
         test: ("tests/stability.rs", "ten_thousand_steps_are_taken_on_the_adapter"),
     },

@@ -1,18 +1,18 @@
 //! Numerical stability: f32, on the CPU and in WGSL, against f64 over stiff and extreme cases.
 //!
-//! [`run`] measures three kinds of rows. [`kernels`]: the scalar functions of the integrators over all that may reach them. [`fields`]: the
+//! [`run`] measures three kinds of rows. [`functions`]: the scalar functions of the integrators over all that may reach them. [`fields`]: the
 //! scene's density at extreme places and under extreme values of its inputs. [`pictures`]: small pictures by every integrator under
 //! extreme cameras, lights, objects and settings.
 //!
 //! The *error* of a value is its distance from the f64 value over the larger of that value's magnitude and the row's *scale*: the
-//! smallest normal f32 for kernels, so that the error is relative everywhere; the largest magnitude of the row for fields and pictures.
+//! smallest normal f32 for functions, so that the error is relative everywhere; the largest magnitude of the row for fields and pictures.
 //! A row has a *limit* of this error with its reason, and a *bound* per value: what f32 may be off by, derived ([`Bound`] says how) and never
 //! fitted. Every value within the limit is a pass. A row beyond it, but with every value within its bound, has reached the limit of f32:
 //! `limit`, with the bound's reason. Anything else fails, and so does a value that is NaN or infinite.
 
 pub mod fields;
+pub mod functions;
 pub mod guards;
-pub mod kernels;
 pub mod pictures;
 mod text;
 
@@ -57,7 +57,7 @@ impl Verdict {
 #[serde(rename_all = "lowercase")]
 pub enum Subject {
     /// A scalar function.
-    Kernel,
+    Function,
     /// The density of the scene.
     Field,
     /// A picture.
@@ -230,7 +230,7 @@ struct Running<'a> {
     pictures: Vec<pictures::Case>,
 }
 
-/// Measures the suite: kernels, the fields of a scene, and pictures of `pictures_of`, which may be a lighter scene; rows of WGSL where there
+/// Measures the suite: functions, the fields of a scene, and pictures of `pictures_of`, which may be a lighter scene; rows of WGSL where there
 /// is an adapter. On the committed linear ramp it takes 28 seconds of processor time with a software adapter. Pictures of a heavy graph take
 /// a minute each there, which goes into compiling it anew for every case. Without a folder nothing is kept.
 pub fn run(
@@ -280,7 +280,7 @@ impl Experiment for Running<'_> {
 
     fn label(&self, job: &Job) -> String {
         match job {
-            Job::Kernels => "kernels".into(),
+            Job::Kernels => "functions".into(),
             Job::Engines => "the march of engines".into(),
             Job::Field(number) => format!("fields: {}", self.fields[*number].name),
             Job::Picture(number) => format!("pictures: {}", self.pictures[*number].name),
@@ -290,7 +290,7 @@ impl Experiment for Running<'_> {
     fn run(&mut self, job: &Job, _desk: &Desk<'_>) -> Result<Found<Rows>> {
         let begin = std::time::Instant::now();
         let (rows, no_paths) = match *job {
-            Job::Kernels => (kernels::rows(self.gpu)?, None),
+            Job::Kernels => (functions::rows(self.gpu)?, None),
             Job::Engines => (pictures::engine_rows(self.gpu)?, None),
             Job::Field(number) => (fields::rows(&self.fields[number], self.gpu)?, None),
             Job::Picture(number) => pictures::rows(&self.pictures[number], self.gpu)?,
@@ -368,7 +368,7 @@ mod tests {
     fn head(limit: f64) -> Head {
         Head {
             id: "test".into(),
-            subject: Subject::Kernel,
+            subject: Subject::Function,
             varied: "a number".into(),
             evaluator: "f32".into(),
             limit,

@@ -10,7 +10,7 @@ use crate::base::error::Result;
 use crate::engines::domain::{Container, Domain, Outline};
 use crate::engines::light::terms::Terms;
 use crate::engines::light::{LightModel, ShadowExtinction, ShadowLength, ShadowMarch, SourceFactor, Sun, TwoLobes};
-use crate::engines::march::adapter::MarchKernel;
+use crate::engines::march::gpu::MarchKernel;
 use crate::engines::march::{Marched, RealTimePixel, RealTimeRay, RealTimeSettings};
 use crate::gpu::Backend;
 use crate::gpu::Gpu;

@@ -66,7 +66,7 @@ pub enum Budget {
     Error(f64),
 }
 
-/// The run of a front that a budget allows: the least error in a time, or the shortest time for an error.
+/// The run of a Pareto front that a budget allows: the least error in a time, or the shortest time for an error.
 pub fn recommend<'a>(front: &[&'a Measured], metric: Metric, budget: Budget) -> Result<&'a Measured> {
     let found = match budget {
         Budget::Seconds(most) => front.iter().rev().find(|run| run.seconds.median <= most),
@@ -75,7 +75,7 @@ pub fn recommend<'a>(front: &[&'a Measured], metric: Metric, budget: Budget) -> 
     found.copied().ok_or_else(|| {
         let (place, found, expected) = match (budget, front.first(), front.last()) {
             (_, None, _) | (_, _, None) => {
-                ("the front", "no run with this error".to_owned(), "at least one run".to_owned())
+                ("the Pareto front", "no run with this error".to_owned(), "at least one run".to_owned())
             }
             (Budget::Seconds(most), Some(first), _) => (
                 "the time that is allowed",

@@ -5,7 +5,7 @@ use crate::base::files;
 use crate::base::identity::Identity;
 use crate::base::ledger::{Ledger, read_record, to_json};
 use crate::bridge;
-use crate::bridge::Kernel;
+use crate::bridge::CyclesKernel;
 use crate::measure::combination::Combination;
 use crate::measure::errors::Errors;
 use crate::measure::images;
@@ -215,7 +215,7 @@ impl Results {
             "title": self.study.title, "clock": self.clock.label(), "groups": groups, "folder": folder,
             "figures": figures,
         });
-        bridge::run_script("study_plot.py", &request, Kernel::Default, |_| ()).map(drop)
+        bridge::run_script("study_plot.py", &request, CyclesKernel::Default, |_| ()).map(drop)
     }
 
     /// Fills in HDR-FLIP: from the ledger, or computed now for all that lack it, in one run of the script.

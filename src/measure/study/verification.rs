@@ -52,7 +52,7 @@ impl Verified {
     }
 }
 
-/// The runs of the fronts, measured again.
+/// The runs of the Pareto fronts, measured again.
 struct Verification<'a> {
     study: &'a Study,
     runs: Vec<&'a Measured>,

@@ -18,7 +18,7 @@ use crate::base::identity::Identity;
 use crate::base::ledger::{Found, Purpose, read_record, to_json};
 use crate::base::progress::Progress;
 use crate::bridge;
-use crate::bridge::{Conversation, Kernel};
+use crate::bridge::{Conversation, CyclesKernel};
 use crate::engines::Engine;
 use crate::engines::light::LightModel;
 use crate::engines::light::models::LIGHTS;
@@ -441,7 +441,7 @@ impl Running<'_> {
             let folder = desk.folder()?;
             let files: Vec<Vec<PathBuf>> =
                 views.iter().map(|view| view.record.replicas.iter().map(|name| folder.join(name)).collect()).collect();
-            let mut conversation = Conversation::start("optimiser.py", Kernel::Default)?;
+            let mut conversation = Conversation::start("optimiser.py", CyclesKernel::Default)?;
             conversation.ask(&json!({"op": "truths", "views": files}), |_| ())?;
             self.judge = Some(Judge { views, conversation });
         }
@@ -624,7 +624,7 @@ impl TuningResults {
             "objective": self.file.search.objective,
             "svg": file("svg"), "png": file("png"), "pdf": file("pdf"),
         });
-        bridge::run_script("tuning_plot.py", &request, Kernel::Default, |_| ()).map(drop)
+        bridge::run_script("tuning_plot.py", &request, CyclesKernel::Default, |_| ()).map(drop)
     }
 }
 

@@ -391,7 +391,7 @@ impl NoiseTexture {
     }
 }
 
-/// Encloses the wanted outputs; see [`crate::nodes::Kernel::bounds`].
+/// Encloses the wanted outputs; see [`crate::nodes::NodeEvaluator::bounds`].
 pub(super) fn enclose(node: &NoiseTexture, inputs: &[Interval], outputs: &mut [Interval]) {
     match node.dimensions {
         1 => node.enclose_points::<1>(inputs, outputs),

@@ -18,7 +18,7 @@ use crate::base::texture::{Outside, Texels, Texture, TextureFilter, TextureHandl
 use crate::nodes::closure::Quantity;
 use crate::nodes::real::Real;
 use crate::nodes::{
-    Column, Data, Evaluate, InputSocket, Interval, Kernel, NodeType, OutputSocket, Property, Role, always,
+    Column, Data, Evaluate, InputSocket, Interval, NodeEvaluator, NodeType, OutputSocket, Property, Role, always,
     texture_lookup,
 };
 use crate::scene::SocketType;
@@ -58,7 +58,7 @@ fn read(given: Option<&serde_json::Value>, place: &str) -> Result<Data> {
     Ok(Data::PerlinFbm(Arc::new(Cloud::new(parameters)?)))
 }
 
-fn build(mode: &crate::nodes::Mode) -> Box<dyn Kernel> {
+fn build(mode: &crate::nodes::Mode) -> Box<dyn NodeEvaluator> {
     match mode.data(PARAMETERS) {
         Data::PerlinFbm(cloud) => Box::new(Density(Arc::clone(cloud))),
         _ => unreachable!("the property reads clouds"),

@@ -54,7 +54,7 @@ struct Found<const N: usize> {
 
 /// A box of coordinates in cell units.
 #[derive(Clone, Copy)]
-struct Place<const N: usize> {
+struct CellBox<const N: usize> {
     low: [f64; N],
     high: [f64; N],
     /// Cells of the corners.
@@ -188,7 +188,7 @@ macro_rules! with_measure {
     };
 }
 
-impl<const N: usize> Place<N> {
+impl<const N: usize> CellBox<N> {
     fn new(low: [f64; N], high: [f64; N], randomness: [f64; 2]) -> Self {
         let cell = |x: f64| x.floor() as i32;
         Self { low, high, first: low.map(cell), last: high.map(cell), randomness }
@@ -254,7 +254,7 @@ const MOST_CELLS: usize = 24;
 
 /// The scan's state: the least two of the near and of the far joined offsets.
 struct Scan<'a, M, const N: usize> {
-    place: &'a Place<N>,
+    place: &'a CellBox<N>,
     measure: M,
     axes: [Axis; N],
     radius: i32,
@@ -384,18 +384,18 @@ impl VoronoiTexture {
     }
 
     /// The box in cell units, unless coordinates are unfit for a scan.
-    fn place<const N: usize>(&self, x: &[Interval; N], parameters: &Parameters) -> Option<Place<N>> {
+    fn place<const N: usize>(&self, x: &[Interval; N], parameters: &Parameters) -> Option<CellBox<N>> {
         if x.iter().any(|x| !x.is_finite() || x.magnitude() > LARGEST_COORDINATE) {
             return None;
         }
         let ends = x.map(Interval::ends);
-        Some(Place::new(ends.map(|x| x[0]), ends.map(|x| x[1]), parameters.randomness.ends()))
+        Some(CellBox::new(ends.map(|x| x[0]), ends.map(|x| x[1]), parameters.randomness.ends()))
     }
 
     /// Bounds of the least (or second least) distance over a window, with the points that may attain it.
     fn scan<const N: usize>(
         &self,
-        place: &Place<N>,
+        place: &CellBox<N>,
         measure: impl Measure,
         radius: i32,
         second: bool,
@@ -547,7 +547,7 @@ impl VoronoiTexture {
     /// Narrows the distance of smooth F1 for one metric.
     fn smooth<const N: usize>(
         &self,
-        place: &Place<N>,
+        place: &CellBox<N>,
         measure: impl Measure,
         parameters: &Parameters,
         found: &mut Found<N>,
@@ -665,7 +665,7 @@ impl VoronoiTexture {
     }
 
     /// One axis: the nearer of the two middles between the own and the neighbouring points.
-    fn enclose_edge_1d<const N: usize>(&self, place: &Place<N>) -> Interval {
+    fn enclose_edge_1d<const N: usize>(&self, place: &CellBox<N>) -> Interval {
         let range = Interval::with_error(0.0, 1.5, ERROR, false);
         let (first, last) = (place.first[0], place.last[0]);
         if last - first > 4 {
@@ -708,7 +708,7 @@ impl VoronoiTexture {
         let Some(candidates) = scanned.candidates else { return range };
         let mut result: Option<Interval> = None;
         for nearest in &candidates {
-            let from = Place::new(nearest.low, nearest.high, place.randomness);
+            let from = CellBox::new(nearest.low, nearest.high, place.randomness);
             let mut least = [f64::INFINITY; 2];
             for offset in neighbours::<N>(1).filter(|offset| *offset != [0; N]) {
                 let cell = std::array::from_fn(|axis| nearest.cell[axis].wrapping_add(offset[axis]));
@@ -929,7 +929,7 @@ fn octaves<T, const N: usize>(
     all
 }
 
-/// Encloses the wanted outputs; see [`crate::nodes::Kernel::bounds`].
+/// Encloses the wanted outputs; see [`crate::nodes::NodeEvaluator::bounds`].
 pub(super) fn enclose(node: &VoronoiTexture, inputs: &[Interval], outputs: &mut [Interval]) {
     match node.dimensions {
         1 => node.enclose_points::<1>(inputs, outputs),

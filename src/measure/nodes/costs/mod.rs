@@ -17,7 +17,7 @@ use crate::base::files;
 use crate::base::identity::{Identity, Resume};
 use crate::base::ledger::{Found, Purpose};
 use crate::base::progress::Progress;
-use crate::bridge::{Kernel, probe};
+use crate::bridge::{CyclesKernel, probe};
 use crate::gpu::{FieldKernel, Gpu};
 use crate::graph::evaluate::{Evaluation, Points};
 use crate::graph::{Operand, Program, Target};
@@ -439,7 +439,7 @@ impl Case {
                 .collect();
             let mut outputs: Vec<&mut [R]> =
                 after[..instruction.components()].iter_mut().map(Vec::as_mut_slice).collect();
-            R::run(instruction.kernel.as_ref(), &inputs, &mut outputs);
+            R::run(instruction.evaluator.as_ref(), &inputs, &mut outputs);
         }
     }
 
@@ -553,7 +553,7 @@ fn render_seconds(cases: &[Case], repeats: usize) -> Result<Vec<[[f64; 2]; 2]>> 
             samples: render.samples,
         })
         .collect();
-    let answers = probe::ask_on(&jobs, Kernel::Default, 1, |_| ())?;
+    let answers = probe::ask_on(&jobs, CyclesKernel::Default, 1, |_| ())?;
     let least = |number: usize| {
         let answers = answers.jobs.iter().skip(number).step_by(wanted.len());
         let seconds: Vec<f64> = answers.flat_map(|answer| answer.render_seconds.iter()).copied().collect();

@@ -20,7 +20,7 @@ pub use generate::generate;
 
 use crate::base::error::{Error, Result};
 use crate::base::files;
-use crate::bridge::{Kernel, Message, probe};
+use crate::bridge::{CyclesKernel, Message, probe};
 use crate::gpu::Gpu;
 use crate::graph::evaluate::Points;
 use crate::graph::{Program, Target};
@@ -201,7 +201,7 @@ impl<F: FnMut(Message)> Reference for Cycles<F> {
                 samples: 1,
             })
             .collect();
-        match probe::ask(&jobs, Kernel::Sse42, &mut self.0) {
+        match probe::ask(&jobs, CyclesKernel::Sse42, &mut self.0) {
             Ok(answers) => answers.jobs.into_iter().map(|answer| Ok(answer.values)).collect(),
             // One graph that Blender refuses ends the process for all: halves find out which.
             Err(_) if trials.len() > 1 => {

@@ -1,10 +1,10 @@
-// The scalar functions of the integrators, one call per invocation: src/measure/stability/kernels.rs numbers them and says what goes in.
+// The scalar functions of the integrators, one call per invocation: src/measure/stability/functions.rs numbers them and says what goes in.
 #import cloudparity::phase
 #import cloudparity::terms
 #import cloudparity::transfer
 
 struct Request {
-    kernel: u32,
+    function: u32,
     count: u32,
     padding: vec2u,
 }
@@ -16,7 +16,7 @@ struct Request {
 var<private> weights: array<f32, 16>;
 
 fn value(input: vec4f) -> f32 {
-    switch request.kernel {
+    switch request.function {
         case 0u: { return transfer::transmittance(vec3f(input.x)).x; }
         case 1u: { return transfer::absorbed(vec3f(input.x)).x; }
         case 2u: { return transfer::mean_transmittance(vec3f(input.x)).x; }

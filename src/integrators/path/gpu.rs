@@ -17,7 +17,7 @@ use crate::integrators::path::tracer::{Counters, EVENTS_BEFORE_ROULETTE, FAINT, 
 use crate::media::majorant::{FINEST, LEVELS, TABLE_LEVEL};
 use crate::media::medium::Medium;
 use crate::shader_struct;
-use crate::view::sampled_lights::{AdapterLight, POINT, SPOT, SUN_DISC};
+use crate::view::sampled_lights::{GpuLight, POINT, SPOT, SUN_DISC};
 use bytemuck::Zeroable;
 use glam::{DMat4, DVec3};
 use std::time::Instant;
@@ -106,7 +106,7 @@ const STATE: &str = "Path";
 pub(crate) const LAYOUTS: &[Layout] = &[
     Layout::of::<Stage>(),
     Layout::of::<Ray>(),
-    Layout::of::<AdapterLight>(),
+    Layout::of::<GpuLight>(),
     Layout::of::<Outcome>(),
     Layout::unread(STATE),
 ];
@@ -183,7 +183,7 @@ impl<'a> PathKernel<'a> {
         let middle = tracer.volume.to_frame.inverse().transform_point3(flat.low + flat.cell * (FINEST / 2.0));
         let transform = tracer.volume.to_frame * DMat4::from_translation(middle);
         let mut lights =
-            tracer.lights.iter().map(|light| light.on_adapter(middle)).collect::<Result<Vec<AdapterLight>>>()?;
+            tracer.lights.iter().map(|light| light.on_adapter(middle)).collect::<Result<Vec<GpuLight>>>()?;
         let stage = Stage {
             scattering: single(medium.scattering),
             anisotropy: medium.anisotropy as f32,
@@ -203,7 +203,7 @@ impl<'a> PathKernel<'a> {
             ..Stage::zeroed()
         };
         // A buffer cannot be empty: a scene without lights has one that is never read.
-        lights.resize(lights.len().max(1), AdapterLight::zeroed());
+        lights.resize(lights.len().max(1), GpuLight::zeroed());
         let storage = wgpu::BufferUsages::STORAGE;
         let mut linker = Linker::new(medium.density.program())?;
         let textures = gpu.upload_textures(linker.textures())?;

@@ -18,7 +18,7 @@ use num_traits::Float;
 use std::ops::RangeInclusive;
 
 /// The entry point that calls one of them per invocation.
-pub const SHADER: &str = include_str!("../../../shaders/measure/stability/kernels.wgsl");
+pub const SHADER: &str = include_str!("../../../shaders/measure/stability/functions.wgsl");
 
 /// A unit in the last place, relative to the value, at most.
 const ULP: f64 = 1.0 / 8_388_608.0;
@@ -38,7 +38,7 @@ const FLUSHED: f64 = f32::MIN_POSITIVE as f64;
 /// Largest error of a pass: ten roundings.
 const LIMIT: f64 = 10.0 * ULP;
 
-/// Arguments of a kernel; those that it does not have are 0.
+/// Arguments of a function; those that it does not have are 0.
 pub type Arguments<T> = [T; 4];
 
 /// Which of the two evaluators of f32.
@@ -53,7 +53,7 @@ pub enum Side {
 /// A function of the integrators.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[allow(missing_docs, reason = "each is the function of its name")]
-pub enum Kernel {
+pub enum ScalarFunction {
     Transmittance,
     Absorbed,
     MeanTransmittance,
@@ -66,7 +66,7 @@ pub enum Kernel {
     Compressed,
 }
 
-impl Kernel {
+impl ScalarFunction {
     /// All of them, in the order of their numbers in the shader.
     pub const ALL: [Self; 10] = [
         Self::Transmittance,
@@ -294,7 +294,7 @@ impl Kernel {
         };
         Head {
             id: format!("{}/{mark}", self.name()),
-            subject: Subject::Kernel,
+            subject: Subject::Function,
             varied: self.varied().into(),
             evaluator: evaluator.into(),
             limit: LIMIT,
@@ -304,7 +304,7 @@ impl Kernel {
         }
     }
 
-    /// Judges values for the kernel's own arguments.
+    /// Judges values for the function's own arguments.
     pub fn judge(self, side: Side, values: &[f32]) -> Judgement {
         let bounds: Vec<Bound> = self.arguments().into_iter().map(|arguments| self.bound(arguments, side)).collect();
         let values: Vec<f64> = values.iter().copied().map(f64::from).collect();
@@ -323,34 +323,34 @@ fn eccentricities() -> Vec<f32> {
     vec![0.0, 9e-4, 1.1e-3, 0.01, 0.1, 0.249, 0.251, 0.5, 0.9, 0.99, 0.999, 0.9999, 0.99999, 0.999999]
 }
 
-/// The rows of all kernels; those of WGSL where there is an adapter.
+/// The rows of all functions; those of WGSL where there is an adapter.
 pub fn rows(gpu: Option<&Gpu>) -> Result<Vec<Judgement>> {
     let pipeline = match gpu {
         Some(gpu) => Some(Pipeline::new(gpu, SHADER)?),
         None => None,
     };
     let mut rows = Vec::new();
-    for kernel in Kernel::ALL {
-        let arguments = kernel.arguments();
-        let single: Vec<f32> = arguments.iter().map(|&arguments| kernel.value(arguments)).collect();
-        rows.push(kernel.judge(Side::Cpu, &single));
+    for function in ScalarFunction::ALL {
+        let arguments = function.arguments();
+        let single: Vec<f32> = arguments.iter().map(|&arguments| function.value(arguments)).collect();
+        rows.push(function.judge(Side::Cpu, &single));
         if let Some(pipeline) = &pipeline {
-            rows.push(kernel.judge(Side::Wgsl, &pipeline.values(kernel, &arguments)?));
+            rows.push(function.judge(Side::Wgsl, &pipeline.values(function, &arguments)?));
         }
     }
     Ok(rows)
 }
 
 shader_struct! {
-    /// Which kernel is asked, and how often.
+    /// Which function is asked, and how often.
     struct Request = "Request" {
-        kernel: u32,
+        function: u32,
         count: u32,
         padding: [u32; 2],
     }
 }
 
-/// The kernels on the adapter.
+/// The functions on the adapter.
 pub struct Pipeline<'a> {
     gpu: &'a Gpu,
     kernel: ComputeKernel,
@@ -359,14 +359,14 @@ pub struct Pipeline<'a> {
 impl<'a> Pipeline<'a> {
     /// Compiles an entry text, [`SHADER`] or a change of it.
     pub fn new(gpu: &'a Gpu, source: &str) -> Result<Self> {
-        let module = Linker::bare()?.link("measure/stability/kernels.wgsl", source)?;
-        Ok(Self { gpu, kernel: gpu.kernel("kernels", &module, &[Layout::of::<Request>()])? })
+        let module = Linker::bare()?.link("measure/stability/functions.wgsl", source)?;
+        Ok(Self { gpu, kernel: gpu.kernel("functions", &module, &[Layout::of::<Request>()])? })
     }
 
-    /// Values of a kernel.
-    pub fn values(&self, kernel: Kernel, arguments: &[Arguments<f32>]) -> Result<Vec<f32>> {
-        let number = Kernel::ALL.iter().position(|&known| known == kernel).expect("all kernels are listed");
-        let request = Request { kernel: number as u32, count: arguments.len() as u32, padding: [0; 2] };
+    /// Values of a function.
+    pub fn values(&self, function: ScalarFunction, arguments: &[Arguments<f32>]) -> Result<Vec<f32>> {
+        let number = ScalarFunction::ALL.iter().position(|&known| known == function).expect("all functions are listed");
+        let request = Request { function: number as u32, count: arguments.len() as u32, padding: [0; 2] };
         let storage = wgpu::BufferUsages::STORAGE;
         let request = self.gpu.upload("request", bytemuck::bytes_of(&request), wgpu::BufferUsages::UNIFORM);
         let inputs = self.gpu.upload("inputs", bytemuck::cast_slice(arguments), storage);
@@ -386,9 +386,10 @@ mod tests {
 
     #[test]
     fn a_kernel_without_its_guard_fails() {
-        let kernel = Kernel::MeanTransmittance;
-        let unguarded: Vec<f32> = kernel.arguments().iter().map(|[depth, ..]| (1.0 - (-depth).exp()) / depth).collect();
-        let row = kernel.judge(Side::Cpu, &unguarded);
+        let function = ScalarFunction::MeanTransmittance;
+        let unguarded: Vec<f32> =
+            function.arguments().iter().map(|[depth, ..]| (1.0 - (-depth).exp()) / depth).collect();
+        let row = function.judge(Side::Cpu, &unguarded);
         assert_eq!((row.verdict, row.nonfinite), (super::super::Verdict::Fails, 1), "{row:?}");
     }
 }
