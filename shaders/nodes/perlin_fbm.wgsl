@@ -11,7 +11,7 @@ fn distance_at(place: vec3f) -> f32 {
     var values = vec2f(-1.0);
     if READS_TEXTURES {
         let at = (stretched / radius * RADIUS * 0.5 + 0.5) * vec3f(MAIN.size) - 0.5;
-        values = 2.0 * vec2f(texture::read(MAIN, at), texture::read(FINE, at)) - 1.0;
+        values = 2.0 * vec2f(texture::look_up(MAIN, at), texture::look_up(FINE, at)) - 1.0;
     }
     return RADIUS + dot(values, vec2f(MAIN_STRENGTH, FINE_STRENGTH)) - radius;
 }
@@ -24,7 +24,7 @@ fn evaluate(place: vec3f) -> f32 {
     if !SHOWS_MASK {
         // Whole periods go first, those of the place before the offset is added, so that the texel's fraction keeps its bits: what is left
         // of the rounding is that of the place itself, as if it were moved by half a unit in its last place.
-        value = texture::read(VOLUME, fract(fract(place * TILING) + MOVED) * vec3f(VOLUME.size) - 0.5);
+        value = texture::look_up(VOLUME, fract(fract(place * TILING) + MOVED) * vec3f(VOLUME.size) - 0.5);
     }
     return select(value * MULTIPLIER * mask, 0.0, value < THRESHOLD);
 }

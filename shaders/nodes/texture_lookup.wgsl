@@ -2,5 +2,5 @@
 #import cloudparity::texture
 
 fn evaluate(index: vec3f) -> f32 {
-    return texture::read(TEXTURE, index);
+    return texture::look_up(TEXTURE, index);
 }

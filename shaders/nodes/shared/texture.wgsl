@@ -72,7 +72,7 @@ fn along_y(texture: Texture, low: vec3i, high: vec2i, part: vec2f) -> f32 {
 }
 
 // The value between texels.
-fn read(texture: Texture, index: vec3f) -> f32 {
+fn look_up(texture: Texture, index: vec3f) -> f32 {
     var at = index;
     if texture.outside == CLAMP { at = clamp(at, vec3f(0.0), vec3f(texture.size - 1)); }
     // What is far outside has no index: it is as empty as what is two texels beyond.
