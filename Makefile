@@ -50,7 +50,7 @@ test: setup ## lints, all tests of Rust and Python, doc tests
 	then cargo nextest run $(CARGO_FLAGS); \
 	else cargo test $(CARGO_FLAGS) --lib --bins --tests; fi
 	cargo test $(CARGO_FLAGS) --doc
-	.venv/bin/python -m pytest --quiet tests/python
+	PYTHONDONTWRITEBYTECODE=1 .venv/bin/python -m pytest --quiet tests/python # caches in blend/ would build the program anew
 
 lint: setup ## format, clippy, the core alone, documentation, ruff; warnings are errors
 	cargo fmt --check
