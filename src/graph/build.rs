@@ -75,7 +75,8 @@ impl Program {
         let outputs = outputs.map(|output| (output.identifier, output.kind)).collect();
         let evaluator = build(&mode);
         let first_register = self.registers;
-        let instruction = Instruction { label: label.into(), node_type, mode, inputs, first_register, outputs, evaluator };
+        let instruction =
+            Instruction { label: label.into(), node_type, mode, inputs, first_register, outputs, evaluator };
         self.registers += instruction.components();
         self.instructions.push(instruction);
         (first_register..self.registers).map(Operand::Register).collect()
