@@ -129,14 +129,16 @@ fn kept(folder: &Path) -> BTreeMap<PathBuf, (SystemTime, Vec<u8>)> {
 #[test]
 fn a_study_that_is_killed_at_ten_random_moments_loses_nothing_and_makes_nothing_twice() {
     let folder = tempfile::tempdir().expect("a folder");
-    let path = study_file(folder.path(), "[2, 3, 4, 5, 6, 7, 8, 64]");
+    let path = study_file(folder.path(), "[2, 3, 4, 5, 6, 64]");
     let text = std::fs::read_to_string(&path).expect("a study").replace("[axes]", "[curves]\npath = [2, 4]\n[axes]");
     std::fs::write(&path, text).expect("written");
-    let begin = Instant::now();
+    let begin = SystemTime::now();
     let whole = run(&path, &folder.path().join("whole"));
-    let needed = begin.elapsed();
     let names = |kept: &BTreeMap<PathBuf, _>| kept.keys().cloned().collect::<Vec<_>>();
     let wanted = kept(&folder.path().join("whole"));
+    // Until the last record was there: HDR-FLIP, in another process and at the end, is not what is to be interrupted.
+    let last = wanted.values().map(|(changed, _)| *changed).max().expect("there are records");
+    let needed = last.duration_since(begin).expect("time goes on");
 
     let output = folder.path().join("out");
     let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(1);
@@ -145,8 +147,8 @@ fn a_study_that_is_killed_at_ten_random_moments_loses_nothing_and_makes_nothing_
     for _ in 0..10 {
         let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_cloudparity"));
         let mut child = command.arg("study").arg(&path).arg("-o").arg(&output).spawn().expect("it starts");
-        // Of the time that it takes as a whole, a tenth each on average.
-        std::thread::sleep(needed.mul_f64(random.random_range(0.0..0.2)));
+        // An eighth of the time that all records take, on average: it is killed at the beginning, in the middle, and when all are there.
+        std::thread::sleep(needed.mul_f64(random.random_range(0.0..0.25)));
         child.kill().expect("it is killed");
         child.wait().expect("it ends");
         let now = kept(&output);
@@ -163,7 +165,7 @@ fn a_study_that_is_killed_at_ten_random_moments_loses_nothing_and_makes_nothing_
         assert_eq!(after.get(name), Some(record), "{} is lost or made again", name.display());
     }
     assert_eq!(names(&after), names(&wanted), "the records of an uninterrupted study");
-    assert_eq!((results.runs.len(), results.curves.len()), (32, 2));
+    assert_eq!((results.runs.len(), results.curves.len()), (24, 2));
     // What does not depend on time is the same.
     let errors = |results: &Results| results.runs.iter().map(|run| (run.id.clone(), run.errors)).collect::<Vec<_>>();
     assert_eq!(errors(&results), errors(&whole));
@@ -274,16 +276,14 @@ fn runs_on_the_adapter_have_its_name_and_a_clock_that_fits() {
         std::fs::write(&path, text).expect("written");
     };
     change("samples = 512", "samples = 16");
-    change("densities = [\"graph\"]", "densities = [\"perlin-fbm\"]");
+    change("densities = [\"graph\"]", "densities = [\"graph\", \"perlin-fbm\"]");
     let cpu = run(&path, &folder.path().join("out"));
     change("repeats = 1", "repeats = 1\non = \"adapter\"");
-    change("densities = [\"perlin-fbm\"]", "densities = [\"graph\", \"perlin-fbm\"]");
     let adapter = run(&path, &folder.path().join("out"));
     assert!(adapter.machine.contains(&gpu.adapter().name), "{}", adapter.machine);
     let is_software = gpu.adapter().is_software();
     assert_eq!(adapter.clock, if is_software { Clock::Processor } else { Clock::Timestamps });
-    assert_eq!((adapter.runs.len(), adapter.skipped.len()), (cpu.runs.len(), 4));
-    assert!(adapter.skipped.iter().all(|skipped| skipped.reason.contains("engines march graphs on the CPU")));
+    assert_eq!((adapter.runs.len(), &adapter.skipped), (8, &cpu.skipped));
     for (ours, theirs) in cpu.runs.iter().zip(&adapter.runs) {
         assert_eq!(ours.combination, theirs.combination);
         assert_ne!(ours.id, theirs.id, "measured anew");

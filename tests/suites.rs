@@ -11,18 +11,18 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
-/// A cube in the sun, in nine sub-pixel images of 8 x 4 pixels.
+/// A ramp under several scatterings, in nine sub-pixel images of 8 x 4 pixels.
 fn suite_file(folder: &Path) -> PathBuf {
-    let scene = support::scene("homogeneous-cube");
-    std::fs::write(folder.join("cube.scene.json"), serde_json::to_string(&scene).expect("JSON")).expect("written");
+    let scene = support::scene("linear-ramp");
+    std::fs::write(folder.join("ramp.scene.json"), serde_json::to_string(&scene).expect("JSON")).expect("written");
     let entry = |name: &str, samples: u32| {
         serde_json::json!({
-            "name": name, "about": "a cube", "scene": "cube.scene.json", "resolution": [8, 4], "volume_bounces": 0,
+            "name": name, "about": "a ramp", "scene": "ramp.scene.json", "resolution": [8, 4], "volume_bounces": 3,
             "samples": samples, "replicas": {"sub_pixels": 3},
         })
     };
     let suite = serde_json::json!({"format": "cloudparity-suite/1", "entries": [entry("few", 64), entry("many", 256)]});
-    let path = folder.join("cube.suite.json");
+    let path = folder.join("ramp.suite.json");
     std::fs::write(&path, suite.to_string()).expect("written");
     path
 }
@@ -106,8 +106,8 @@ fn races_to_an_error_are_records_of_their_own() {
     let first = run(&[4], &Settings::default()).and_then(Outcome::all).expect("a race");
     assert_eq!((first.rows.len(), first.cycles.len()), (1, 1));
     let race = &first.rows[0];
-    // Both sides draw single scattering of a homogeneous medium: the errors of a sample are alike to a factor of some.
-    assert!((1..64).contains(&race.our_samples) && race.our_error > 0.0 && race.ratio > 0.0, "{race:?}");
+    // How the sides stand to each other is no matter of this test: 96 values say little about errors.
+    assert!(race.our_samples >= 1 && race.error > 0.0 && race.our_error.is_finite() && race.ratio > 0.0, "{race:?}");
     let before = kept(&output);
     // Another level is another race, with what is known of the samples.
     let second = run(&[4, 8], &Settings::default()).and_then(Outcome::all).expect("two races");
