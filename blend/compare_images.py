@@ -101,7 +101,10 @@ def _number(request, key, default, low, high=math.inf):
     good = isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
     if not good or not low <= value <= high:
         raise protocol.InputError(
-            f"{request.place}.{key}", json.dumps(value), f"a number from {low} to {high}", "correct the request"
+            f"{request.place}.{key}",
+            json.dumps(value),
+            f"a number from {low} to {high}",
+            "correct the request",
         )
     return value
 

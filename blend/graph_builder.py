@@ -112,7 +112,7 @@ class _GraphBuilder:
             node = tree.nodes.new(entry["type"])
         except RuntimeError:
             raise InputError(
-                place, f"type {entry['type']!r}", "a node type of Blender", "correct the type"
+                place, f"type {entry['type']!r}", "a node type of Blender", "mend the type"
             ) from None
         node.name = entry["name"]
         if node.name != entry["name"]:
@@ -226,7 +226,7 @@ def _link_source(value, nodes, group_input, identifiers, place):
             )
         return socket
     if value["node"] not in nodes:
-        raise InputError(place, f'node "{value["node"]}"', "a node of the same tree", "correct the link")
+        raise InputError(place, f'node "{value["node"]}"', "a node of the same tree", "mend the link")
     return nodes[value["node"]].output(value["socket"], place)
 
 

@@ -21,7 +21,7 @@ LUMINANCE_WEIGHTS = (0.2126, 0.7152, 0.0722)  # Rec.709 primaries, D65
 RELATIVE_EPSILON = 0.01  # epsilon of every relative figure, as a share of the mean of the reference
 FLIP_MIDTONE = 0.85  # FLIP's exposures map the median and the maximum of the reference to this display value
 FLIP_TONEMAPPER = "ACES"
-TRANSMITTANCE = "transmittance."  # begins the channels of a transparent picture that say what each channel lets through
+TRANSMITTANCE = "transmittance."  # begins the channels that say what each colour lets through
 
 
 class Unreadable(Exception):

@@ -104,13 +104,13 @@ def build_node_data(node, name, entry, place):
 
 def _with_keys(entry, keys, place):
     if not isinstance(entry, dict) or set(entry) != keys:
-        raise InputError(place, repr(entry), f"an object with {', '.join(sorted(keys))}", "correct the object")
+        raise InputError(place, repr(entry), f"an object with {', '.join(sorted(keys))}", "mend the object")
     return entry
 
 
 def _with_length(entry, lengths, what, place):
     if not isinstance(entry, list) or len(entry) not in lengths:
-        raise InputError(place, repr(entry), what, "correct the list")
+        raise InputError(place, repr(entry), what, "mend the list")
     return entry
 
 
@@ -161,7 +161,7 @@ def _build_mapping(mapping, entry, place):
 
 def _build_points(curve, wanted, place):
     if not isinstance(wanted, list) or len(wanted) < SMALLEST_CURVE:
-        raise InputError(place, repr(wanted), f"a list of {SMALLEST_CURVE} points or more", "correct the list")
+        raise InputError(place, repr(wanted), f"a list of {SMALLEST_CURVE} points or more", "mend the list")
     while len(curve.points) > len(wanted):
         curve.points.remove(curve.points[-1])
     while len(curve.points) < len(wanted):

@@ -213,7 +213,9 @@ def _find_node(tree, name, place):
     node = tree.nodes.get(name)
     if node is None:
         names = ", ".join(item.name for item in tree.nodes)
-        raise InputError(place, f'node "{name}"', f'a node of tree "{tree.name}": {names}', "correct the target")
+        raise InputError(
+            place, f'node "{name}"', f'a node of tree "{tree.name}": {names}', "correct the target"
+        )
     return node
 
 

@@ -112,7 +112,7 @@ def _world_sampling(request):
     method = request.get("world_sampling") or "NONE"
     if method not in WORLD_SAMPLING:
         raise InputError(
-            "request.world_sampling", repr(method), f"one of {', '.join(WORLD_SAMPLING)}", "correct the request"
+            "request.world_sampling", repr(method), f"one of {', '.join(WORLD_SAMPLING)}", "mend the request"
         )
     return method
 

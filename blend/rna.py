@@ -12,7 +12,7 @@ def set_value(owner, name, value, place):
         kept = getattr(owner, name)
     except (AttributeError, TypeError, ValueError) as error:
         raise InputError(
-            place, f"{value!r} ({error})", "a property and a value that Blender knows", "correct the value"
+            place, f"{value!r} ({error})", "a property and a value that Blender knows", "mend the value"
         ) from None
     if isinstance(value, (float, list)):
         same = np.array_equal(np.asarray(value, np.float32), np.asarray(kept, np.float32))

@@ -110,7 +110,7 @@ def _blender_name(table, entry, key):
         if name == entry[key]:
             return blender_name
     raise InputError(
-        f"{entry.place}.{key}", repr(entry[key]), f"one of {list(table.values())}", "correct the value"
+        f"{entry.place}.{key}", repr(entry[key]), f"one of {list(table.values())}", "mend the value"
     )
 
 
@@ -195,7 +195,7 @@ def _build_volume(objects, entry, materials, folder):
     item = objects.new(entry["object"], data, entry["matrix_world"])
     if entry["material"] not in materials:
         raise InputError(
-            f"{entry.place}.material", repr(entry["material"]), f"one of {list(materials)}", "correct the name"
+            f"{entry.place}.material", repr(entry["material"]), f"one of {list(materials)}", "mend the name"
         )
     material = materials[entry["material"]]
     if material.users and material.cycles.volume_step_rate != np.float32(entry["volume_step_rate"]):
@@ -203,7 +203,7 @@ def _build_volume(objects, entry, materials, folder):
             f"{entry.place}.volume_step_rate",
             f"{entry['volume_step_rate']} beside {material.cycles.volume_step_rate}",
             "one number for each material",
-            "correct the value: it belongs to the material",
+            "mend the value: it belongs to the material",
         )
     material.cycles.volume_step_rate = entry["volume_step_rate"]
     data.materials.append(material)
@@ -222,7 +222,7 @@ def set_object_info(item, material, entry):
             where,
             f"{values['material_pass_index']} beside {material.pass_index}",
             "one number for each material",
-            "correct the value: it belongs to the material",
+            "mend the value: it belongs to the material",
         )
     set_value(material, "pass_index", values["material_pass_index"], where)
 
@@ -256,7 +256,7 @@ def _mesh_data(entry):
             f"{shape.place}.triangles",
             f"an array of shape {list(indices.shape)}",
             f"triples of indices below {len(vertices)}",
-            "correct the mesh",
+            "mend the mesh",
         )
     return vertices, [], triangles
 

@@ -33,7 +33,7 @@ SCENE_FORMAT = "cloudparity-scene/1"
 METRICS = ("relmse", "rms", "flip")
 ROOT = Path(__file__).resolve().parents[1]
 
-# The times of two settings on a Pareto front differ by more than this share: they are stated to the nanosecond.
+# The times of two settings on a Pareto front differ by a larger share: they are stated to the nanosecond.
 _SMALLEST_DIFFERENCE = 1e-12
 
 

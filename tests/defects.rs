@@ -11,7 +11,6 @@ use cloudparity::engines::render::{EngineJitter, EngineSettings, render};
 use cloudparity::gpu::Backend;
 use cloudparity::scene::Scene;
 use cloudparity::scene::image::Image;
-use sha2::{Digest, Sha256};
 
 const SETTINGS: EngineSettings =
     EngineSettings { jitter: EngineJitter::BlueNoise, frame: 3, sub_pixels: 1, god_rays: true };
@@ -37,42 +36,114 @@ fn picture_with(scene: &Scene, defects: &Defects, changes: &[&str], settings: &E
     render(scene, &engine, settings, Backend::Cpu, &|_, _| ()).expect("a picture")
 }
 
-/// The first 16 bytes of the SHA-256 of a picture's pixels.
-fn digest(image: &Image) -> String {
-    let mut hash = Sha256::new();
-    for value in image.pixels.as_flattened() {
-        hash.update(value.to_le_bytes());
+/// Means of a picture's channels over its pixels, with four weights: 1, the column and the row from 0 to 1, and 1 and -1 as on a chessboard.
+type Means = [[f64; 4]; 4];
+
+fn means(image: &Image) -> Means {
+    let mut means = Means::default();
+    for (index, pixel) in image.pixels.iter().enumerate() {
+        let [column, row] = [index % image.width, index / image.width];
+        let part = |at: usize, side: usize| (at as f64 + 0.5) / side as f64;
+        let sign = if (column + row) % 2 == 0 { 1.0 } else { -1.0 };
+        let weights = [1.0, part(column, image.width), part(row, image.height), sign];
+        for (sums, weight) in means.iter_mut().zip(weights) {
+            for (sum, value) in sums.iter_mut().zip(pixel) {
+                *sum += weight * f64::from(*value) / image.pixels.len() as f64;
+            }
+        }
     }
-    hash.finalize().iter().take(16).map(|byte| format!("{byte:02x}")).collect()
+    means
 }
 
-/// Parameters, whether the film is transparent, and digests of the corrected picture and of the one as published. They were written when an
-/// engine had two forms and no defect could be kept by itself, its mask had seeds of its own, and the sun of its god rays, which is not
-/// seen in these pictures, stood nowhere else.
-const PICTURES: [(&[&str], bool, [&str; 2]); 4] = [
-    (&["mask_seed=1"], false, ["cc7143aa3a619753f5c705195311e647", "52a7a4841ecad022426acb8f4d9c9196"]),
-    (&["mask_seed=1"], true, ["b84b7839e0e10ab3b55778d240d1c5b9", "d82fe50d75e7839fd8868a45b2e91e6d"]),
+/// Largest error of a mean. A pixel may be off by 1e-4 with textures filtered in f32, times the sun's strength of 6 in this scene; errors of
+/// 576 pixels that go both ways leave a 24th of that, and 1e-9 are the digits below.
+const MEAN: f64 = 6e-4 / 24.0 + 1e-9;
+
+/// Parameters, whether the film is transparent, and means of the corrected picture and of the one as published. They are those of pictures of
+/// an engine that had two forms and no defect could be kept by itself, whose density was f64, its mask had seeds of its own, and the sun of
+/// its god rays, which is not seen in these pictures, stood nowhere else.
+const PICTURES: [(&[&str], bool, [Means; 2]); 4] = [
+    (
+        &["mask_seed=1"],
+        false,
+        [
+            [
+                [0.260235532, 0.360669407, 0.561045988, 1.0],
+                [0.130410349, 0.180645492, 0.280850964, 0.5],
+                [0.126917278, 0.177120928, 0.277297929, 0.5],
+                [0.002851581, 0.002885629, 0.002911924, 0.0],
+            ],
+            [
+                [0.227070692, 0.323008047, 0.515656508, 1.0],
+                [0.113258295, 0.161243928, 0.257597457, 0.5],
+                [0.11378979, 0.162209386, 0.259399026, 0.5],
+                [0.00360516, 0.004254155, 0.005551547, 0.0],
+            ],
+        ],
+    ),
+    (
+        &["mask_seed=1"],
+        true,
+        [
+            [
+                [0.099504558, 0.119967292, 0.160450185, 0.197604394],
+                [0.050146826, 0.06045949, 0.080846212, 0.099350966],
+                [0.044956406, 0.054371874, 0.072997191, 0.090810223],
+                [0.003086274, 0.003258364, 0.003561517, 0.001238367],
+            ],
+            [
+                [0.053205053, 0.06153314, 0.07897874, 0.12043347],
+                [0.026150471, 0.030237904, 0.038802795, 0.059242461],
+                [0.025692917, 0.029756037, 0.038239423, 0.054839716],
+                [0.003850652, 0.004514893, 0.00584165, -0.000513903],
+            ],
+        ],
+    ),
     (
         &["mask_seed=7", "detail_frequency=6"],
         false,
-        ["74012dc2d57d37be53ddf4afe3eb2460", "52a7a4841ecad022426acb8f4d9c9196"],
+        [
+            [
+                [0.261020779, 0.361455379, 0.561829419, 1.0],
+                [0.131103845, 0.181330471, 0.281525704, 0.5],
+                [0.127055688, 0.177249689, 0.277416604, 0.5],
+                [0.002987753, 0.003124171, 0.00324243, 0.0],
+            ],
+            [
+                [0.227070692, 0.323008047, 0.515656508, 1.0],
+                [0.113258295, 0.161243928, 0.257597457, 0.5],
+                [0.11378979, 0.162209386, 0.259399026, 0.5],
+                [0.00360516, 0.004254155, 0.005551547, 0.0],
+            ],
+        ],
     ),
     (
         &["mask_seed=1", "opacity=1.5", "light_steps=3", "flatten_top=0"],
         true,
-        ["352e5500f19125b86413c1464eae5321", "2d07a41ae992770085117e9815300bfd"],
+        [
+            [
+                [0.076441474, 0.097752099, 0.1402966, 0.203580346],
+                [0.038540774, 0.04918657, 0.070428295, 0.101473972],
+                [0.030423136, 0.038976094, 0.056057161, 0.081811635],
+                [0.000257159, 0.000433929, 0.00071948, 0.000751478],
+            ],
+            [[0.0, 0.0, 0.0, 0.0], [0.0, 0.0, 0.0, 0.0], [0.0, 0.0, 0.0, 0.0], [0.0, 0.0, 0.0, 0.0]],
+        ],
     ),
 ];
 
 #[test]
-fn all_and_none_are_the_two_forms_to_the_bit() {
-    for (changes, transparent, digests) in PICTURES {
+fn all_and_none_are_the_two_forms() {
+    for (changes, transparent, expected) in PICTURES {
         let mut scene = scene();
         scene.film.transparent = transparent;
         let changes: Vec<&str> = changes.iter().copied().chain(["detail_seed=10"]).collect();
-        for (defects, expected) in [Defects::NONE, Defects::ALL].iter().zip(digests) {
+        for (defects, expected) in [Defects::NONE, Defects::ALL].iter().zip(expected) {
             let found = picture_with(&scene, defects, &changes, &EngineSettings { god_rays: false, ..SETTINGS });
-            assert_eq!(digest(&found), expected, "{defects}, {changes:?}, transparent: {transparent}");
+            let found = means(&found);
+            let pairs = found.as_flattened().iter().zip(expected.as_flattened());
+            let largest = pairs.map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+            assert!(largest <= MEAN, "{defects}, {changes:?}, transparent: {transparent}: {largest:e}\n{found:?}");
         }
     }
 }

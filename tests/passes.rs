@@ -350,7 +350,7 @@ fn god_rays_are_the_same_on_the_adapter() {
 fn limits_find_one_read_and_one_texel() {
     let size = [33, 17];
     let camera = camera(size, 50.0, Projection::Perspective);
-    let suns = [Sun { towards: DVec3::new(0.02, 1.0, 0.01).normalize(), light: [1.0; 3] }];
+    let suns = [Sun { direction: DVec3::new(0.02, 1.0, 0.01).normalize().to_array(), irradiance: [1.0; 3] }];
     let view = view(&camera, &suns);
     let whole = pass(false, 100);
     let limit = bound(&whole.rays, size, EXTENT, view.exposure);

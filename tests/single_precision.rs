@@ -3,18 +3,19 @@
 
 mod support;
 
-use cloudparity::engines::perlin_fbm::bake::Bake;
 use cloudparity::engines::perlin_fbm::gpu::BakeKernel;
-use cloudparity::engines::perlin_fbm::mask::{Deformation, Mask};
-use cloudparity::engines::perlin_fbm::noise::{Field, Octaves, noise, octaves};
-use cloudparity::engines::perlin_fbm::random::permutation;
-use cloudparity::engines::perlin_fbm::{Cloud, Evaluation, Parameters, Volume};
 use cloudparity::gpu::Gpu;
+use cloudparity::graph::build::IDENTITY;
 use cloudparity::graph::evaluate::Points;
-use cloudparity::media::density::DensityModel;
+use cloudparity::nodes::perlin_fbm::bake::Bake;
+use cloudparity::nodes::perlin_fbm::mask::{Deformation, Mask};
+use cloudparity::nodes::perlin_fbm::noise::{Field, Octaves, noise, octaves};
+use cloudparity::nodes::perlin_fbm::random::permutation;
+use cloudparity::nodes::perlin_fbm::{Cloud, Evaluation, Parameters, Volume};
 use cloudparity::nodes::running_error::RunningError;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
+use std::sync::Arc;
 use support::rounding::{Single, U, check_bake};
 
 /// Seeds near and far, negative and broken. At 1e12 a double holds coordinates to 1e-4, and the first octave's parts of cells with them.
@@ -146,7 +147,7 @@ fn the_look_up_on_the_adapter_is_within_its_rounding_at_every_tiling() {
     }
     let gpu = Gpu::open().expect("the adapter that was just there");
     let mut random = ChaCha8Rng::seed_from_u64(5);
-    let mut last: Option<Cloud> = None;
+    let mut last: Option<Arc<Cloud>> = None;
     // A mask that is 1 in all of the box, so that the texture is seen alone; then one that fades through it. Its deformations are smooth,
     // so that their textures add little to the limit.
     let whole = Mask { radius: 2.0, softness: 0.1, deformations: deformations(0.0), ..Mask::default() };
@@ -168,12 +169,12 @@ fn the_look_up_on_the_adapter_is_within_its_rounding_at_every_tiling() {
             offset: offset.map(|periods: f64| periods.rem_euclid(1.0)),
             threshold: 0.0,
             density_multiplier: 50.0,
-            opacity: 1.0,
             evaluation: Evaluation::Baked,
             shows_mask: false,
         };
-        let cloud = Cloud::new_after(parameters, last.as_ref()).expect("in range");
-        let kernel = gpu.density_field(&cloud.shader().expect("a shader")).expect("a kernel");
+        let cloud = Arc::new(Cloud::new_after(parameters, last.as_deref()).expect("in range"));
+        let program = support::cloud::program(Arc::clone(&cloud), IDENTITY);
+        let kernel = gpu.field(&program).expect("a kernel");
         let positions: Vec<[f32; 3]> = (0..4000)
             .map(|number| match number {
                 0 => [0.0; 3],

@@ -210,7 +210,37 @@ pub fn find(id: &str) -> Result<&'static Model> {
     })
 }
 
+/// A model by its name with parameters of it: `perlin-fbm coverage=0.4 octaves=3`, as files and axes of studies name densities.
+pub struct Selection {
+    /// The model.
+    pub model: &'static Model,
+    /// Its parameters, `NAME=VALUE`.
+    pub settings: Vec<String>,
+}
+
+impl Selection {
+    /// Reads a text. An error where the model, a parameter or its value is not known.
+    pub fn parse(text: &str) -> Result<Self> {
+        let mut words = text.split_whitespace();
+        let model = find(words.next().unwrap_or_default())?;
+        let settings: Vec<String> = words.map(str::to_owned).collect();
+        model.values(None, &settings)?;
+        Ok(Self { model, settings })
+    }
+
+    /// Its engine in a scene with further parameters, which count after its own.
+    pub fn engine(&self, scene: &Scene, further: &[String], defects: &Defects) -> Result<Engine> {
+        let values = self.model.values(None, &[self.settings.as_slice(), further].concat())?;
+        self.model.engine(scene, &values, defects, 0.0)
+    }
+}
+
 impl Model {
+    /// Whether it has a parameter of this name.
+    pub fn has_parameter(&self, name: &str) -> bool {
+        self.parameters.iter().any(|parameter| parameter.name == name)
+    }
+
     /// Its engine for a scene, after `seconds` of animation, in its own domain. An error where a defect to be kept is not the model's.
     pub fn engine(
         &self,

@@ -1,10 +1,10 @@
 //! The settings of an engine's picture, as files of studies and tunings give them.
 
 use crate::base::error::{Error, Result};
-use crate::engines;
-use crate::engines::Engine;
 use crate::engines::defects::Defects;
+use crate::engines::light::models;
 use crate::engines::render::{EngineJitter, EngineSettings};
+use crate::engines::{Engine, Selection};
 use crate::media::density_cache::CacheFormat;
 use crate::scene::Scene;
 use serde::{Deserialize, Serialize};
@@ -30,9 +30,9 @@ fn half() -> CacheFormat {
 pub struct Combination {
     /// Name of the scene.
     pub scene: String,
-    /// Density model.
+    /// Density model, with parameters where it has some: `perlin-fbm coverage=0.4`.
     pub density: String,
-    /// Light model.
+    /// Light model, likewise.
     pub light: String,
     /// Steps of a view ray.
     pub steps: u32,
@@ -47,6 +47,9 @@ pub struct Combination {
     /// Defects that the engine keeps; left out where there are none, so that runs of studies without them keep their names.
     #[serde(default, skip_serializing_if = "Defects::is_none")]
     pub defects: Defects,
+    /// Whether god rays are added; left out where they are not.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub god_rays: bool,
 }
 
 /// The axis of a file that names no caches.
@@ -55,11 +58,16 @@ pub(crate) fn no_cache() -> Vec<CacheAxis> {
 }
 
 impl Combination {
-    /// The density model's engine of these settings under its own light, with further parameters `NAME=VALUE` of the model.
+    /// The density model's engine of these settings under their light, with further parameters `NAME=VALUE` of the model.
     pub fn engine(&self, scene: &Scene, parameters: &[String]) -> Result<Engine> {
-        let model = engines::find(&self.density)?;
-        let mut settings = vec![format!("march_steps={}", self.steps), format!("light_steps={}", self.light_steps)];
-        if model.id == engines::graph::MODEL.id {
+        let selection = Selection::parse(&self.density)?;
+        let mut settings = Vec::new();
+        for (name, value) in [("march_steps", self.steps), ("light_steps", self.light_steps)] {
+            if selection.model.has_parameter(name) {
+                settings.push(format!("{name}={value}"));
+            }
+        }
+        if self.cache.cells > 0 && selection.model.has_parameter("cache_cells") {
             let format = match self.cache.format {
                 CacheFormat::F32 => 0,
                 CacheFormat::F16 => 1,
@@ -69,12 +77,14 @@ impl Combination {
             settings.push(format!("cache_format={format}"));
         }
         settings.extend_from_slice(parameters);
-        model.engine(scene, &model.values(None, &settings)?, &self.defects, 0.0)
+        let mut engine = selection.engine(scene, &settings, &self.defects)?;
+        models::apply(&mut engine.light, &self.light)?;
+        Ok(engine)
     }
 
     /// How the engine's picture is made.
     pub fn picture_settings(&self) -> EngineSettings {
-        EngineSettings { jitter: self.jitter, frame: 0, sub_pixels: self.sub_pixels, god_rays: false }
+        EngineSettings { jitter: self.jitter, frame: 0, sub_pixels: self.sub_pixels, god_rays: self.god_rays }
     }
 
     /// The settings in words, scene and density left out.
@@ -94,12 +104,16 @@ impl Combination {
         if !self.defects.is_none() {
             text += &format!(", defects {}", self.defects);
         }
+        if self.god_rays {
+            text += ", god rays";
+        }
         text
     }
 
     /// Densities per pixel, a graph's evaluation counting as several reads: what runs are ordered by.
     pub(crate) fn cost(&self) -> u64 {
-        let each: u64 = if self.density == engines::graph::MODEL.id && self.cache.cells == 0 { 4 } else { 1 };
+        let is_graph = Selection::parse(&self.density).is_ok_and(|selection| selection.model.is_of_scene);
+        let each: u64 = if is_graph && self.cache.cells == 0 { 4 } else { 1 };
         each * u64::from(self.steps) * u64::from(1 + self.light_steps) * u64::from(self.sub_pixels).pow(2)
     }
 }

@@ -3,7 +3,7 @@
 use crate::base::error::{Error, Result};
 use crate::base::ledger::Ledger;
 use crate::base::progress::Progress;
-use crate::engines;
+use crate::engines::Selection;
 use crate::engines::defects::Defects;
 use crate::gpu::Backend;
 use crate::integrators::path;
@@ -163,11 +163,11 @@ impl Truth {
     /// The medium that path tracing sees: that of the scene, or of a published system with its defects corrected, so that what a defect does
     /// to the medium is an error, too.
     pub fn medium(scene: &Scene, density: &str) -> Result<Option<GivenMedium>> {
-        let model = engines::find(density)?;
-        if model.is_of_scene {
+        let selection = Selection::parse(density)?;
+        if selection.model.is_of_scene {
             return Ok(None);
         }
-        let engine = model.engine(scene, &model.values(None, &[])?, &Defects::NONE, 0.0)?;
+        let engine = selection.engine(scene, &[], &Defects::NONE)?;
         Ok(Some(GivenMedium { identity: engine.medium_identity(), object: Arc::new(engine.medium()?) }))
     }
 }

@@ -237,6 +237,28 @@ pub fn find(id: &str) -> Result<&'static NamedLight> {
     })
 }
 
+/// Refuses a text that [`apply`] would refuse.
+pub fn check(text: &str) -> Result<()> {
+    let mut words = text.split_whitespace();
+    find(words.next().unwrap_or_default())?;
+    for word in words {
+        let (name, value) = crate::engines::parameters::assignment(word)?;
+        Parameter::check(PARAMETERS, name, value, text)?;
+    }
+    Ok(())
+}
+
+/// Puts a light model with parameters, such as `octaves contribution=0.7`, into a light.
+pub fn apply(light: &mut LightModel, text: &str) -> Result<()> {
+    let mut words = text.split_whitespace();
+    find(words.next().unwrap_or_default())?.apply(light)?;
+    for word in words {
+        let (name, value) = crate::engines::parameters::assignment(word)?;
+        set(light, name, value, text)?;
+    }
+    Ok(())
+}
+
 impl NamedLight {
     /// Puts its settings into a light model.
     pub fn apply(&self, light: &mut LightModel) -> Result<()> {

@@ -26,7 +26,7 @@ impl Frame {
     pub fn new(gpu: &Gpu, [width, height]: [u32; 2], channels: Channels) -> Result<Self> {
         let pixels = u64::from(width) * u64::from(height);
         let limits = gpu.device().limits();
-        let most = u64::from(limits.max_storage_buffer_binding_size).min(limits.max_buffer_size);
+        let most = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
         if pixels == 0 || pixels * COLOUR_BYTES > most {
             return Err(Error::new(
                 "a frame on the adapter",

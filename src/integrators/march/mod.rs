@@ -23,6 +23,8 @@
 pub(crate) mod gpu;
 pub mod light_grid;
 
+pub use gpu::CONSTANTS;
+
 use crate::base::error::{Error, Result};
 use crate::base::progress::Progress;
 use crate::gpu::Gpu;

@@ -115,22 +115,22 @@ pub const GUARDS: &[Guard] = &[
         name: "parallel-rays",
         keeps: "a ray that runs in a face is inside; nothing is divided by a direction's 0",
         places: &[
-            ("src/media/medium.rs", "if direction[axis] == 0.0"),
-            ("shaders/engines/march.wgsl", "if direction[axis] == 0.0"),
+            ("src/media/region.rs", "if direction[axis] == 0.0"),
+            ("shaders/engines/march.wgsl", "if way[axis] == 0.0"),
         ],
-        test: ("src/media/medium.rs", "a_ray_crosses_a_box_at_its_faces"),
+        test: ("src/media/region.rs", "a_ray_crosses_a_box_at_its_faces"),
     },
     Guard {
         name: "ray-inside",
         keeps: "engines march from where a ray enters the box, found in f64, with a direction of length 1; what misses or \
                 grazes has length 0",
-        places: &[("src/engines/march/mod.rs", "pub fn inside(&self)")],
+        places: &[("src/engines/march/mod.rs", "pub fn inside(&self, outline: &Outline)")],
         test: ("src/engines/march/mod.rs", "rays_of_any_length_and_start_cross_alike"),
     },
     Guard {
         name: "unit-direction",
         keeps: "a direction is divided by its largest part before it is squared",
-        places: &[("src/engines/march/mod.rs", "pub fn unit("), ("src/engines/light/mod.rs", "pub fn to_sun")],
+        places: &[("src/engines/march/mod.rs", "pub fn unit("), ("src/engines/light/mod.rs", "pub fn towards")],
         test: ("src/engines/march/mod.rs", "rays_of_any_length_and_start_cross_alike"),
     },
     Guard {
@@ -183,7 +183,7 @@ pub const GUARDS: &[Guard] = &[
         name: "negative-density",
         keeps: "a density below 0 acts as 0; NaN stays to be seen",
         places: &[
-            ("src/media/medium.rs", "if *value < 0.0"),
+            ("src/media/density.rs", "if *value < 0.0"),
             ("shaders/integrators/march/march.wgsl", "select(value, 0.0, value < 0.0)"),
             ("shaders/integrators/path/path.wgsl", "select(value, 0.0, value < 0.0)"),
         ],

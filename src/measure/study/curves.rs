@@ -12,7 +12,7 @@ use crate::base::error::{Error, Result};
 use crate::base::files;
 use crate::base::identity;
 use crate::bridge::reference::{ReferenceSettings, cache_folder, references};
-use crate::engines;
+use crate::engines::Selection;
 use crate::engines::defects::Defects;
 use crate::integrators::path::{PathSettings, Subject};
 use crate::measure::combination::Combination;
@@ -168,11 +168,11 @@ impl Running<'_> {
             ));
         }
         let cache = cache_folder()?;
-        let model = engines::find(&of.density)?;
-        let mut large = if model.is_of_scene {
+        let selection = Selection::parse(&of.density)?;
+        let mut large = if selection.model.is_of_scene {
             scene.clone()
         } else {
-            let engine = model.engine(scene, &model.values(None, &[])?, &Defects::NONE, 0.0)?;
+            let engine = selection.engine(scene, &[], &Defects::NONE)?;
             let (mut large, grid) = voxels::scene(scene, &engine, self.study.file.truth.voxels)?;
             put_grid_into(&cache, &mut large, &grid)?;
             large

@@ -2,9 +2,10 @@
 
 use crate::base::error::{Error, Result};
 use crate::base::files;
-use crate::engines;
+use crate::engines::Selection;
 use crate::engines::defects::Defects;
 use crate::engines::light::models;
+use crate::engines::parameters::Parameter;
 use crate::engines::render::EngineJitter;
 use crate::measure::combination::{CacheAxis, Combination, Quality, no_cache};
 use crate::measure::scenes::{SceneAxis, check_resolution, load_scenes};
@@ -121,6 +122,23 @@ pub struct Axes {
     /// Defects of the published densities that their engines keep.
     #[serde(default = "no_defects", skip_serializing_if = "are_mended")]
     pub defects: Vec<Defects>,
+    /// Whether god rays are added.
+    #[serde(default = "no_god_rays", skip_serializing_if = "are_without_god_rays")]
+    pub god_rays: Vec<bool>,
+    /// Values of further parameters of density, march and passes by name. A density without the parameter ignores its axis.
+    #[serde(default, skip_serializing_if = "IndexMap::is_empty")]
+    pub parameters: IndexMap<String, Vec<f64>>,
+    /// Values of parameters of the light by name.
+    #[serde(default, skip_serializing_if = "IndexMap::is_empty")]
+    pub light_parameters: IndexMap<String, Vec<f64>>,
+}
+
+fn no_god_rays() -> Vec<bool> {
+    vec![false]
+}
+
+fn are_without_god_rays(god_rays: &[bool]) -> bool {
+    god_rays == [false]
 }
 
 fn one_ray() -> Vec<u32> {
@@ -180,11 +198,11 @@ impl StudyFile {
         }
         for (density, &samples) in &self.curves.cycles {
             let name = format!("curves.cycles.{density}");
-            if !axes.densities.contains(density) {
+            if !self.densities().contains(density) {
                 return wrong(
                     &name,
                     format!("\"{density}\""),
-                    format!("one of axes.densities: {}", axes.densities.join(", ")),
+                    format!("one of axes.densities, with its parameters: {}", self.densities().join(", ")),
                 );
             }
             if samples == 0 || !samples.is_multiple_of(PARTS) || samples > MOST_SAMPLES {
@@ -201,15 +219,39 @@ impl StudyFile {
             ("sub_pixels", axes.sub_pixels.len()),
             ("jitter", axes.jitter.len()),
             ("defects", axes.defects.len()),
+            ("god_rays", axes.god_rays.len()),
+            ("parameters", axes.parameters.values().map(Vec::len).min().unwrap_or(1)),
+            ("light_parameters", axes.light_parameters.values().map(Vec::len).min().unwrap_or(1)),
         ];
         if let Some((name, _)) = lengths.iter().find(|(_, length)| *length == 0) {
             return wrong(&format!("axes.{name}"), "an empty list".into(), "at least one value".into());
         }
         for (index, name) in axes.densities.iter().enumerate() {
-            engines::find(name).map_err(|error| at(error, place, &format!("axes.densities[{index}]")))?;
+            Selection::parse(name).map_err(|error| at(error, place, &format!("axes.densities[{index}]")))?;
         }
         for (index, name) in axes.lights.iter().enumerate() {
-            models::find(name).map_err(|error| at(error, place, &format!("axes.lights[{index}]")))?;
+            models::check(name).map_err(|error| at(error, place, &format!("axes.lights[{index}]")))?;
+        }
+        for (name, values) in &axes.parameters {
+            let path = format!("axes.parameters.{name}");
+            let known: Vec<Selection> = axes.densities.iter().filter_map(|text| Selection::parse(text).ok()).collect();
+            let Some(owner) = known.iter().find(|one| one.model.has_parameter(name)) else {
+                let densities = axes.densities.join(", ");
+                return wrong(
+                    &path,
+                    format!("\"{name}\""),
+                    format!("a parameter of one of axes.densities: {densities}"),
+                );
+            };
+            for value in values {
+                Parameter::check(owner.model.parameters, name, *value, &path)?;
+            }
+        }
+        for (name, values) in &axes.light_parameters {
+            let path = format!("axes.light_parameters.{name}");
+            for value in values {
+                Parameter::check(models::PARAMETERS, name, *value, &path)?;
+            }
         }
         for (quality, values) in [
             (&Quality::STEPS, &axes.steps),
@@ -229,24 +271,35 @@ impl StudyFile {
         load_scenes(&self.axes.scenes, folder, self.resolution, "axes.scenes")
     }
 
+    /// The densities, each with the values of the parameters that it has.
+    pub fn densities(&self) -> Vec<String> {
+        let has = |density: &str, name: &str| {
+            Selection::parse(density).is_ok_and(|selection| selection.model.has_parameter(name))
+        };
+        with_parameters(&self.axes.densities, &self.axes.parameters, has)
+    }
+
+    /// The lights with the values of their parameters.
+    pub fn lights(&self) -> Vec<String> {
+        with_parameters(&self.axes.lights, &self.axes.light_parameters, |_, _| true)
+    }
+
     /// Every combination of the axes, those that mean nothing apart.
     pub fn expand(&self, scenes: &[Scene]) -> (Vec<Combination>, Vec<Skipped>) {
         let (mut wanted, mut skipped) = (Vec::new(), Vec::new());
         let axes = &self.axes;
-        for (scene, density) in
-            scenes.iter().flat_map(|scene| axes.densities.iter().map(move |density| (scene, density)))
-        {
-            for (light, &steps) in
-                axes.lights.iter().flat_map(|light| axes.steps.iter().map(move |steps| (light, steps)))
-            {
+        let (densities, lights) = (self.densities(), self.lights());
+        for (scene, density) in scenes.iter().flat_map(|scene| densities.iter().map(move |density| (scene, density))) {
+            for (light, &steps) in lights.iter().flat_map(|light| axes.steps.iter().map(move |steps| (light, steps))) {
                 for (&light_steps, &cache) in
                     axes.light_steps.iter().flat_map(|steps| axes.caches.iter().map(move |cache| (steps, cache)))
                 {
-                    for ((&sub_pixels, &jitter), defects) in axes
+                    for (((&sub_pixels, &jitter), defects), &god_rays) in axes
                         .sub_pixels
                         .iter()
                         .flat_map(|rays| axes.jitter.iter().map(move |jitter| (rays, jitter)))
                         .flat_map(|one| axes.defects.iter().map(move |defects| (one, defects)))
+                        .flat_map(|one| axes.god_rays.iter().map(move |god_rays| (one, god_rays)))
                     {
                         let combination = Combination {
                             scene: scene.name.clone(),
@@ -258,6 +311,7 @@ impl StudyFile {
                             sub_pixels,
                             jitter,
                             defects: defects.clone(),
+                            god_rays,
                         };
                         match self.meaningless(scene, &combination) {
                             Some(reason) => skipped.push(Skipped { combination, reason }),
@@ -273,12 +327,16 @@ impl StudyFile {
 
     /// Why a combination would only repeat another one.
     fn meaningless(&self, scene: &Scene, combination: &Combination) -> Option<String> {
-        if combination.density != engines::graph::MODEL.id && combination.cache != self.axes.caches[0] {
-            return Some(
-                "the density is no graph: it has no density cache, and one of the caches stands for all".into(),
-            );
+        let model = Selection::parse(&combination.density).expect("it was checked").model;
+        for (parameter, is_first, what) in [
+            ("march_steps", combination.steps == self.axes.steps[0], "steps of view rays"),
+            ("light_steps", combination.light_steps == self.axes.light_steps[0], "steps towards the sun"),
+            ("cache_cells", combination.cache == self.axes.caches[0], "density caches"),
+        ] {
+            if !is_first && !model.has_parameter(parameter) {
+                return Some(format!("density model {} has no {what}, and one value stands for all", model.id));
+            }
         }
-        let model = engines::find(&combination.density).expect("it was checked");
         let Ok(kept) = combination.defects.of_model(model) else {
             return Some(format!("density model {} has none of the defects {}", model.id, combination.defects));
         };
@@ -291,16 +349,59 @@ impl StudyFile {
             return Some("the scene has no sun: one number of light steps stands for all".into());
         }
         let of_the_sun = ["octaves", "octaves-deep", "silver"];
-        if is_dark && of_the_sun.contains(&combination.light.as_str()) {
+        if is_dark && of_the_sun.contains(&combination.light.as_str()) && self.axes.light_parameters.is_empty() {
             return Some("the scene has no sun, and the light model differs from \"single\" in sunlight alone".into());
         }
         None
     }
 }
 
+/// Names with every combination of the values of the parameters that each `has`.
+fn with_parameters(
+    names: &[String],
+    parameters: &IndexMap<String, Vec<f64>>,
+    has: impl Fn(&str, &str) -> bool,
+) -> Vec<String> {
+    let mut all = Vec::new();
+    for name in names {
+        let mut texts = vec![name.clone()];
+        for (parameter, values) in parameters.iter().filter(|(parameter, _)| has(name, parameter)) {
+            texts = texts
+                .iter()
+                .flat_map(|text| values.iter().map(move |value| format!("{text} {parameter}={value}")))
+                .collect();
+        }
+        all.extend(texts);
+    }
+    all
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn any_parameter_is_an_axis_of_the_densities_that_have_it() {
+        let text = STUDY.replace(
+            "caches =",
+            "god_rays = [false, true]\n[axes.parameters]\ncoverage = [0.4, 0.6]\noctaves = [1, 5]\n\
+             [axes.light_parameters]\nexposure = [1, 2]\n#",
+        );
+        let study = StudyFile::parse(&text, "test").expect("a study");
+        let densities = study.densities();
+        assert_eq!(densities.len(), 1 + 4, "{densities:?}");
+        assert_eq!((densities[0].as_str(), densities[4].as_str()), ("graph", "perlin-fbm coverage=0.6 octaves=5"));
+        assert_eq!(study.lights()[3], "octaves exposure=2");
+        let scene = Scene::load(Path::new("parity/scenes/linear-ramp.scene.json")).expect("a scene");
+        let (wanted, _) = study.expand(&[scene]);
+        assert_eq!(wanted.len(), 5 * 4 * 2 * 2 * 2);
+        let wrong =
+            |from: &str, to: &str| StudyFile::parse(&text.replace(from, to), "a.study.toml").expect_err("refused");
+        assert!(wrong("coverage =", "covrage =").to_string().contains("covrage"));
+        assert!(wrong("[0.4, 0.6]", "[0.4, 1.6]").to_string().contains("1.6"));
+        assert!(wrong("[0.4, 0.6]", "[]").to_string().contains("parameters"));
+        assert!(wrong("exposure = [1, 2]", "exposition = [1]").to_string().contains("exposure"));
+    }
 
     const STUDY: &str = r#"
         format = "cloudparity-study/1"

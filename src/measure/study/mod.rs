@@ -22,7 +22,6 @@ use crate::base::error::Result;
 use crate::base::identity::Identity;
 use crate::base::ledger::Purpose;
 use crate::engines::Engine;
-use crate::engines::light::models;
 use crate::gpu::Gpu;
 use crate::measure::combination::Combination;
 use crate::measure::timing::machine;
@@ -74,8 +73,8 @@ impl Study {
     fn subjects(&self) -> Vec<Combination> {
         let mut subjects: Vec<Combination> = Vec::new();
         for scene in &self.scenes {
-            for density in &self.file.axes.densities {
-                let is_here = |one: &&Combination| one.scene == scene.name && one.density == *density;
+            for density in self.file.densities() {
+                let is_here = |one: &&Combination| one.scene == scene.name && one.density == density;
                 let found = self.wanted.iter().find(is_here);
                 subjects.extend(
                     found.map(|one| Combination { cache: crate::measure::combination::no_cache()[0], ..one.clone() }),
@@ -88,8 +87,7 @@ impl Study {
     /// The engine of a combination, and the processor time that it took to make it.
     fn engine(&self, scene: &Scene, combination: &Combination) -> Result<(Engine, f64)> {
         let begin = ProcessTime::now();
-        let mut engine = combination.engine(scene, &[])?;
-        models::find(&combination.light)?.apply(&mut engine.light)?;
+        let engine = combination.engine(scene, &[])?;
         Ok((engine, begin.elapsed().as_secs_f64()))
     }
 

@@ -143,12 +143,12 @@ impl Results {
     /// One line per run, with every setting and figure; names hold neither commas nor quotes but for scenes' and defects, which are quoted.
     pub fn csv(&self) -> String {
         let mut text = String::from(
-            "scene,density,light,steps,light_steps,cache_cells,cache_format,sub_pixels,jitter,defects,seconds,seconds_smallest,\
+            "scene,density,light,steps,light_steps,cache_cells,cache_format,sub_pixels,jitter,defects,god_rays,seconds,seconds_smallest,\
              seconds_largest,wall_seconds,prepare_seconds,relmse,relmse_standard_error,rms,rms_standard_error,bias,\
              bias_standard_error,flip,cost,on_front\n",
         );
         for run in &self.runs {
-            let Combination { scene, density, light, steps, light_steps, cache, sub_pixels, jitter, defects } =
+            let Combination { scene, density, light, steps, light_steps, cache, sub_pixels, jitter, defects, god_rays } =
                 &run.combination;
             let fields = [
                 format!("\"{}\"", scene.replace('"', "\"\"")),
@@ -161,6 +161,7 @@ impl Results {
                 sub_pixels.to_string(),
                 files::word(jitter),
                 format!("\"{defects}\""),
+                god_rays.to_string(),
                 run.seconds.median.to_string(),
                 run.seconds.smallest.to_string(),
                 run.seconds.largest.to_string(),
@@ -270,6 +271,7 @@ pub(super) mod tests {
                 sub_pixels: 1,
                 jitter: EngineJitter::None,
                 defects: Defects::NONE,
+                god_rays: false,
             },
             errors: Errors { relmse: exact(relmse), rms: exact(0.0), bias: exact(0.0) },
             flip: None,

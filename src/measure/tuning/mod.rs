@@ -670,6 +670,7 @@ impl file::TunedEngine {
             sub_pixels: self.sub_pixels,
             jitter: EngineJitter::None,
             defects: self.defects.clone(),
+            god_rays: false,
         }
     }
 }

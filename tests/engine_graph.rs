@@ -1,0 +1,433 @@
+//! A scene's own graph as an engine: the adapter against the CPU under every light, in boxes of any shape, slabs and shells, under several suns
+//! and a varying world; closed forms; animation; and path tracing of a published density itself.
+
+mod support;
+
+use cloudparity::engines;
+use cloudparity::engines::Engine;
+use cloudparity::engines::defects::Defects;
+use cloudparity::engines::domain::Domain;
+use cloudparity::engines::graph::at_time;
+use cloudparity::engines::light::models;
+use cloudparity::engines::light::models::LIGHTS;
+use cloudparity::engines::march::RealTimeRay;
+use cloudparity::engines::march::gpu::MarchKernel;
+use cloudparity::engines::render::{EngineJitter, EngineRenderer, EngineSettings};
+use cloudparity::gpu::{Backend, Gpu};
+use cloudparity::integrators::path;
+use cloudparity::integrators::path::{GivenMedium, PathSettings, Subject};
+use cloudparity::measure::voxels;
+use cloudparity::scene::image::Image;
+use cloudparity::scene::{self, Scene};
+use glam::{DMat4, DVec3};
+use std::sync::Arc;
+
+const SETTINGS: EngineSettings =
+    EngineSettings { jitter: EngineJitter::None, frame: 0, sub_pixels: 1, god_rays: false };
+
+/// A unit in the last place of f32, relative to the value, at most.
+const ULP: f64 = 1.0 / 8_388_608.0;
+
+/// Error in f32 of a picture over its brightest value where no place matters: 24 steps, each with a density, three samples towards the sun, two
+/// exponentials and ten products, of a rounding or two each; a hundred roundings in all that do not cancel.
+const ROUNDINGS: f64 = 200.0 * ULP;
+
+fn engine_in(domain: Option<Domain>, scene: &Scene, changes: &[&str]) -> Engine {
+    let model = engines::find("graph").expect("it is there");
+    let changes: Vec<String> =
+        ["march_steps=24", "light_steps=3"].iter().chain(changes).map(|&text| text.into()).collect();
+    let values = model.values(None, &changes).expect("in range");
+    model.engine_in(domain, scene, &values, &Defects::NONE, 0.0).expect("an engine")
+}
+
+fn engine(scene: &Scene) -> Engine {
+    engine_in(None, scene, &[])
+}
+
+/// The committed cloud, denser, so that light matters, in a small picture.
+fn clouds() -> Scene {
+    let mut scene = support::scene("procedural-clouds");
+    set_density(&mut scene, 10.0);
+    small(scene)
+}
+
+/// Sets the first of the material's numbers that is called Density.
+fn set_density(scene: &mut Scene, density: f64) {
+    let name = scene.settable_numbers().into_iter().find(|(_, label)| label == "Density").expect("it has one").0;
+    scene.set(&format!("{name}={density}")).expect("in range");
+}
+
+fn small(mut scene: Scene) -> Scene {
+    scene.film.resolution = [16, 9];
+    scene
+}
+
+fn picture(scene: &Scene, engine: &Engine, gpu: Option<&Gpu>) -> Image {
+    let renderer = EngineRenderer::new(scene, engine, gpu).expect("a renderer");
+    renderer.picture(&SETTINGS, &|_, _| ()).expect("a picture")
+}
+
+fn values(image: &Image) -> Vec<f64> {
+    image.pixels.as_flattened().iter().map(|&value| f64::from(value)).collect()
+}
+
+fn adapter() -> Option<Gpu> {
+    support::require("vulkan").then(|| Gpu::open().expect("the adapter that was just there"))
+}
+
+/// Compares the adapter's picture with the CPU's; `rebuild` gives the engine of a scene.
+///
+/// The CPU marches in f64 and knows a place to f32 where it asks for the density; the adapter's places are within a few roundings of the
+/// box's size from there. What a density changes over so little is measured: the camera is moved by 2^-20 of the box along each axis, both
+/// ways, which is more than eight roundings of a coordinate and moves all places alike; twice the largest change of a value bounds it, as in the
+/// stability suite. [`ROUNDINGS`] is added for arithmetic that no place changes.
+fn compare(what: &str, scene: &Scene, engine: &Engine, gpu: &Gpu) -> [f64; 2] {
+    let truths = values(&picture(scene, engine, None));
+    let found = values(&picture(scene, engine, Some(gpu)));
+    let brightest = truths.iter().copied().fold(0.0, f64::max);
+    assert!(brightest > 0.01, "{what}: nothing is seen");
+    let mut bounds = vec![ROUNDINGS * brightest; truths.len()];
+    let step = engine.container.unit.min(1e4) / f64::from(1 << 20);
+    for axis in 0..3 {
+        for sign in [-1.0, 1.0] {
+            let mut moved = scene.clone();
+            let place = &mut moved.camera.matrix_world[axis][3];
+            *place = (f64::from(*place) + sign * step) as f32;
+            for (bound, (found, truth)) in
+                bounds.iter_mut().zip(values(&picture(&moved, engine, None)).iter().zip(&truths))
+            {
+                *bound = bound.max(ROUNDINGS * brightest + 2.0 * (found - truth).abs());
+            }
+        }
+    }
+    let (mut largest, mut share, mut of_bound) = (0.0_f64, 0.0_f64, 0.0_f64);
+    for (index, ((found, truth), bound)) in found.iter().zip(&truths).zip(&bounds).enumerate() {
+        let error = (found - truth).abs();
+        assert!(error <= *bound, "{what}, value {index}: {found}, not {truth}: {error:e} of {bound:e}");
+        largest = largest.max(error);
+        share = share.max(error / bound);
+        of_bound = of_bound.max(*bound);
+    }
+    println!(
+        "{what} on {}: largest error {largest:.2e}, largest bound {of_bound:.2e}, {share:.2} of a value's bound",
+        gpu.adapter().name
+    );
+    [largest, share]
+}
+
+#[test]
+fn every_light_of_the_graph_is_the_same_on_the_adapter() {
+    let Some(gpu) = adapter() else { return };
+    let scene = clouds();
+    let mut lights: Vec<(String, Vec<(&str, f64)>)> =
+        LIGHTS.iter().map(|named| (named.id.to_owned(), named.settings.to_vec())).collect();
+    for (name, settings) in [
+        ("body", &[("body_strength", 0.8), ("body_length", 0.1)][..]),
+        ("coarse shadow", &[("coarse_shadow", 1.0)]),
+        ("depth compression", &[("depth_compression", 2.0), ("octaves", 4.0)]),
+        (
+            "all together",
+            &[
+                ("body_strength", 0.5),
+                ("coarse_shadow", 1.0),
+                ("depth_compression", 0.5),
+                ("octaves", 4.0),
+                ("powder_strength", 0.7),
+                ("powder_ambient", 0.3),
+                ("silver_strength", 0.5),
+                ("ambient_bottom", 0.3),
+            ],
+        ),
+    ] {
+        lights.push((name.to_owned(), settings.to_vec()));
+    }
+    let mut pictures: Vec<Vec<f64>> = Vec::new();
+    for (name, settings) in lights {
+        let mut engine = engine(&scene);
+        for (parameter, value) in settings {
+            models::set(&mut engine.light, parameter, value, "a test").expect("in range");
+        }
+        compare(&name, &scene, &engine, &gpu);
+        let own = values(&picture(&scene, &engine, None));
+        assert!(!pictures.contains(&own), "{name} is a light of its own");
+        pictures.push(own);
+    }
+}
+
+#[test]
+fn a_cache_is_the_same_on_the_adapter() {
+    let Some(gpu) = adapter() else { return };
+    let scene = clouds();
+    for format in ["cache_format=0", "cache_format=1", "cache_format=2"] {
+        compare(format, &scene, &engine_in(None, &scene, &["cache_cells=24", format]), &gpu);
+    }
+}
+
+/// Gives the object another matrix on top of its own.
+fn placed(mut scene: Scene, matrix: DMat4) -> Scene {
+    let whole = matrix * scene::matrix_to_glam(&scene.volume.matrix_world);
+    for row in 0..4 {
+        for column in 0..4 {
+            scene.volume.matrix_world[row][column] = whole.col(column)[row] as f32;
+        }
+    }
+    scene
+}
+
+/// Turned, of unequal sides, and sheared.
+fn matrices() -> [(&'static str, DMat4); 3] {
+    let turned = DMat4::from_euler(glam::EulerRot::XYZ, 0.3, -0.5, 0.7);
+    let stretched = DMat4::from_scale(DVec3::new(1.7, 0.6, 0.9));
+    let mut sheared = DMat4::IDENTITY;
+    sheared.y_axis.x = 0.4;
+    sheared.z_axis.y = -0.3;
+    [
+        ("turned", turned),
+        ("a box that is no cube", turned * stretched),
+        ("sheared", DMat4::from_translation(DVec3::new(0.2, 0.1, -0.3)) * turned * sheared * stretched),
+    ]
+}
+
+#[test]
+fn boxes_of_any_shape_are_the_same_on_the_adapter() {
+    let Some(gpu) = adapter() else { return };
+    for (name, matrix) in matrices() {
+        let scene = placed(clouds(), matrix);
+        compare(name, &scene, &engine(&scene), &gpu);
+    }
+}
+
+/// Rays at random places of a sphere around the origin towards others.
+fn rays(engine: &Engine, count: usize) -> Vec<(DVec3, DVec3, RealTimeRay)> {
+    use rand::{Rng, SeedableRng};
+    let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(5);
+    let mut point = |scale: f64| DVec3::from_array(std::array::from_fn(|_| random.random_range(-scale..scale)));
+    (0..count)
+        .map(|_| {
+            let origin = point(4.0);
+            let direction = (point(0.8) - origin).normalize();
+            (origin, direction, engine.container.ray(origin, direction, f64::INFINITY, 0.5))
+        })
+        .collect()
+}
+
+#[test]
+fn a_homogeneous_medium_has_its_closed_form_in_every_box() {
+    // Extinction 1.5 per metre of the world, whatever the object's shape.
+    let mut base = support::scene("homogeneous-cube");
+    set_density(&mut base, 1.5);
+    let gpu = adapter();
+    for (name, matrix) in matrices() {
+        let scene = placed(base.clone(), matrix);
+        let mut engine = engine(&scene);
+        // To the end of every ray.
+        engine.march.least_transmittance = 0.0;
+        let to_object = scene::matrix_to_glam(&scene.volume.matrix_world).inverse();
+        let rays = rays(&engine, 400);
+        // Where a ray of the world is between the faces of the cube from -1 to 1: metres, because directions are unit vectors.
+        let length = |origin: DVec3, direction: DVec3| {
+            let (start, way) = (to_object.transform_point3(origin), to_object.transform_vector3(direction));
+            let (first, second) = ((-1.0 - start) / way, (1.0 - start) / way);
+            (first.max(second).min_element() - first.min(second).max_element().max(0.0)).max(0.0)
+        };
+        let marched = engine.marched(&engine.light).expect("it reads no averages");
+        let inside: Vec<RealTimeRay> = rays.iter().map(|(_, _, ray)| *ray).collect();
+        let ours = marched.march(&engine.march, &inside).expect("marched");
+        let theirs = gpu.as_ref().map(|gpu| {
+            let kernel = MarchKernel::new(gpu, &marched, &engine.march).expect("a kernel");
+            kernel.march(&inside).expect("marched")
+        });
+        let mut longest = 0.0_f64;
+        for (index, (origin, direction, _)) in rays.iter().enumerate() {
+            let length = length(*origin, *direction);
+            // Crossings below a thousandth of the unit are left out.
+            if length < 2e-3 * engine.container.unit {
+                continue;
+            }
+            longest = longest.max(length);
+            let expected = (-1.5 * length).exp();
+            for channel in 0..3 {
+                // f64 through 24 steps; matrices are the scene's f32.
+                let error = (ours[index].transmittance[channel] / expected - 1.0).abs();
+                assert!(error < 1e-12, "{name}, ray {index} of {length} m: {error:e}");
+                if let Some(theirs) = &theirs {
+                    // A depth of at most some 8 is rounded five times; 24 exponentials of 3 ulp and 2 more per depth, and as many products.
+                    let depth = 1.5 * length;
+                    let bound = (5.0 * depth + 24.0 * 4.0 + 2.0 * depth) * ULP;
+                    let error = (theirs[index].transmittance[channel] / expected - 1.0).abs();
+                    assert!(error < bound, "{name} on the adapter, ray {index} of {length} m: {error:e} of {bound:e}");
+                }
+            }
+        }
+        assert!(longest > 1.0, "{name}: {longest}");
+    }
+}
+
+/// Turns a sun: it then shines from the direction `towards`.
+fn turn_sun(scene: &mut Scene, number: usize, towards: DVec3) {
+    for (row, part) in towards.normalize().to_array().into_iter().enumerate() {
+        scene.lights[number].matrix_world[row][2] = part as f32;
+    }
+}
+
+#[test]
+fn the_light_of_several_suns_is_the_sum_of_theirs() {
+    let gpu = adapter();
+    let mut both = clouds();
+    both.world.color = [0.0; 3];
+    both.lights.push(both.lights[0].clone());
+    turn_sun(&mut both, 0, DVec3::new(0.3, -0.5, 0.8));
+    turn_sun(&mut both, 1, DVec3::new(-0.9, 0.1, 0.2));
+    both.lights[1].color = [1.0, 0.5, 0.2];
+    let alone = [0, 1].map(|number| Scene { lights: vec![both.lights[number].clone()], ..both.clone() });
+    for backend in [None, gpu.as_ref()] {
+        let of = |scene: &Scene| {
+            let mut engine = engine(scene);
+            models::find("combined").expect("it is there").apply(&mut engine.light).expect("in range");
+            picture(scene, &engine, backend)
+        };
+        let (together, [first, second]) = (of(&both), [of(&alone[0]), of(&alone[1])]);
+        let mut brightest = 0.0_f64;
+        for (index, pixel) in together.pixels.iter().enumerate() {
+            for channel in 0..3 {
+                let [whole, a, b] =
+                    [pixel, &first.pixels[index], &second.pixels[index]].map(|pixel| f64::from(pixel[channel]));
+                // On the CPU f64, rounded to f32 thrice; on the adapter 24 sums of a rounding each on both sides, of parts that are not
+                // negative.
+                let bound = if backend.is_some() { 2.0 * 24.0 * ULP } else { 2.0 * ULP } * (a + b);
+                assert!((whole - a - b).abs() <= bound, "pixel {index}: {whole}, not {a} and {b}");
+                brightest = brightest.max(whole.min(a / 0.01).min(b / 0.01));
+            }
+        }
+        assert!(brightest > 0.01, "both are seen: {brightest}");
+    }
+    if let Some(gpu) = &gpu {
+        compare("two suns", &both, &engine(&both), gpu);
+        let mut many = both.clone();
+        for number in 2..8 {
+            many.lights.push(both.lights[0].clone());
+            turn_sun(&mut many, number, DVec3::new(number as f64 - 5.0, 0.4, 1.0));
+        }
+        compare("eight suns", &many, &engine(&many), gpu);
+    }
+}
+
+#[test]
+fn a_varying_world_is_the_same_on_the_adapter() {
+    let Some(gpu) = adapter() else { return };
+    let scene = small(support::scene("environment-image"));
+    compare("environment-image", &scene, &engine(&scene), &gpu);
+}
+
+#[test]
+fn slabs_and_shells_are_the_same_on_the_adapter() {
+    let Some(gpu) = adapter() else { return };
+    for domain in [
+        Domain::Slab { bottom: -0.8, top: 0.9 },
+        Domain::Shell { centre: [0.0, 0.0, -3.0], inner: 2.4, outer: 4.1 },
+        // The camera within the inner sphere, and rays that cross the shell twice.
+        Domain::Shell { centre: [7.0, -7.0, 5.0], inner: 6.0, outer: 9.0 },
+        Domain::Shell { centre: [0.0, 0.0, 0.0], inner: 0.7, outer: 1.6 },
+    ] {
+        let scene = clouds();
+        let engine = engine_in(Some(domain), &scene, &["march_steps=24"]);
+        compare(&domain.to_string(), &scene, &engine, &gpu);
+    }
+}
+
+#[test]
+fn a_domain_that_the_density_does_not_know_is_refused() {
+    let model = engines::find("perlin-fbm").expect("it is there");
+    let values = model.values(None, &["texture_size=32".into()]).expect("in range");
+    for domain in [Domain::Slab { bottom: 0.0, top: 1.0 }, Domain::Shell { centre: [0.0; 3], inner: 1.0, outer: 2.0 }] {
+        let error = model.engine_in(Some(domain), &clouds(), &values, &Defects::NONE, 0.0).err().expect("refused");
+        assert!(error.to_string().contains("does not know") && error.expected.contains("object"), "{error}");
+    }
+    // A cache is of a box.
+    let model = engines::find("graph").expect("it is there");
+    let values = model.values(None, &["cache_cells=8".into()]).expect("in range");
+    let slab = Some(Domain::Slab { bottom: 0.0, top: 1.0 });
+    let error = model.engine_in(slab, &clouds(), &values, &Defects::NONE, 0.0).err().expect("refused").to_string();
+    assert!(error.contains("cache_cells"), "{error}");
+}
+
+#[test]
+fn seconds_move_every_stored_time() {
+    let scene = clouds();
+    let times = |scene: &Scene| -> Vec<(String, f32)> {
+        let named = scene.settable_numbers().into_iter().filter(|(_, label)| label == "Time");
+        named.map(|(name, _)| (name.clone(), scene.stored_number(&name).expect("it is stored"))).collect()
+    };
+    let moved = at_time(&scene, 2.5).expect("it has times");
+    let (before, after) = (times(&scene), times(&moved));
+    assert!(before.len() >= 3, "{before:?}");
+    for ((name, before), (_, after)) in before.iter().zip(&after) {
+        assert_eq!(after - before, 2.5, "{name}");
+    }
+    // Nothing else moves, and no seconds move nothing.
+    let rest = |scene: &Scene| -> Vec<Option<f32>> {
+        let others = scene.settable_numbers().into_iter().filter(|(_, label)| label != "Time");
+        others.map(|(name, _)| scene.stored_number(&name)).collect()
+    };
+    assert_eq!(rest(&scene), rest(&moved));
+    assert_eq!(at_time(&scene, 0.0).expect("nothing to do").content_hash(), scene.content_hash());
+    let model = engines::find("graph").expect("it is there");
+    let values = model.values(None, &["march_steps=8".into()]).expect("in range");
+    let of = |scene: &Scene, seconds: f64| {
+        let engine = model.engine(scene, &values, &Defects::NONE, seconds).expect("an engine");
+        picture(scene, &engine, None).pixels
+    };
+    assert_ne!(of(&scene, 2.5), of(&scene, 0.0));
+    assert_eq!(of(&scene, 2.5), of(&moved, 0.0));
+    let still = support::scene("linear-ramp");
+    let error = model.engine(&still, &values, &Defects::NONE, 1.0).err().expect("no time").to_string();
+    assert!(error.contains("Time"), "{error}");
+}
+
+#[test]
+fn paths_go_through_a_published_density_itself() {
+    let mut scene = support::scene("linear-ramp");
+    scene.film.resolution = [16, 9];
+    let model = engines::find("perlin-fbm").expect("it is there");
+    let changes = ["texture_size=32", "octaves=2", "lacunarity=2", "softness=0.3", "tiling=1"];
+    let values = model.values(None, &changes.map(String::from)).expect("in range");
+    let engine = model.engine(&scene, &values, &Defects::NONE, 0.0).expect("an engine");
+    let medium =
+        GivenMedium { identity: engine.medium_identity(), object: Arc::new(engine.medium().expect("a medium")) };
+    let subject = Subject { scene: &scene, medium: Some(&medium) };
+    let settings = PathSettings { samples: 64, ..PathSettings::default() };
+    let render = |subject: Subject<'_>, seeds: &[u32]| {
+        path::render_replicas(subject, &settings, Backend::Cpu, seeds, &|_, _| ()).expect("pictures")
+    };
+    let seeds: Vec<u32> = (0..12).collect();
+    let direct = render(subject, &seeds);
+    for image in &direct {
+        assert_eq!(image.provenance["violations"], "0");
+    }
+    assert_eq!(render(subject, &seeds[3..4])[0].pixels, direct[3].pixels, "equal seeds give equal bits");
+    assert_ne!(direct[3].pixels, direct[4].pixels);
+    // Mean over the picture, and its standard error from the replicas.
+    let mean = |images: &[Image]| {
+        let means: Vec<f64> = images.iter().map(|image| image.mean()[..3].iter().sum::<f64>() / 3.0).collect();
+        let mean = means.iter().sum::<f64>() / means.len() as f64;
+        let squares: f64 = means.iter().map(|own| (own - mean).powi(2)).sum();
+        (mean, (squares / (means.len() - 1) as f64 / means.len() as f64).sqrt())
+    };
+    let (own, own_error) = mean(&direct);
+    // Other seeds: equal ones would be neither equal nor independent.
+    let others: Vec<u32> = (100..112).collect();
+    let [coarse, fine] = [32, 64].map(|count| {
+        let (grid, _) = voxels::scene(&scene, &engine, count).expect("voxels");
+        mean(&render(Subject::from(&grid), &others))
+    });
+    println!("itself {own:.6} ({own_error:.1e}), 32 voxels {coarse:?}, 64 voxels {fine:?}");
+    assert!(own_error < 0.005 * own, "the figure is sharp enough: {own_error:e} of {own}");
+    // Between voxels the grid is linear: its error falls with the square of their distance, so that 64 are off by a third of what 32 differ from
+    // 64 by; twice that is allowed, for steps of the mask that are not smooth, and noise of all three.
+    let noise = 4.0 * own_error.hypot(fine.1);
+    let voxel = 2.0 / 3.0 * ((coarse.0 - fine.0).abs() + 4.0 * coarse.1.hypot(fine.1));
+    assert!((own - fine.0).abs() <= noise + voxel, "{own}, not {}: {noise:e} of noise, {voxel:e} of voxels", fine.0);
+    // A picture of nothing would agree, too.
+    let (without, _) = mean(&render(Subject::from(&Scene { lights: Vec::new(), ..scene.clone() }), &others[..2]));
+    assert!((own - without).abs() > 0.01 * own, "the cloud is seen");
+}
