@@ -253,6 +253,12 @@ fn sphere(origin: DVec3, way: DVec3, radius: f64) -> Option<[f64; 2]> {
     (half > 0.0).then(|| [middle - half.sqrt(), middle + half.sqrt()])
 }
 
+/// A vector of length 1 in its direction, whatever its length: the square of a short one would be 0. None for 0 and for what is not finite.
+pub fn unit(vector: DVec3) -> Option<DVec3> {
+    let largest = vector.abs().max_element();
+    (largest > 0.0 && vector.is_finite()).then(|| (vector / largest).normalize())
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

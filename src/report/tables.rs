@@ -2,7 +2,7 @@
 
 use crate::base::numbers::{capitalised, count, figure, percent, plain, rate, ratio, seconds, signed_percent};
 use crate::measure::densities::comparison::{Comparison, FIGURE};
-use crate::measure::study::curves::CurvePoint;
+use crate::measure::study::curve_points::CurvePoint;
 use crate::measure::study::{FIGURES, Measured, Results};
 use crate::measure::tuning::{Scored, TuningResults};
 use crate::report::document::Document;

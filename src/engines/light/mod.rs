@@ -7,7 +7,7 @@
 pub mod models;
 pub mod terms;
 
-use crate::engines::march::unit;
+use crate::engines::domain::unit;
 use crate::media::phase::henyey_greenstein;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};

@@ -18,7 +18,7 @@
 pub mod gpu;
 
 use crate::base::error::{Error, Result};
-use crate::engines::domain::{Container, Outline, Segments};
+use crate::engines::domain::{Container, Outline, Segments, unit};
 use crate::engines::light::{LightModel, LightTerm, Lit, ShadowExtinction, ShadowLength, SourceFactor};
 use crate::media::averages::Averages;
 use crate::media::density::{Density, DensityEvaluator};
@@ -160,12 +160,6 @@ impl Inside {
     fn distance(&self, passed: f64) -> f64 {
         if passed > self.first { passed + self.gap } else { passed }
     }
-}
-
-/// A vector of length 1 in its direction, whatever its length: the square of a short one would be 0. None for 0 and for what is not finite.
-pub fn unit(vector: DVec3) -> Option<DVec3> {
-    let largest = vector.abs().max_element();
-    (largest > 0.0 && vector.is_finite()).then(|| (vector / largest).normalize())
 }
 
 /// A ray on its way.

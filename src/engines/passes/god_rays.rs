@@ -176,8 +176,9 @@ impl GodRayPass {
                     "$.camera.projection",
                     "a panorama",
                     "a picture on a plane: god rays are straight there only",
-                    "Leave --god-rays out, or take another camera.",
-                ));
+                    "Leave the god rays out, or take another camera.",
+                )
+                .with_setting("god_rays"));
             };
             let fade = if self.rays.from_behind { 1.0 } else { smooth(0.0, FADE, cosine) };
             // The ray through the sun's point, which leads away from a sun behind the camera. Parallel rays know no point.

@@ -55,7 +55,7 @@ impl<'a> BakeKernel<'a> {
     pub fn volume(&self, bake: &Bake, side: usize) -> Result<Volume> {
         bake.check_side(side)?;
         let table = permutation(bake.seed);
-        let tables = Tables::<f64>::new(bake, &table, side);
+        let tables = Tables::<f64>::new(&bake.waves(), &table, side);
         // Words, not floats: a small number's bits are those of a denormal, which an adapter may take for 0.
         let mut axes: Vec<[u32; 2]> = Vec::new();
         for axis in tables.axes.iter().flatten() {

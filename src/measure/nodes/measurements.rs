@@ -15,9 +15,6 @@ use std::sync::LazyLock;
 /// Format of the file of errors.
 pub const ERRORS_FORMAT: &str = "cloudparity-node-errors/1";
 
-/// Format of the file of costs.
-pub const COSTS_FORMAT: &str = "cloudparity-node-costs/1";
-
 /// Errors of all nodes and what they were measured with.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct NodeErrors {
@@ -280,6 +277,6 @@ mod tests {
     #[test]
     fn the_committed_files_have_their_formats() {
         assert_eq!(errors().format, ERRORS_FORMAT);
-        assert_eq!(costs().format, COSTS_FORMAT);
+        assert_eq!(costs().format, crate::measure::nodes::costs::COSTS_FORMAT);
     }
 }

@@ -160,17 +160,16 @@ impl DiffRequest {
             )
         })?;
         request["op"] = "diff".into();
+        request["program"] = Identity::current().full().into();
         let result = run(SCRIPT, &request)?;
-        let mut found: DiffResult = serde_path_to_error::deserialize(&result).map_err(|cause| {
+        serde_path_to_error::deserialize(&result).map_err(|cause| {
             Error::new(
                 format!("{SCRIPT}, result.{}", cause.path()),
                 cause.inner().to_string(),
                 "the result of this version's script",
                 "Use the scripts that came with this program.",
             )
-        })?;
-        found.versions.insert("cloudparity".into(), Identity::current().full().into());
-        Ok(found)
+        })
     }
 }
 

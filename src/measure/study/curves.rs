@@ -20,6 +20,7 @@ use crate::measure::errors;
 use crate::measure::errors::{Errors, Uncertain};
 use crate::measure::experiment::Desk;
 use crate::measure::seeds;
+use crate::measure::study::curve_points::{CELLS, CurvePoint, PARTS, Renderer};
 use crate::measure::study::running::Running;
 use crate::measure::timing::{cycles_seconds, timed_picture};
 use crate::measure::truth::{Truth, TruthRecord};
@@ -28,85 +29,14 @@ use crate::scene::image::Image;
 use crate::scene::volume_grid::VolumeGrid;
 use crate::scene::{PixelFilter, Scene, Shape};
 use rand::{SeedableRng as _, seq::SliceRandom as _};
-use serde::{Deserialize, Serialize};
 use serde_json::json;
 use std::path::{Path, PathBuf};
-
-/// Parts of a pixel per axis, of which each is a pixel of Cycles' render.
-pub const CELLS: u32 = 4;
-
-/// Parts of a pixel.
-pub const PARTS: u32 = CELLS * CELLS;
 
 /// Seed of Cycles, by which its cached picture is known.
 const CYCLES_SEED: u32 = 6500;
 
 /// Seed by which parts are drawn.
 const DRAWING_SEED: u64 = 6600;
-
-/// A renderer whose pictures converge to the truth.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Renderer {
-    /// Our path tracing.
-    Path,
-    /// Cycles' null collision.
-    Cycles,
-}
-
-impl Renderer {
-    /// Name for readers.
-    pub fn label(self) -> &'static str {
-        match self {
-            Self::Path => "path tracing",
-            Self::Cycles => "Cycles",
-        }
-    }
-}
-
-/// A point of a curve.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct CurvePoint {
-    /// Hash of all that it depends on.
-    pub id: String,
-    /// Who renders.
-    pub renderer: Renderer,
-    /// Name of the scene.
-    pub scene: String,
-    /// Density model.
-    pub density: String,
-    /// Samples per pixel.
-    pub samples: u32,
-    /// Pictures that share no sample, over which the errors are means.
-    pub pictures: u32,
-    /// Errors against the truth.
-    pub errors: Errors,
-    /// HDR-FLIP of the picture against the mean of the truth, where it could be computed.
-    pub flip: Option<f64>,
-    /// Processor seconds of the samples; none where the render does not tell them from its preparation: Cycles with one sample per part.
-    pub seconds: Option<f64>,
-    /// Processor seconds before the first sample, which every render pays.
-    pub prepare_seconds: f64,
-    /// relMSE times all seconds.
-    pub cost: f64,
-    /// The picture (the first, where there are several), relative to the folder.
-    pub picture: String,
-    /// The truth, by its hash.
-    pub truth: String,
-}
-
-/// A curve that could not be made.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct MissingCurve {
-    /// Who would have rendered.
-    pub renderer: Renderer,
-    /// Name of the scene.
-    pub scene: String,
-    /// Density model.
-    pub density: String,
-    /// Why it is not there.
-    pub reason: String,
-}
 
 impl Running<'_> {
     /// A point of path tracing's curve.

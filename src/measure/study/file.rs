@@ -9,7 +9,7 @@ use crate::engines::parameters::Parameter;
 use crate::engines::render::EngineJitter;
 use crate::measure::combination::{CacheAxis, Combination, Quality, no_cache};
 use crate::measure::scenes::{SceneAxis, check_resolution, load_scenes};
-use crate::measure::study::curves::PARTS;
+use crate::measure::study::curve_points::PARTS;
 use crate::measure::toml_files::{at, read_toml};
 use crate::measure::truth::Truth;
 use crate::scene::Scene;

@@ -10,7 +10,7 @@ use crate::measure::combination::Combination;
 use crate::measure::errors::Errors;
 use crate::measure::images;
 use crate::measure::images::FlipPair;
-use crate::measure::study::curves::{CurvePoint, MissingCurve};
+use crate::measure::study::curve_points::{CurvePoint, MissingCurve};
 use crate::measure::study::file::{Skipped, StudyFile};
 use crate::measure::study::pareto_front::{self, Metric};
 use crate::measure::timing::{Clock, Seconds};

@@ -11,7 +11,7 @@ use crate::measure::combination::Combination;
 use crate::measure::errors;
 use crate::measure::experiment;
 use crate::measure::experiment::{Desk, Done, Experiment, Outcome, Settings};
-use crate::measure::study::curves::{CurvePoint, MissingCurve, Renderer};
+use crate::measure::study::curve_points::{CurvePoint, MissingCurve, Renderer};
 use crate::measure::study::file::Skipped;
 use crate::measure::study::{FORMAT, Measured, PURPOSE, Results, Study};
 use crate::measure::timing::{Clock, repeated};

@@ -4,6 +4,7 @@ use crate::base::error::{Error, Result};
 use crate::base::interpolation::smooth;
 use crate::nodes::perlin_fbm::noise::{Number, Octaves, octaves};
 use crate::nodes::perlin_fbm::random::{Permutation, permutation};
+use crate::nodes::perlin_fbm::rows::Waves;
 use crate::nodes::perlin_fbm::{Volume, above_zero, finite, rows};
 use num_traits::Float;
 use rayon::prelude::*;
@@ -47,11 +48,12 @@ impl Default for Bake {
     }
 }
 
-/// Corners of the blend in the order of the sum, which decides its rounding.
-pub(crate) const CORNERS: [[usize; 3]; 8] =
-    [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1], [1, 1, 0], [1, 0, 1], [0, 1, 1], [1, 1, 1]];
-
 impl Bake {
+    /// What rows are made of.
+    pub(crate) fn waves(&self) -> Waves {
+        Waves { scale: self.noise_scale, seed: self.seed, octaves: self.octaves }
+    }
+
     /// Refuses parameters outside of their ranges.
     pub fn check(&self) -> Result<()> {
         let Octaves { count, persistence, lacunarity } = self.octaves;
@@ -85,7 +87,7 @@ impl Bake {
     /// byte's edge, whatever the seed.
     pub fn volume_in<T: Float + Number>(&self, side: usize) -> Result<Volume> {
         self.check_side(side)?;
-        let values = rows::blend::<T>(self, &permutation(self.seed), side);
+        let values = rows::blend::<T>(&self.waves(), &permutation(self.seed), side);
         Ok(Volume { side, texels: values.into_par_iter().map(|value| self.byte(value)).collect() })
     }
 
@@ -120,7 +122,7 @@ impl Bake {
         let weights = place.map(T::number);
         let one = T::number(1.0);
         let mut sum = T::number(0.0);
-        for corner in CORNERS {
+        for corner in rows::CORNERS {
             let shifted = std::array::from_fn(|axis| if corner[axis] == 1 { base[axis] - scale } else { base[axis] });
             let mut term = octaves::<T>(table, shifted, &self.octaves);
             for axis in 0..3 {

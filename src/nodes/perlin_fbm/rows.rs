@@ -6,10 +6,24 @@
 //! that is 0 changes no value, and the interpolation along x, y and z keeps its order, so every rounding is that of the
 //! straightforward evaluation.
 
-use crate::nodes::perlin_fbm::bake::{Bake, CORNERS};
-use crate::nodes::perlin_fbm::noise::{Number, cell_and_part, fade, lerp};
+use crate::nodes::perlin_fbm::noise::{Number, Octaves, cell_and_part, fade, lerp};
 use crate::nodes::perlin_fbm::random::Permutation;
 use rayon::prelude::*;
+
+/// Corners of the blend in the order of the sum, which decides its rounding.
+pub(crate) const CORNERS: [[usize; 3]; 8] =
+    [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1], [1, 1, 0], [1, 0, 1], [0, 1, 1], [1, 1, 1]];
+
+/// Noise across the unit box: what a bake blends.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Waves {
+    /// Units of noise across the box.
+    pub scale: f64,
+    /// What coordinates are shifted by.
+    pub seed: f64,
+    /// Octaves of the noise.
+    pub octaves: Octaves,
+}
 
 /// The 16 gradients: what each axis counts for.
 const GRADIENTS: [[i8; 3]; 16] = [
@@ -92,8 +106,8 @@ pub(crate) struct Tables<'a, T> {
 }
 
 /// The blended noise of all texels, x fastest.
-pub(crate) fn blend<T: Number>(bake: &Bake, table: &Permutation, side: usize) -> Vec<T> {
-    let tables = Tables::new(bake, table, side);
+pub(crate) fn blend<T: Number>(waves: &Waves, table: &Permutation, side: usize) -> Vec<T> {
+    let tables = Tables::new(waves, table, side);
     let mut values = vec![T::number(0.0); side.pow(3)];
     // Layers of one z, whose rows run through y.
     values.par_chunks_mut(side * side).enumerate().for_each(|(z, layer)| {
@@ -106,9 +120,9 @@ pub(crate) fn blend<T: Number>(bake: &Bake, table: &Permutation, side: usize) ->
 }
 
 impl<'a, T: Number> Tables<'a, T> {
-    pub(crate) fn new(bake: &Bake, table: &'a Permutation, side: usize) -> Self {
-        let (scale, seed) = (bake.noise_scale, bake.seed);
-        let persistence = T::number(bake.octaves.persistence);
+    pub(crate) fn new(waves: &Waves, table: &'a Permutation, side: usize) -> Self {
+        let Waves { scale, seed, octaves } = *waves;
+        let persistence = T::number(octaves.persistence);
         let places: Vec<f64> = (0..side).map(|number| number as f64 / (side - 1) as f64).collect();
         let mut tables = Self {
             first: table,
@@ -119,7 +133,7 @@ impl<'a, T: Number> Tables<'a, T> {
             amplitude_sum: T::number(0.0),
         };
         let (mut amplitude, mut frequency) = (T::number(1.0), 1.0);
-        for _ in 0..bake.octaves.count {
+        for _ in 0..octaves.count {
             for (copy, axes) in tables.axes.iter_mut().enumerate() {
                 axes.push(Axis::new(places.iter().map(|&place| {
                     let base = place * scale + seed;
@@ -129,7 +143,7 @@ impl<'a, T: Number> Tables<'a, T> {
             tables.amplitudes.push(amplitude);
             tables.amplitude_sum = tables.amplitude_sum + amplitude;
             amplitude = amplitude * persistence;
-            frequency *= bake.octaves.lacunarity;
+            frequency *= octaves.lacunarity;
         }
         tables
     }

@@ -23,7 +23,6 @@ use crate::graph::evaluate::{Evaluation, Points};
 use crate::graph::{Operand, Program, Target};
 use crate::measure::experiment;
 use crate::measure::experiment::{Desk, Done, Experiment};
-use crate::measure::nodes::measurements::COSTS_FORMAT;
 use crate::measure::nodes::suite::{attribute_nodes, modes};
 use crate::measure::timing::machine;
 use crate::nodes::{self, Column, Mode, NodeType, Oracle, Role};
@@ -34,6 +33,9 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value as Json, json};
 use std::path::Path;
 use std::time::Instant;
+
+/// Format of the file of costs.
+pub const COSTS_FORMAT: &str = "cloudparity-node-costs/1";
 
 /// Nodes of one graph of ours.
 const COPIES: usize = 4;
