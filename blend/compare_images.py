@@ -6,7 +6,8 @@ Requests (`op` chooses; files are paths, `part` is null or the name of a part of
   {"op": "diff", "ours": [EXR...], "reference": [EXR...], "part": null, "block": 8, "pixel_threshold": 0.001,
    "tolerances": {"channel_mean_relative": 0.01, "block_relmse": 0.01}, "out": DIR or null, "range": null,
    "display": null or {SETTINGS},
-   "program": what asks (optional), "statistics": null or {"significance": 0.01, "systematic_allowance": null or 0.002,
+   "program": what asks (optional),
+   "statistics": null or {"significance": 0.01, "systematic_allowance": null or 0.002,
                           "debiased_relmse": 0.001, "sub_pixels": null or 4}}
   {"op": "display", "images": [{"exr": EXR or [EXR...], "png": PNG, "part": null, "channels": "rgba" or "rgb",
                                   SETTINGS}]}
