@@ -91,18 +91,20 @@ fn a_box_that_is_no_cube_is_compared() {
     let folder = tempfile::tempdir().expect("a folder");
     let mut flat = scene();
     flat.volume.matrix_world[2][2] = 0.5;
-    let found = compare(&flat, &["march_steps=64", "light_steps=32"], &SETTINGS, folder.path()).expect("a comparison");
+    let found = compare(&flat, &["march_steps=128", "light_steps=64"], &SETTINGS, folder.path()).expect("a comparison");
     for side in &found.sides {
         // As of a cube.
         assert!((side.statistics.mean_depth - 1.0).abs() < 1e-6, "{}: {}", side.id, side.statistics.mean_depth);
     }
-    let radiance = |light: &str| {
-        let picture = found.pictures.iter().find(|picture| picture.light == light && picture.density == "graph");
+    let radiance = |light: &str, density: &str| {
+        let picture = found.pictures.iter().find(|picture| picture.light == light && picture.density == density);
         picture.expect("every picture is there").mean_radiance
     };
-    // The noise of paths and what a ray leaves that ends early, as of a cube: both know metres along each axis.
-    let ratio = radiance("path") / radiance("single");
-    assert!((ratio - 1.0).abs() < 0.02, "{ratio}");
+    // Both know metres along each axis. The noise of paths, what a ray leaves that ends early, and steps, as of a cube.
+    for (density, tolerance) in [("graph", 0.02), ("perlin-fbm", 0.03)] {
+        let ratio = radiance("path", density) / radiance("single", density);
+        assert!((ratio - 1.0).abs() < tolerance, "{density}: {ratio}");
+    }
 }
 
 #[test]
