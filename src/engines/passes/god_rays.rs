@@ -176,7 +176,7 @@ impl GodRayPass {
                     "$.camera.projection",
                     "a panorama",
                     "a picture on a plane: god rays are straight there only",
-                    "Leave --god-rays out, or take another camera.",
+                    "Leave the god rays out, or take another camera.",
                 ));
             };
             let fade = if self.rays.from_behind { 1.0 } else { smooth(0.0, FADE, cosine) };
