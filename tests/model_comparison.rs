@@ -81,9 +81,30 @@ fn what_cannot_be_compared_is_refused() {
     let error = refused(&scene(), &[], &Settings { places: 1, ..SETTINGS });
     assert!(error.contains("places"), "{error}");
     let mut flat = scene();
-    flat.volume.matrix_world[2][2] = 0.5;
+    flat.volume.bounds.max[2] = flat.volume.bounds.min[2];
     let error = refused(&flat, &[], &SETTINGS);
-    assert!(error.contains("a cube"), "{error}");
+    assert!(error.contains("a box with a volume"), "{error}");
+}
+
+#[test]
+fn a_box_that_is_no_cube_is_compared() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let mut flat = scene();
+    flat.volume.matrix_world[2][2] = 0.5;
+    let found = compare(&flat, &["march_steps=128", "light_steps=64"], &SETTINGS, folder.path()).expect("a comparison");
+    for side in &found.sides {
+        // As of a cube.
+        assert!((side.statistics.mean_depth - 1.0).abs() < 1e-6, "{}: {}", side.id, side.statistics.mean_depth);
+    }
+    let radiance = |light: &str, density: &str| {
+        let picture = found.pictures.iter().find(|picture| picture.light == light && picture.density == density);
+        picture.expect("every picture is there").mean_radiance
+    };
+    // Both know metres along each axis. The noise of paths, what a ray leaves that ends early, and steps, as of a cube.
+    for (density, tolerance) in [("graph", 0.02), ("perlin-fbm", 0.03)] {
+        let ratio = radiance("path", density) / radiance("single", density);
+        assert!((ratio - 1.0).abs() < tolerance, "{density}: {ratio}");
+    }
 }
 
 #[test]

@@ -65,7 +65,7 @@ fn every_scene_gives_a_shader_in_every_language() {
     let tools = support::require("spirv-tools");
     for scene in files_below("parity/scenes", ".scene.json") {
         let folder = tempfile::tempdir().expect("a temporary folder");
-        // A grid is read on the CPU only; tests/volume_grid.rs sees that it is refused.
+        // A grid's file is read by Blender's Python; tests/volume_grid.rs has its shader.
         if std::fs::read_to_string(&scene).expect("a scene").contains("\"type\": \"grid\"") {
             continue;
         }

@@ -37,7 +37,7 @@ pub static TYPE: NodeType = NodeType {
     label: "(Perlin-FBM cloud)",
     module: "perlin_fbm",
     shader: include_str!("../../../shaders/nodes/perlin_fbm.wgsl"),
-    properties: &[Property::data(PARAMETERS, read, || Vec::new())],
+    properties: &[Property::data(PARAMETERS, read, Vec::new)],
     inputs: &[InputSocket::vector("Vector", "Vector", &[0.0; 3], always)],
     outputs: &[OutputSocket::new("Density", SocketType::Float, always)],
     role: Role::Evaluated(build),
