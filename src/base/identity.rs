@@ -134,8 +134,8 @@ mod tests {
     fn work_of_another_build_is_refused_by_both_names_or_gone_on_with() {
         let [ours, other] = ["a", "b"].map(|hash| Identity::of("0.1.0", &hash.repeat(64)));
         let resume = |mix_builds| Resume { build: ours.clone(), mix_builds };
-        assert_eq!(resume(false).join("x", &[]).expect("nothing there"), [ours.clone()]);
-        assert_eq!(resume(false).join("x", std::slice::from_ref(&ours)).expect("our own"), [ours.clone()]);
+        assert_eq!(resume(false).join("x", &[]).expect("nothing there"), std::slice::from_ref(&ours));
+        assert_eq!(resume(false).join("x", std::slice::from_ref(&ours)).expect("our own"), std::slice::from_ref(&ours));
         for found in [vec![other.clone()], vec![ours.clone(), other.clone()], vec![Identity::unknown()]] {
             let error = resume(false).join("the/place", &found).expect_err("it is refused").to_string();
             let others = found.iter().filter(|build| **build != ours);

@@ -375,7 +375,7 @@ mod tests {
         let key = {
             let ledger = open(folder.path(), &build("aa", false)).expect("a new folder");
             let key = ledger.key(&json!(1));
-            ledger.write("x", &key, &1).expect("written");
+            ledger.write("x", &key, 1).expect("written");
             key
         };
         let error = open(folder.path(), &build("bb", false)).err().expect("refused").to_string();
@@ -384,8 +384,8 @@ mod tests {
             let ledger = open(folder.path(), &build("bb", true)).expect("knowingly");
             assert_eq!(ledger.key(&json!(1)), key, "what is there is found");
             assert_eq!(ledger.read::<i32>("x", &key).expect("read"), Some(1));
-            assert_eq!(ledger.builds(), [a.clone()]);
-            ledger.write("x", &ledger.key(&json!(2)), &2).expect("written");
+            assert_eq!(ledger.builds(), std::slice::from_ref(&a));
+            ledger.write("x", &ledger.key(&json!(2)), 2).expect("written");
             assert_eq!(ledger.builds(), [a, b]);
         }
         // A folder in which both worked is neither's.

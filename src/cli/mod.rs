@@ -85,7 +85,7 @@ enum Command {
     Probe(probe::Arguments),
     Recommend(study::RecommendArguments),
     Reference(reference::Arguments),
-    Render(render::Arguments),
+    Render(Box<render::Arguments>),
     Report(report::Arguments),
     Schema(schema::Arguments),
     Shader(shader::Arguments),
