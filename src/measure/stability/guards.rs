@@ -130,7 +130,7 @@ pub const GUARDS: &[Guard] = &[
     Guard {
         name: "unit-direction",
         keeps: "a direction is divided by its largest part before it is squared",
-        places: &[("src/engines/march/mod.rs", "pub fn unit("), ("src/engines/light/mod.rs", "pub fn towards")],
+        places: &[("src/engines/domain.rs", "pub fn unit("), ("src/engines/light/mod.rs", "pub fn towards")],
         test: ("src/engines/march/mod.rs", "rays_of_any_length_and_start_cross_alike"),
     },
     Guard {
