@@ -234,6 +234,14 @@ impl Outline {
         }
     }
 
+    /// Whether it reaches farther than anything that a camera frames: a slab, a shell.
+    pub fn is_endless(&self) -> bool {
+        match self {
+            Self::Box(region) => (region.high - region.low).max_element() >= ENDLESS,
+            Self::Shell { .. } => true,
+        }
+    }
+
     /// The box around it.
     pub fn region(&self) -> Region {
         match self {

@@ -10,7 +10,7 @@ use cloudparity::engines::domain::Domain;
 use cloudparity::engines::render::{EngineJitter, EngineRenderer, EngineSettings};
 use cloudparity::engines::{Engine, Model};
 use cloudparity::gpu::Gpu;
-use cloudparity::scene::Scene;
+use cloudparity::scene::{Projection, Scene};
 use cloudparity::scene::image::Image;
 use cloudparity::view::camera::Camera;
 use glam::DVec2;
@@ -35,9 +35,12 @@ fn picture(scene: &Scene, engine: &Engine, gpu: Option<&Gpu>) -> Image {
     EngineRenderer::new(scene, engine, gpu).expect("a renderer").picture(&settings, &|_, _| ()).expect("a picture")
 }
 
-/// A scene without light, whose camera looks into the fog from outside.
+/// A scene without light, whose camera looks down into the fog from above it.
 fn dark() -> Scene {
     let mut scene = scene("homogeneous-cube");
+    scene.camera.projection = Projection::Perspective;
+    scene.camera.matrix_world =
+        [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 4.0], [0.0, 0.0, 0.0, 1.0]];
     scene.film.resolution = [24, 16];
     scene.film.resolution_percentage = 100;
     scene.world.color = [0.0; 3];

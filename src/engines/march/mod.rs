@@ -136,11 +136,17 @@ impl RealTimeRay {
     /// The parts of the ray in a domain, in f64 for both backends: a start far away costs no accuracy. A ray without a direction
     /// misses.
     pub fn inside(&self, outline: &Outline) -> Inside {
-        let found = if self.way == DVec3::ZERO || !self.way.is_finite() {
+        let mut found = if self.way == DVec3::ZERO || !self.way.is_finite() {
             Segments::default()
         } else {
             outline.segments(self.origin, self.way)
         };
+        // A domain without end is cut where the view ends: its steps would be as long as it is.
+        if outline.is_endless() {
+            let limit = (self.farthest - found.start).max(0.0);
+            found.second = found.second.min((limit - found.first - found.gap).max(0.0));
+            found.first = found.first.min(limit);
+        }
         let length = found.first + found.second;
         let is_missed = length.is_nan() || length < SHORTEST;
         Inside {
@@ -363,6 +369,18 @@ mod tests {
         let far = inside(-direction * 1e6, direction);
         assert!((far.length - near.length).abs() < 1e-9 && far.origin.distance(near.origin) < 1e-9);
         assert!((far.farthest - (1e7 - 1e6)).abs() < 1.0);
+    }
+
+    #[test]
+    fn a_domain_without_end_is_cut_where_the_view_ends() {
+        let slab = Domain::Slab { bottom: -1.0, top: 1.0 };
+        let scene = crate::scene::Scene::load(std::path::Path::new("parity/scenes/homogeneous-cube.scene.json"));
+        let container = slab.place(&scene.expect("the committed scene loads")).expect("a slab");
+        let level = container.ray(DVec3::ZERO, DVec3::X, 100.0, 0.5).inside(&container.outline);
+        assert_eq!((level.length, level.first), (100.0, 100.0));
+        let shell = Outline::Shell { inner: 1.0, outer: 2.0 };
+        let ray = |farthest: f64| container.ray(DVec3::new(-5.0, 0.0, 0.0), DVec3::X, farthest, 0.5).inside(&shell);
+        assert_eq!([1.0, 3.5, 5.0, 6.5, 9.0].map(|farthest| ray(farthest).length), [0.0, 0.5, 1.0, 1.5, 2.0]);
     }
 
     #[test]
