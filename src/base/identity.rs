@@ -1,7 +1,7 @@
 //! The identity of a build, and what becomes of another build's work.
 //!
 //! Keys, records, state files, presets and pictures name the build that made them: the version and the hash of the sources
-//! ([`super::source_hash`] computes it when the program is built). After an edit of a single constant a result is that of another
+//! (`base/source_hash.rs` computes it when the program is built). After an edit of a single constant a result is that of another
 //! build, and is refused where work goes on: it is neither taken as current nor silently made anew. Who knows what was edited may
 //! go on with it ([`Resume::mix_builds`]); the result then names all builds that had part in it.
 //!

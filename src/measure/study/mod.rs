@@ -1,7 +1,7 @@
 //! Studies: error against time over scenes, density models, light models and quality settings.
 //!
 //! A study file names values on axes ([`mod@file`]). Every combination is rendered as an engine renders it, timed, and compared with path
-//! tracing of the same medium ([`crate::measure::errors`]). [`running`] is the experiment: its jobs are truths, runs and curves, and each has
+//! tracing of the same medium ([`crate::measure::errors`]). `running` is the experiment: its jobs are truths, runs and curves, and each has
 //! a record that is named by what it depends on, so an interrupted study goes on where it stopped and a changed one measures what is new.
 //! Nothing is measured beside anything else.
 //!

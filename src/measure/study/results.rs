@@ -70,7 +70,7 @@ impl Measured {
 /// Everything that a study found: `results.json`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Results {
-    /// [`FORMAT`].
+    /// [`crate::measure::study::FORMAT`].
     pub format: String,
     /// The program's version.
     pub version: String,
