@@ -79,6 +79,8 @@ class Run:
     cache_format: str
     sub_pixels: int
     jitter: str
+    defects: str
+    god_rays: bool
     seconds: float
     seconds_smallest: float
     seconds_largest: float
@@ -104,7 +106,15 @@ class Run:
     def quality(self):
         """Every setting but the scene, the density and the light model."""
         cache = (self.cache_cells, self.cache_format)
-        return (self.steps, self.light_steps, *cache, self.sub_pixels, self.jitter)
+        return (
+            self.steps,
+            self.light_steps,
+            *cache,
+            self.sub_pixels,
+            self.jitter,
+            self.defects,
+            self.god_rays,
+        )
 
     def label(self):
         """The settings within a scene and density in a few words: light model, steps/light steps."""
@@ -113,7 +123,11 @@ class Run:
             text += f", cache {self.cache_cells} {self.cache_format}"
         if self.sub_pixels > 1:
             text += f", {self.sub_pixels**2} rays"
-        return text + ("" if self.jitter == "none" else f", {self.jitter}")
+        if self.jitter != "none":
+            text += f", {self.jitter}"
+        if self.defects != "none":
+            text += f", defects {self.defects}"
+        return text + (", god rays" if self.god_rays else "")
 
 
 @dataclass(frozen=True)
@@ -182,8 +196,16 @@ class Study:
         return sorted(names, key=lambda name: order.index(name) if name in order else len(order))
 
     def lights(self):
-        """Names of the light models that have runs, in the order of the study's axes."""
-        return [name for name in self.axes["lights"] if any(run.light == name for run in self.runs)]
+        """Light models that have runs, with their parameters, in the order of the study's axes."""
+        names = dict.fromkeys(run.light for run in self.runs)
+        order = {name: place for place, name in enumerate(self.axes["lights"])}
+        # A light under an axis of parameters is named by the axis' entry and what the parameters add.
+        return sorted(
+            names,
+            key=lambda name: max(
+                (order[one] for one in order if f"{name} ".startswith(f"{one} ")), default=len(order)
+            ),
+        )
 
     def metrics(self):
         """The metrics that some run has: HDR-FLIP is missing where it could not be computed."""
@@ -374,6 +396,9 @@ def _run(found):
     return Run(
         id=found["id"],
         **{name: settings[name] for name in names},
+        # Left out in the file where there are none.
+        defects=settings.get("defects", "none"),
+        god_rays=settings.get("god_rays", False),
         cache_cells=settings["cache"]["cells"],
         cache_format=settings["cache"]["format"],
         seconds=found["seconds"]["median"],

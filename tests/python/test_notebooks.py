@@ -7,6 +7,7 @@ import json
 import os
 import subprocess
 import sys
+from dataclasses import replace
 from importlib.util import find_spec
 
 import numpy as np
@@ -145,7 +146,7 @@ def test_light_models_are_chosen_by_error_against_time(execute, study_folder):
     figures, tables, text = execute("light-model-choice.ipynb", CLOUDPARITY_STUDY=study_folder)
     # Error against time, against steps, by budget, the pictures of the scene, every model.
     assert len(figures) == 5 and len(tables) == 3
-    assert "the density is no graph" in tables[1], "why combinations were left out"
+    assert "perlin-fbm has no density caches" in tables[1], "why combinations were left out"
     assert "**graph, daylight**" in text and "**perlin-fbm, daylight**" in text
 
 
@@ -186,7 +187,20 @@ def test_the_reader_gives_the_values_of_the_table(study):
         assert set(row) == set(record)
         for name, text in row.items():
             value = record[name]
-            assert text == "" if value is None else type(value)(text) == value, name
+            if isinstance(value, bool):
+                assert text == str(value).lower(), name
+            else:
+                assert text == "" if value is None else type(value)(text) == value, name
+
+
+def test_runs_are_told_apart_by_defects_god_rays_and_parameters_of_light(study):
+    plain = study.runs[0]
+    kept = replace(plain, light="octaves octaves=3", defects="PF-4,PF-6", god_rays=True)
+    assert (plain.defects, plain.god_rays) == ("none", False)
+    assert plain.quality() != kept.quality()
+    assert kept.label() == plain.label().replace(plain.light, kept.light) + ", defects PF-4,PF-6, god rays"
+    alone = replace(plain, light="single")
+    assert replace(study, runs=(kept, alone)).lights() == ["single", "octaves octaves=3"]
 
 
 def test_pictures_and_truths_give_the_bias_that_the_study_states(study):
