@@ -197,15 +197,14 @@ class Study:
 
     def lights(self):
         """Light models that have runs, with their parameters, in the order of the study's axes."""
-        names = dict.fromkeys(run.light for run in self.runs)
-        order = {name: place for place, name in enumerate(self.axes["lights"])}
-        # A light under an axis of parameters is named by the axis' entry and what the parameters add.
-        return sorted(
-            names,
-            key=lambda name: max(
-                (order[one] for one in order if f"{name} ".startswith(f"{one} ")), default=len(order)
-            ),
-        )
+        entries = self.axes["lights"]
+
+        def place(name):
+            # A light under an axis of parameters is named by the axis' entry and what the parameters add.
+            own = [entry for entry in entries if f"{name} ".startswith(f"{entry} ")]
+            return entries.index(max(own, key=len)) if own else len(entries)
+
+        return sorted(dict.fromkeys(run.light for run in self.runs), key=place)
 
     def metrics(self):
         """The metrics that some run has: HDR-FLIP is missing where it could not be computed."""

@@ -201,6 +201,11 @@ def test_runs_are_told_apart_by_defects_god_rays_and_parameters_of_light(study):
     assert kept.label() == plain.label().replace(plain.light, kept.light) + ", defects PF-4,PF-6, god rays"
     alone = replace(plain, light="single")
     assert replace(study, runs=(kept, alone)).lights() == ["single", "octaves octaves=3"]
+    deep = replace(plain, light="octaves-deep")
+    # The longest entry that a name begins with is its own; `octaves` is no part of `octaves-deep`.
+    entries = study.axes | {"lights": ["octaves octaves=3", "octaves-deep", "octaves"]}
+    lights = replace(study, axes=entries, runs=(replace(plain, light="octaves"), deep, kept)).lights()
+    assert lights == entries["lights"]
 
 
 def test_pictures_and_truths_give_the_bias_that_the_study_states(study):
