@@ -1,4 +1,4 @@
-//! The stability suite: what it finds on committed scenes, that it finds what is planted, and that every guard and test it names exists.
+//! The stability suite: what it finds on committed scenes, that it finds what is planted, and that every guard it names is at work.
 
 mod support;
 
@@ -9,11 +9,15 @@ use cloudparity::integrators::{MarchSettings, march};
 use cloudparity::measure::stability;
 use cloudparity::measure::stability::functions;
 use cloudparity::measure::stability::functions::{Pipeline, ScalarFunction, Side};
+use cloudparity::measure::stability::guards::{self, Proof};
 use cloudparity::measure::stability::pictures::{Uniform, light, rays, steps};
-use cloudparity::measure::stability::{Table, Verdict, guards};
+use cloudparity::measure::stability::{Table, Verdict};
+use cloudparity::media::medium::Medium;
 use cloudparity::media::transfer::Integration;
 use cloudparity::scene::Scene;
 use cloudparity::scene::image::Image;
+use cloudparity::view::camera::Camera;
+use glam::{DVec2, DVec3};
 use std::collections::BTreeSet;
 
 fn adapter() -> Option<Gpu> {
@@ -179,20 +183,56 @@ fn surroundings_without_averages_are_refused() {
 }
 
 #[test]
-fn every_guard_and_its_test_is_in_the_sources() {
-    let read = |file: &str| std::fs::read_to_string(support::project(file)).unwrap_or_else(|_| panic!("{file}"));
-    for guard in guards::GUARDS {
-        for (file, text) in guard.places {
-            assert!(read(file).contains(text), "{}: {file} does not hold {text}", guard.name);
-        }
-        let (file, name) = guard.test;
-        assert!(
-            read(file).contains(&format!("#[test]\n    fn {name}()"))
-                || read(file).contains(&format!("#[test]\nfn {name}()")),
-            "{}: {name} is not in {file}",
-            guard.name
+fn a_camera_inside_sees_from_its_near_clip() {
+    let (mut scene, settings) = small("homogeneous-cube");
+    scene.camera.clip_start = 0.4;
+    scene.film.transparent = true;
+    let Medium { to_object, density, extinction, .. } = Medium::new(&scene).expect("a medium");
+    // The camera goes to the middle of the cube, and looks where it did.
+    let middle = to_object.inverse().transform_point3(DVec3::ZERO);
+    (0..3).for_each(|axis| scene.camera.matrix_world[axis][3] = middle[axis] as f32);
+    let [width, height] = scene.film.resolution;
+    let camera = Camera::new(&scene, [width, height]).expect("a camera");
+    let found = picture(&scene, &settings, None);
+    for (index, pixel) in found.pixels.iter().enumerate() {
+        let raster = DVec2::new(
+            f64::from(index as u32 % width) + 0.5,
+            f64::from(height) - f64::from(index as u32 / width) - 0.5,
         );
+        let ray = camera.ray(raster);
+        let [origin, way] = [to_object.transform_point3(ray.origin), to_object.transform_vector3(ray.direction)];
+        let (enter, leave) = density.bounds.segment(origin, way).expect("the ray begins inside");
+        assert!(enter < 0.0 && ray.near >= 0.4);
+        let depth = density.homogeneous().expect("one density") * extinction[0] * (leave - ray.near);
+        let alpha = 1.0 - (-depth).exp();
+        assert!(alpha > 0.01 && (f64::from(pixel[3]) - alpha).abs() < 1e-5, "{index}: {pixel:?}, {alpha}");
     }
+}
+
+/// Tests of whole pictures, by the guard that each of them shows at work.
+const OF_PICTURES: &[(&str, fn())] = &[
+    ("camera-scale", the_scale_of_camera_and_sun_changes_nothing),
+    ("near-clip", a_camera_inside_sees_from_its_near_clip),
+    ("relative-places", a_scene_far_from_the_origin_looks_the_same_on_the_adapter),
+    ("loop-budget", ten_thousand_steps_are_taken_on_the_adapter),
+];
+
+#[test]
+fn every_guard_is_at_work() {
+    let mut of_pictures = Vec::new();
+    for guard in guards::GUARDS {
+        for file in guard.files {
+            assert!(support::project(file).is_file(), "{}: {file}", guard.name);
+        }
+        match guard.proof {
+            Proof::Witness(witness) => {
+                let witness = witness().expect("computed");
+                assert!(witness.holds(), "{}: {witness:?}", guard.name);
+            }
+            Proof::Pictures(_) => of_pictures.push(guard.name),
+        }
+    }
+    assert_eq!(of_pictures, OF_PICTURES.iter().map(|(name, _)| *name).collect::<Vec<_>>());
     let names: BTreeSet<_> = guards::GUARDS.iter().map(|guard| guard.name).collect();
     assert_eq!(names.len(), guards::GUARDS.len());
 }

@@ -1,8 +1,34 @@
 //! Settings that are one of several named values.
 
-/// An enumeration whose values have names. The derive macros of `strum` read names and descriptions from the type itself:
-/// `#[derive(strum::Display, strum::EnumMessage, strum::IntoStaticStr, strum::VariantArray)]`, with `#[strum(serialize_all = "...")]` as of
-/// serde where it has one. Whoever offers the choice, a command line or a window, lists [`strum::VariantArray::VARIANTS`].
+/// Declares enumerations whose values have names, first how these are spelled: `choice! { "kebab-case", /// ... pub enum Name { ... } }`.
+/// Names and descriptions are read from the type itself: the same names stand in files (serde), are printed (`Display`) and are read on
+/// the command line. Whoever offers the choice, a command line or a window, lists [`strum::VariantArray::VARIANTS`].
+macro_rules! choice {
+    ($spelling:literal, $(#[$attribute:meta])* $visibility:vis enum $name:ident { $($values:tt)* }) => {
+        $(#[$attribute])*
+        #[derive(
+            Debug,
+            Clone,
+            Copy,
+            PartialEq,
+            Eq,
+            serde::Serialize,
+            serde::Deserialize,
+            strum::Display,
+            strum::EnumMessage,
+            strum::IntoStaticStr,
+            strum::VariantArray,
+        )]
+        #[serde(rename_all = $spelling)]
+        #[strum(serialize_all = $spelling)]
+        $visibility enum $name {
+            $($values)*
+        }
+    };
+}
+pub(crate) use choice;
+
+/// A setting that is one of several named values, as [`choice`] declares it.
 pub trait Choice: Copy + strum::VariantArray + strum::EnumMessage + Into<&'static str> {
     /// The name in settings and files.
     fn name(self) -> &'static str {

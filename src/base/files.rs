@@ -158,11 +158,6 @@ pub fn read_values(path: &Path) -> Result<(Vec<f32>, Vec<usize>)> {
     Ok((array.iter().copied().collect(), shape))
 }
 
-/// An enumeration's value as a word.
-pub fn word(value: &impl serde::Serialize) -> String {
-    serde_json::to_value(value).ok().and_then(|value| value.as_str().map(str::to_owned)).unwrap_or_default()
-}
-
 /// A file that a process has locked. The system releases it when the process ends, however that comes about.
 pub struct Lock(#[expect(dead_code, reason = "held open")] std::fs::File);
 

@@ -4,58 +4,34 @@
 //! `shaders/nodes/shared/texture.wgsl` its twin). Textures are filtered in the shader, since the filter of graphics hardware has
 //! weights of 8 bits.
 
+use crate::base::choice::choice;
 use crate::base::error::{Error, Result};
 use crate::base::files::sha256;
 use half::f16;
-use serde::{Deserialize, Serialize};
 use std::sync::{Arc, OnceLock};
 
-/// How texels are stored.
-#[derive(
-    Debug,
-    Clone,
-    Copy,
-    PartialEq,
-    Eq,
-    Serialize,
-    Deserialize,
-    strum::Display,
-    strum::EnumMessage,
-    strum::IntoStaticStr,
-    strum::VariantArray,
-)]
-#[serde(rename_all = "lowercase")]
-#[strum(serialize_all = "lowercase")]
-pub enum TexelFormat {
-    /// 32 bits, as they are.
-    F32,
-    /// IEEE 754 binary16: relative error up to 2^-11, values up to 65504.
-    F16,
-    /// 8 bits between the smallest and the largest value: error up to 1/510 of that range.
-    Unorm8,
+choice! {
+    "lowercase",
+    /// How texels are stored.
+    pub enum TexelFormat {
+        /// 32 bits, as they are.
+        F32,
+        /// IEEE 754 binary16: relative error up to 2^-11, values up to 65504.
+        F16,
+        /// 8 bits between the smallest and the largest value: error up to 1/510 of that range.
+        Unorm8,
+    }
 }
 
-/// How a texture is read between its texels.
-#[derive(
-    Debug,
-    Clone,
-    Copy,
-    PartialEq,
-    Eq,
-    Serialize,
-    Deserialize,
-    strum::Display,
-    strum::EnumMessage,
-    strum::IntoStaticStr,
-    strum::VariantArray,
-)]
-#[serde(rename_all = "lowercase")]
-#[strum(serialize_all = "lowercase")]
-pub enum TextureFilter {
-    /// The value of the nearest texel.
-    Nearest,
-    /// Linear along each axis, x first.
-    Trilinear,
+choice! {
+    "lowercase",
+    /// How a texture is read between its texels.
+    pub enum TextureFilter {
+        /// The value of the nearest texel.
+        Nearest,
+        /// Linear along each axis, x first.
+        Trilinear,
+    }
 }
 
 /// What lies outside of a texture.
@@ -78,8 +54,8 @@ pub enum Texels {
     F16(Vec<u16>),
     /// Parts of 255 of a range above its low end.
     Unorm8 {
-        /// A byte per texel.
-        bytes: Vec<u8>,
+        /// A byte per texel, which whoever made them may keep, too.
+        bytes: Arc<[u8]>,
         /// The values that 0 and 255 stand for.
         range: [f32; 2],
     },
@@ -90,6 +66,8 @@ pub enum Texels {
 pub struct Texture {
     size: [usize; 3],
     texels: Texels,
+    /// What each byte stands for, where texels are bytes.
+    decoded: Option<Box<[f32; 256]>>,
     filter: TextureFilter,
     outside: Outside,
     identity: OnceLock<String>,
@@ -100,7 +78,16 @@ pub struct Texture {
 #[derive(Debug)]
 struct Level {
     size: [usize; 3],
-    ranges: Vec<[f32; 2]>,
+    ranges: Ranges,
+}
+
+/// Ranges of blocks.
+#[derive(Debug)]
+enum Ranges {
+    /// Of values.
+    Floats(Vec<[f32; 2]>),
+    /// Of bytes: what they stand for grows with them.
+    Bytes(Vec<[u8; 2]>),
 }
 
 /// Blocks per axis that a question for a range looks at, at most.
@@ -113,7 +100,13 @@ impl Texture {
     /// Where the number of texels is not the product of the size, or a side is 0.
     pub fn new(size: [usize; 3], texels: Texels, filter: TextureFilter, outside: Outside) -> Self {
         assert!(size.iter().all(|&side| side > 0) && size.iter().product::<usize>() == texels.len());
-        Self { size, texels, filter, outside, identity: OnceLock::new(), pyramid: OnceLock::new() }
+        let decoded = match &texels {
+            Texels::Unorm8 { range: [low, high], .. } => {
+                Some(Box::new(std::array::from_fn(|byte| low + (high - low) * (byte as f32 / 255.0))))
+            }
+            _ => None,
+        };
+        Self { size, texels, decoded, filter, outside, identity: OnceLock::new(), pyramid: OnceLock::new() }
     }
 
     /// A texture of values, stored in a format; values that it cannot hold are refused. `place` says what is stored.
@@ -198,8 +191,41 @@ impl Texture {
         match &self.texels {
             Texels::F32(values) => values[index],
             Texels::F16(values) => f16::from_bits(values[index]).to_f32(),
-            Texels::Unorm8 { bytes, range: [low, high] } => low + (high - low) * (f32::from(bytes[index]) / 255.0),
+            Texels::Unorm8 { bytes, .. } => self.decode(bytes[index]),
         }
+    }
+
+    /// What a byte stands for; of textures of bytes alone.
+    #[inline(always)]
+    fn decode(&self, byte: u8) -> f32 {
+        self.decoded.as_ref().map_or(0.0, |decoded| decoded[usize::from(byte)])
+    }
+
+    /// The eight texels from an index to the next along each axis, x fastest, by what lies outside.
+    #[inline(always)]
+    pub fn corners(&self, low: [i32; 3]) -> [f32; 8] {
+        if (0..3).any(|axis| low[axis] < 0 || low[axis] as usize + 1 >= self.size[axis]) {
+            return self.corners_at_the_rim(low);
+        }
+        let [x, y, z] = low.map(|index| index as usize);
+        let row = self.size[0];
+        let first = (z * self.size[1] + y) * row + x;
+        let layer = row * self.size[1];
+        let rows = [first, first + row, first + layer, first + layer + row];
+        // The format is looked at once, and a row's two texels lie side by side.
+        match &self.texels {
+            Texels::F32(values) => pairs(values, rows, |value| value),
+            Texels::F16(values) => pairs(values, rows, |bits| f16::from_bits(bits).to_f32()),
+            Texels::Unorm8 { bytes, .. } => pairs(bytes, rows, |byte| self.decode(byte)),
+        }
+    }
+
+    /// Not inlined: few reads come here.
+    #[inline(never)]
+    fn corners_at_the_rim(&self, low: [i32; 3]) -> [f32; 8] {
+        let ends: [[Option<usize>; 2]; 3] =
+            std::array::from_fn(|axis| [low[axis], low[axis].saturating_add(1)].map(|index| self.inside(axis, index)));
+        std::array::from_fn(|corner| self.value(std::array::from_fn(|axis| ends[axis][corner >> axis & 1])))
     }
 
     /// Where an index lies along an axis, by what lies outside; none where that is 0.
@@ -275,7 +301,7 @@ impl Texture {
                     let place = [x as usize, y as usize, z as usize];
                     let range = match level.checked_sub(1) {
                         None => [self.texel(place); 2],
-                        Some(coarse) => levels[coarse].at(place),
+                        Some(coarse) => self.block(&levels[coarse], place),
                     };
                     found = Some(found.map_or(range, |found| hull(found, range)));
                 }
@@ -288,32 +314,71 @@ impl Texture {
         let mut levels: Vec<Level> = Vec::new();
         let mut finer = self.size;
         while finer.iter().any(|&side| side > 1) {
-            let size = finer.map(|side| side.div_ceil(2));
-            let mut ranges = Vec::with_capacity(size.iter().product());
-            for index in 0..size.iter().product() {
-                let place = [index % size[0], index / size[0] % size[1], index / (size[0] * size[1])];
-                let mut found: Option<[f32; 2]> = None;
-                for corner in 0..8 {
-                    let at: [usize; 3] = std::array::from_fn(|axis| 2 * place[axis] + (corner >> axis & 1));
-                    if (0..3).any(|axis| at[axis] >= finer[axis]) {
-                        continue;
-                    }
-                    let range = levels.last().map_or_else(|| [self.texel(at); 2], |level| level.at(at));
-                    found = Some(found.map_or(range, |found| hull(found, range)));
+            let ranges = match (&self.texels, levels.last().map(|level| &level.ranges)) {
+                (Texels::Unorm8 { bytes, .. }, None) => {
+                    Ranges::Bytes(blocks(finer, |index| [bytes[index]; 2], byte_hull))
                 }
-                ranges.push(found.expect("a block has a texel"));
-            }
-            levels.push(Level { size, ranges });
-            finer = size;
+                (_, Some(Ranges::Bytes(finer_ranges))) => {
+                    Ranges::Bytes(blocks(finer, |index| finer_ranges[index], byte_hull))
+                }
+                (_, Some(Ranges::Floats(finer_ranges))) => {
+                    Ranges::Floats(blocks(finer, |index| finer_ranges[index], hull))
+                }
+                (Texels::F32(values), None) => Ranges::Floats(blocks(finer, |index| [values[index]; 2], hull)),
+                (Texels::F16(values), None) => {
+                    Ranges::Floats(blocks(finer, |index| [f16::from_bits(values[index]).to_f32(); 2], hull))
+                }
+            };
+            finer = finer.map(|side| side.div_ceil(2));
+            levels.push(Level { size: finer, ranges });
         }
         levels
     }
+
+    /// The range of a block of a level.
+    fn block(&self, level: &Level, [x, y, z]: [usize; 3]) -> [f32; 2] {
+        let index = (z * level.size[1] + y) * level.size[0] + x;
+        match &level.ranges {
+            Ranges::Floats(ranges) => ranges[index],
+            Ranges::Bytes(ranges) => ranges[index].map(|byte| self.decode(byte)),
+        }
+    }
 }
 
-impl Level {
-    fn at(&self, [x, y, z]: [usize; 3]) -> [f32; 2] {
-        self.ranges[(z * self.size[1] + y) * self.size[0] + x]
+/// The two texels that begin at each of four places.
+#[inline(always)]
+fn pairs<T: Copy>(texels: &[T], rows: [usize; 4], value: impl Fn(T) -> f32) -> [f32; 8] {
+    let [a, b, c, d] = rows.map(|first| {
+        let pair = &texels[first..first + 2];
+        [value(pair[0]), value(pair[1])]
+    });
+    [a[0], a[1], b[0], b[1], c[0], c[1], d[0], d[1]]
+}
+
+/// Hulls of blocks of two per axis, of `size` ranges that stand at their indices.
+fn blocks<T: Copy>(size: [usize; 3], range: impl Fn(usize) -> T, hull: impl Fn(T, T) -> T) -> Vec<T> {
+    let coarse = size.map(|side| side.div_ceil(2));
+    let mut found = Vec::with_capacity(coarse.iter().product());
+    for z in 0..coarse[2] {
+        for y in 0..coarse[1] {
+            // Rows of the finer ranges that a row of blocks holds; the last ones stand twice where a side is odd.
+            let rows: [usize; 4] = std::array::from_fn(|number| {
+                let y = (2 * y + (number & 1)).min(size[1] - 1);
+                let z = (2 * z + (number >> 1)).min(size[2] - 1);
+                (z * size[1] + y) * size[0]
+            });
+            found.extend((0..coarse[0]).map(|x| {
+                let columns = [2 * x, (2 * x + 1).min(size[0] - 1)];
+                let of_row = |row: usize| hull(range(row + columns[0]), range(row + columns[1]));
+                hull(hull(of_row(rows[0]), of_row(rows[1])), hull(of_row(rows[2]), of_row(rows[3])))
+            }));
+        }
     }
+    found
+}
+
+fn byte_hull(a: [u8; 2], b: [u8; 2]) -> [u8; 2] {
+    [a[0].min(b[0]), a[1].max(b[1])]
 }
 
 /// NaN in one of them stays in the hull, as the whole line.
@@ -360,7 +425,7 @@ impl Texels {
         let mut bytes: Vec<u8> = match self {
             Self::F32(values) => bytemuck::cast_slice(values).to_vec(),
             Self::F16(values) => bytemuck::cast_slice(values).to_vec(),
-            Self::Unorm8 { bytes, .. } => bytes.clone(),
+            Self::Unorm8 { bytes, .. } => bytes.to_vec(),
         };
         bytes.resize(bytes.len().next_multiple_of(4), 0);
         bytes

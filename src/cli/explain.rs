@@ -51,7 +51,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
 
 /// What leaving out is worth, as text.
 fn describe_kernels(found: &LeavingOut) -> String {
-    let left_out: Vec<String> = found.left_out.iter().map(crate::base::files::word).collect();
+    let left_out: Vec<String> = found.left_out.iter().map(ToString::to_string).collect();
     let left_out = if left_out.is_empty() { "nothing".to_owned() } else { left_out.join(", ") };
     let size = |kernel: &KernelSize| {
         format!("{} bytes of WGSL, {} SPIR-V instructions", kernel.wgsl_bytes, kernel.spirv_instructions)

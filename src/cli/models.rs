@@ -90,7 +90,7 @@ fn document(model: &Model) -> serde_json::Value {
 }
 
 fn describe(model: &Model) -> String {
-    let domains: Vec<String> = model.domains.iter().map(crate::base::files::word).collect();
+    let domains: Vec<String> = model.domains.iter().map(ToString::to_string).collect();
     let mut text = format!("{}: {}\n{}\ndomains: {}\n\n", model.id, model.title, model.about, domains.join(", "));
     text += &parameter_lines(model.parameters);
     for (name, settings) in model.qualities {

@@ -1,5 +1,6 @@
 //! Where the density of an engine is: in the scene's object, between two heights, or between two spheres.
 
+use crate::base::choice::choice;
 use crate::base::error::{Error, Result};
 use crate::media::objects::box_of;
 use crate::media::region::Region;
@@ -36,16 +37,17 @@ pub enum Domain {
     },
 }
 
-/// A kind of domain: what a density knows.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum DomainKind {
-    /// [`Domain::Object`].
-    Object,
-    /// [`Domain::Slab`].
-    Slab,
-    /// [`Domain::Shell`].
-    Shell,
+choice! {
+    "kebab-case",
+    /// A kind of domain: what a density knows.
+    pub enum DomainKind {
+        /// [`Domain::Object`].
+        Object,
+        /// [`Domain::Slab`].
+        Slab,
+        /// [`Domain::Shell`].
+        Shell,
+    }
 }
 
 /// What bounds a density in its own frame.

@@ -263,7 +263,7 @@ impl Model {
     ) -> Result<Engine> {
         let defects = &defects.of_model(self)?;
         if let Some(domain) = domain.filter(|domain| !self.domains.contains(&domain.kind())) {
-            let known: Vec<String> = self.domains.iter().map(crate::base::files::word).collect();
+            let known: Vec<String> = self.domains.iter().map(DomainKind::to_string).collect();
             return Err(Error::new(
                 format!("domain {domain}"),
                 format!("a domain that the density of {} does not know", self.id),

@@ -5,6 +5,7 @@
 //!
 //! On the adapter a picture is marched, composed and post-processed there, and stays there as a [`Frame`] until somebody reads it.
 
+use crate::base::choice::choice;
 use crate::base::error::{Error, Result};
 use crate::base::files::json;
 use crate::base::identity;
@@ -38,29 +39,17 @@ const PIXELS: usize = 1 << 14;
 /// Memory that a picture takes at most while it is made, per pixel: rays, their results, the pixel and its channels for the file.
 const BYTES_PER_PIXEL: u64 = 256;
 
-/// Where within its steps a ray takes its samples.
-#[derive(
-    Debug,
-    Clone,
-    Copy,
-    PartialEq,
-    Eq,
-    Serialize,
-    Deserialize,
-    strum::Display,
-    strum::EnumMessage,
-    strum::IntoStaticStr,
-    strum::VariantArray,
-)]
-#[serde(rename_all = "kebab-case")]
-#[strum(serialize_all = "kebab-case")]
-pub enum EngineJitter {
-    /// In the middle.
-    None,
-    /// At a place from the table that the reference pictures of a published engine have, moved by the golden ratio from frame to frame.
-    Table,
-    /// At a place from a tile of blue noise, moved likewise.
-    BlueNoise,
+choice! {
+    "kebab-case",
+    /// Where within its steps a ray takes its samples.
+    pub enum EngineJitter {
+        /// In the middle.
+        None,
+        /// At a place from the table that the reference pictures of a published engine have, moved by the golden ratio from frame to frame.
+        Table,
+        /// At a place from a tile of blue noise, moved likewise.
+        BlueNoise,
+    }
 }
 
 impl EngineJitter {

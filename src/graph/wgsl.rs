@@ -8,6 +8,7 @@
 use crate::graph::constants::SharedConstants;
 use crate::graph::{Operand, Program};
 
+use crate::base::choice::choice;
 use crate::base::error::{Error, Result};
 use crate::base::texture::TextureHandle;
 use crate::nodes::shader_name;
@@ -40,22 +41,21 @@ const LIGHT: &[(&str, &str)] = &[
     ("engines/light/terms.wgsl", include_str!("../../shaders/engines/light/terms.wgsl")),
 ];
 
-/// Target languages of `cloudparity shader`.
-#[derive(
-    Debug, Clone, Copy, PartialEq, Eq, strum::Display, strum::EnumMessage, strum::IntoStaticStr, strum::VariantArray,
-)]
-#[strum(serialize_all = "lowercase")]
-pub enum Language {
-    /// WebGPU Shading Language.
-    Wgsl,
-    /// SPIR-V 1.3 binary.
-    Spirv,
-    /// OpenGL Shading Language 4.50.
-    Glsl,
-    /// High Level Shading Language, shader model 6.0.
-    Hlsl,
-    /// Metal Shading Language 2.4.
-    Msl,
+choice! {
+    "lowercase",
+    /// Target languages of `cloudparity shader`.
+    pub enum Language {
+        /// WebGPU Shading Language.
+        Wgsl,
+        /// SPIR-V 1.3 binary.
+        Spirv,
+        /// OpenGL Shading Language 4.50.
+        Glsl,
+        /// High Level Shading Language, shader model 6.0.
+        Hlsl,
+        /// Metal Shading Language 2.4.
+        Msl,
+    }
 }
 
 /// Composes a shader from the modules in `shaders/`, a program, and an entry text.

@@ -6,6 +6,7 @@
 pub mod march;
 pub mod path;
 
+use crate::base::choice::choice;
 use crate::base::error::{Error, Result};
 use crate::base::files::json;
 use crate::base::identity;
@@ -18,58 +19,34 @@ use crate::scene::Scene;
 use crate::scene::image::Image;
 use serde::{Deserialize, Serialize};
 
-/// How light finds its way to a view sample.
-#[derive(
-    Debug,
-    Clone,
-    Copy,
-    PartialEq,
-    Eq,
-    Serialize,
-    Deserialize,
-    strum::Display,
-    strum::EnumMessage,
-    strum::IntoStaticStr,
-    strum::VariantArray,
-)]
-#[serde(rename_all = "lowercase")]
-#[strum(serialize_all = "lowercase")]
-pub enum LightMode {
-    /// Shadow rays evaluate the density: slow, without interpolation.
-    Exact,
-    /// Density and light are baked at the vertices of a grid and interpolated.
-    Grid,
+choice! {
+    "lowercase",
+    /// How light finds its way to a view sample.
+    pub enum LightMode {
+        /// Shadow rays evaluate the density: slow, without interpolation.
+        Exact,
+        /// Density and light are baked at the vertices of a grid and interpolated.
+        Grid,
+    }
 }
 
-/// Where within its steps a view ray evaluates the medium.
-///
-/// Without jitter all rays sample the middles: errors of neighbouring pixels are alike and show as
-/// bands. With it, each ray shifts its samples by one random part of a step. The shifted rule is
-/// unbiased for the integral of the density over the whole steps, so that bands become noise; for
-/// smooth media the error of a single ray grows from second to first order in the step, and because
-/// the transmittance is convex in the depth, its mean is too large by half of the depth's variance,
-/// relative to itself.
-#[derive(
-    Debug,
-    Clone,
-    Copy,
-    PartialEq,
-    Eq,
-    Serialize,
-    Deserialize,
-    strum::Display,
-    strum::EnumMessage,
-    strum::IntoStaticStr,
-    strum::VariantArray,
-)]
-#[serde(rename_all = "lowercase")]
-#[strum(serialize_all = "lowercase")]
-pub enum Jitter {
-    /// In the middle.
-    None,
-    /// At a random part of the step, drawn per ray from pixel, ray and seed, stratified over the
-    /// rays of a pixel.
-    Pixel,
+choice! {
+    "lowercase",
+    /// Where within its steps a view ray evaluates the medium.
+    ///
+    /// Without jitter all rays sample the middles: errors of neighbouring pixels are alike and show as
+    /// bands. With it, each ray shifts its samples by one random part of a step. The shifted rule is
+    /// unbiased for the integral of the density over the whole steps, so that bands become noise; for
+    /// smooth media the error of a single ray grows from second to first order in the step, and because
+    /// the transmittance is convex in the depth, its mean is too large by half of the depth's variance,
+    /// relative to itself.
+    pub enum Jitter {
+        /// In the middle.
+        None,
+        /// At a random part of the step, drawn per ray from pixel, ray and seed, stratified over the
+        /// rays of a pixel.
+        Pixel,
+    }
 }
 
 /// Quality of the deterministic integrator. Lengths are world metres.

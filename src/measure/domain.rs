@@ -7,6 +7,7 @@
 //!   zeros of both signs, huge and denormal coordinates, both sides of the edges of every Map Range,
 //!   and points without a Voronoi feature point within distance 1.
 
+use crate::base::choice::choice;
 use crate::base::error::{Error, Result};
 use crate::graph::evaluate::{Arithmetic, Points};
 use crate::graph::{Instruction, Program, Target};
@@ -29,18 +30,17 @@ const BISECTIONS: usize = 40;
 const SPECIAL: [f32; 11] =
     [0.0, 1e-45, 1e-40, f32::MIN_POSITIVE, 1e-9, 5.960_464_5e-8, 0.999_999_94, 0.5, 1.0, 1e3, 1e5];
 
-/// Where points lie.
-#[derive(
-    Debug, Clone, Copy, PartialEq, Eq, strum::Display, strum::EnumMessage, strum::IntoStaticStr, strum::VariantArray,
-)]
-#[strum(serialize_all = "lowercase")]
-pub enum Domain {
-    /// The volume's bounds, where the field varies.
-    Box,
-    /// 100 times the bounds, where the field varies.
-    Wide,
-    /// Cell borders, special numbers, edges of remaps, far points of Voronoi cells.
-    Adversarial,
+choice! {
+    "lowercase",
+    /// Where points lie.
+    pub enum Domain {
+        /// The volume's bounds, where the field varies.
+        Box,
+        /// 100 times the bounds, where the field varies.
+        Wide,
+        /// Cell borders, special numbers, edges of remaps, far points of Voronoi cells.
+        Adversarial,
+    }
 }
 
 impl Domain {

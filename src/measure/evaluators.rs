@@ -1,5 +1,6 @@
 //! Our evaluators of a field, and their values beside those of live Cycles at the same points.
 
+use crate::base::choice::choice;
 use crate::base::error::{Error, Result};
 use crate::bridge::{CyclesKernel, Message, probe};
 use crate::gpu::Gpu;
@@ -21,27 +22,18 @@ pub const GPU_LIMIT: f64 = 3e-6;
 /// Points per job. Several jobs show progress and keep Cycles' buffers small.
 const CHUNK: usize = 1 << 18;
 
-/// One of our evaluators.
-#[derive(
-    Debug,
-    Clone,
-    Copy,
-    PartialEq,
-    Eq,
-    Hash,
-    strum::Display,
-    strum::EnumMessage,
-    strum::IntoStaticStr,
-    strum::VariantArray,
-)]
-#[strum(serialize_all = "lowercase")]
-pub enum Evaluator {
-    /// f32 on the CPU, equal to Cycles bit for bit.
-    Cpu,
-    /// WGSL on the adapter.
-    Gpu,
-    /// f64 with f32 coordinates, on the CPU: shows how well conditioned the field is.
-    Oracle,
+choice! {
+    "lowercase",
+    /// One of our evaluators.
+    #[derive(Hash)]
+    pub enum Evaluator {
+        /// f32 on the CPU, equal to Cycles bit for bit.
+        Cpu,
+        /// WGSL on the adapter.
+        Gpu,
+        /// f64 with f32 coordinates, on the CPU: shows how well conditioned the field is.
+        Oracle,
+    }
 }
 
 impl Evaluator {

@@ -109,29 +109,29 @@ impl Truth {
         ledger: &Ledger,
         progress: Progress<'_>,
     ) -> Result<TruthRecord> {
-        let key = ledger.key(&self.inputs(scene, density, purpose));
-        let make = || self.render(scene, density, purpose, ledger, progress);
+        let inputs = self.inputs(scene, density, purpose);
+        let key = ledger.key(&inputs);
+        let make = || self.render(scene, density, &inputs, ledger, progress);
         let record: TruthRecord = ledger.obtain(PART, &key, make)?;
         record.check(scene, density, ledger)?;
         Ok(record)
     }
 
-    /// Renders the replicas that a folder lacks; the record is the caller's to keep.
+    /// Renders the replicas that a folder lacks, of a truth with these [`Self::inputs`]; the record is the caller's to keep.
     pub fn render(
         &self,
         scene: &Scene,
         density: &str,
-        purpose: &str,
+        inputs: &Json,
         ledger: &Ledger,
         progress: Progress<'_>,
     ) -> Result<TruthRecord> {
-        let inputs = self.inputs(scene, density, purpose);
-        let id = ledger.key(&inputs);
+        let id = ledger.key(inputs);
         let folder = ledger.folder().ok_or_else(|| {
             Error::new("the truth", "no folder", "one that keeps its replicas", "Name a folder for the results.")
         })?;
         let name = |seed: u32| format!("{PART}/{id}.seed-{seed}.exr");
-        let first = seeds::first(&inputs);
+        let first = seeds::first(inputs);
         let seeds = first..first + self.replicas;
         let missing: Vec<u32> = seeds.clone().filter(|&seed| !folder.join(name(seed)).exists()).collect();
         if !missing.is_empty() {

@@ -14,6 +14,7 @@
 //! Flat arrays hold the tree, ready for an adapter: the first child of each node, the ends of
 //! its interval, its rates. A dense table enters it at level `TABLE_LEVEL`.
 
+use crate::base::choice::choice;
 use crate::base::error::{Error, Result};
 use crate::graph::bounds::Bounds3;
 use crate::media::region::Region;
@@ -90,32 +91,20 @@ pub struct Majorants {
     pub boxes: usize,
 }
 
-/// Where the rates of tentative collisions come from. All give pictures with the same mean.
-#[derive(
-    Debug,
-    Clone,
-    Copy,
-    Default,
-    PartialEq,
-    Eq,
-    serde::Serialize,
-    serde::Deserialize,
-    strum::Display,
-    strum::EnumMessage,
-    strum::IntoStaticStr,
-    strum::VariantArray,
-)]
-#[serde(rename_all = "kebab-case")]
-#[strum(serialize_all = "kebab-case")]
-pub enum Tracking {
-    /// From proven majorants of an octree: no path has a negative weight, so no pixel is negative.
-    #[default]
-    Proven,
-    /// From a few densities in each leaf: the same noise in less than half the time where bounds are loose. A path whose
-    /// density is above the rate has a negative weight there, so a few pixels of few samples may be negative.
-    Adaptive,
-    /// From one proven majorant of the whole medium, to compare with.
-    Global,
+choice! {
+    "kebab-case",
+    /// Where the rates of tentative collisions come from. All give pictures with the same mean.
+    #[derive(Default)]
+    pub enum Tracking {
+        /// From proven majorants of an octree: no path has a negative weight, so no pixel is negative.
+        #[default]
+        Proven,
+        /// From a few densities in each leaf: the same noise in less than half the time where bounds are loose. A path whose
+        /// density is above the rate has a negative weight there, so a few pixels of few samples may be negative.
+        Adaptive,
+        /// From one proven majorant of the whole medium, to compare with.
+        Global,
+    }
 }
 
 /// What decides how far a tree is divided, and its rates.

@@ -10,9 +10,9 @@
 //!
 //! NaN is not caught: it has to reach the picture. `cloudparity stability` measures all three over 1e-6 to 1e6.
 
+use crate::base::choice::choice;
 pub use crate::base::interpolation::smooth;
 use num_traits::Float;
-use serde::{Deserialize, Serialize};
 
 /// Below this depth the mean transmittance, 1 - d / 2 + ..., rounds to 1 in f64 as in f32, and nothing is divided by 0.
 const NO_DEPTH: f64 = 1e-16;
@@ -45,28 +45,16 @@ pub fn step_weight<T: Float>(integration: Integration, extinction: T, step: T) -
     }
 }
 
-/// How a step of a view ray adds what is scattered and emitted along it; [`crate::integrators::march`] gives the formulas.
-#[derive(
-    Debug,
-    Clone,
-    Copy,
-    PartialEq,
-    Eq,
-    Serialize,
-    Deserialize,
-    strum::Display,
-    strum::EnumMessage,
-    strum::IntoStaticStr,
-    strum::VariantArray,
-)]
-#[serde(rename_all = "kebab-case")]
-#[strum(serialize_all = "kebab-case")]
-pub enum Integration {
-    /// The integral over the step, exact for constant coefficients.
-    EnergyConserving,
-    /// The value at the step's begin times its length: brighter than the truth, without bound as
-    /// extinction times step grows.
-    Plain,
+choice! {
+    "kebab-case",
+    /// How a step of a view ray adds what is scattered and emitted along it; [`crate::integrators::march`] gives the formulas.
+    pub enum Integration {
+        /// The integral over the step, exact for constant coefficients.
+        EnergyConserving,
+        /// The value at the step's begin times its length: brighter than the truth, without bound as
+        /// extinction times step grows.
+        Plain,
+    }
 }
 
 #[cfg(test)]

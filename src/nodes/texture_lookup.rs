@@ -44,14 +44,10 @@ pub fn read<R: Real>(texture: &Texture, mut at: [R; 3]) -> R {
     }
     let floors = at.map(Real::floor);
     let fraction: [R; 3] = std::array::from_fn(|axis| at[axis] - floors[axis]);
-    let ends: [[Option<usize>; 2]; 3] = std::array::from_fn(|axis| {
-        let low = floors[axis].to_int();
-        [low, low.saturating_add(1)].map(|index| texture.inside(axis, index))
-    });
-    let value = |x: usize, y: usize, z: usize| R::of(texture.value([ends[0][x], ends[1][y], ends[2][z]]));
-    let along_x = |y: usize, z: usize| value(0, y, z).lerp(value(1, y, z), fraction[0]);
-    let along_y = |z: usize| along_x(0, z).lerp(along_x(1, z), fraction[1]);
-    along_y(0).lerp(along_y(1), fraction[2])
+    let corners = texture.corners(floors.map(Real::to_int)).map(R::of);
+    let along_x = |low: usize| corners[low].lerp(corners[low + 1], fraction[0]);
+    let along_y = |low: usize| along_x(low).lerp(along_x(low + 2), fraction[1]);
+    along_y(0).lerp(along_y(4), fraction[2])
 }
 
 /// Encloses [`read`] over a box of indices, in every evaluator.

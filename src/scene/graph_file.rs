@@ -1,5 +1,6 @@
 //! The node graph as it stands in a scene file: Blender's nodes, groups and links by name.
 
+use crate::base::choice::choice;
 use crate::base::error::{Error, Result as Checked};
 use schemars::JsonSchema;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
@@ -63,22 +64,24 @@ pub struct Socket {
     pub description: Option<String>,
 }
 
-/// Kind of value that a socket carries.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "lowercase")]
-pub enum SocketType {
-    /// One number.
-    Float,
-    /// A number that Blender keeps whole; evaluates as a float.
-    Integer,
-    /// 0 or 1; evaluates as a float.
-    Boolean,
-    /// Three numbers.
-    Vector,
-    /// Linear Rec. 709; alpha is dropped.
-    Color,
-    /// A closure.
-    Shader,
+choice! {
+    "lowercase",
+    /// Kind of value that a socket carries.
+    #[derive(Hash, JsonSchema)]
+    pub enum SocketType {
+        /// One number.
+        Float,
+        /// A number that Blender keeps whole; evaluates as a float.
+        Integer,
+        /// 0 or 1; evaluates as a float.
+        Boolean,
+        /// Three numbers.
+        Vector,
+        /// Linear Rec. 709; alpha is dropped.
+        Color,
+        /// A closure.
+        Shader,
+    }
 }
 
 impl SocketType {

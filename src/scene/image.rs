@@ -8,8 +8,8 @@
 use crate::base::error::{Error, Result};
 use crate::base::files;
 use exr::prelude::{
-    AnyChannel, AnyChannels, AttributeValue, Compression, Encoding, FlatSamples, Layer, LayerAttributes, LineOrder,
-    ReadChannels, ReadLayers, ReadSpecificChannel, SmallVec, Text, WritableImage,
+    AttributeValue, Compression, Encoding, ImageAttributes, IntegerBounds, Layer, LayerAttributes, LineOrder,
+    ReadChannels, ReadLayers, ReadSpecificChannel, SpecificChannels, Text, Vec2, WritableImage,
 };
 use indexmap::IndexMap;
 use std::path::Path;
@@ -98,32 +98,49 @@ impl Image {
         if !allow_nonfinite {
             self.check_finite(&path.display().to_string())?;
         }
-        let channel = |name: &str, values: Vec<f32>| AnyChannel::new(name, FlatSamples::F32(values));
-        let mut channels: SmallVec<[AnyChannel<FlatSamples>; 4]> = ["R", "G", "B", "A"]
-            .into_iter()
-            .enumerate()
-            .map(|(number, name)| channel(name, self.pixels.iter().map(|pixel| pixel[number]).collect()))
-            .collect();
-        for (number, name) in TRANSMITTANCE.into_iter().enumerate() {
-            let values = self.transmittance.iter().flatten().map(|pixel| pixel[number]).collect();
-            channels.extend(self.transmittance.is_some().then(|| channel(name, values)));
-        }
-        let channels = AnyChannels::sort(channels);
+        // Channels are asked for pixel by pixel: a large picture is not copied to be written.
+        let at = |position: Vec2<usize>| position.y() * self.width + position.x();
+        let Some(transmittance) = &self.transmittance else {
+            let channels = SpecificChannels::rgba(|position| self.pixels[at(position)].into());
+            let file = self.in_file(channels);
+            return files::replace_atomically(path, |temporary| {
+                file.write().to_file(temporary).map_err(std::io::Error::other)
+            });
+        };
+        let [red, green, blue] = TRANSMITTANCE;
+        let channels = SpecificChannels::build()
+            .with_channel::<f32>("R")
+            .with_channel::<f32>("G")
+            .with_channel::<f32>("B")
+            .with_channel::<f32>("A")
+            .with_channel::<f32>(red)
+            .with_channel::<f32>(green)
+            .with_channel::<f32>(blue)
+            .with_pixel_fn(|position| {
+                let ([r, g, b, a], [x, y, z]) = (self.pixels[at(position)], transmittance[at(position)]);
+                (r, g, b, a, x, y, z)
+            });
+        let file = self.in_file(channels);
+        files::replace_atomically(path, |temporary| file.write().to_file(temporary).map_err(std::io::Error::other))
+    }
+
+    /// What a file holds besides the channels.
+    fn in_file<C>(&self, channel_data: C) -> exr::image::Image<Layer<C>> {
         let encoding = Encoding {
             compression: Compression::ZIP16,
             blocks: exr::image::Blocks::ScanLines,
             line_order: LineOrder::Increasing,
         };
-        let layer = Layer::new((self.width, self.height), LayerAttributes::default(), encoding, channels);
-        let mut image = exr::image::Image::from_layer(layer);
+        let size = Vec2(self.width, self.height);
         // Attribute text is bytes; UTF-8 is what OpenImageIO reads and writes there.
         let text = |text: &str| Text::from_bytes_unchecked(text.bytes().collect());
-        image.layer_data.attributes.other.insert(text("colorInteropID"), AttributeValue::Text(text(COLOR_SPACE)));
+        let mut attributes = LayerAttributes::default();
+        attributes.other.insert(text("colorInteropID"), AttributeValue::Text(text(COLOR_SPACE)));
         for (name, value) in &self.provenance {
-            let name = text(&format!("{ATTRIBUTE_PREFIX}{name}"));
-            image.layer_data.attributes.other.insert(name, AttributeValue::Text(text(value)));
+            attributes.other.insert(text(&format!("{ATTRIBUTE_PREFIX}{name}")), AttributeValue::Text(text(value)));
         }
-        files::replace_atomically(path, |temporary| image.write().to_file(temporary).map_err(std::io::Error::other))
+        let window = ImageAttributes::new(IntegerBounds::new(attributes.layer_position, size));
+        exr::image::Image { attributes: window, layer_data: Layer { channel_data, attributes, size, encoding } }
     }
 
     /// Reads the first part of an EXR with channels R, G, B and, if there are, A (else 1) and the transmittance's.

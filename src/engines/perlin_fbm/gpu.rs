@@ -1,6 +1,7 @@
 //! The bake of the Perlin-FBM cloud on the adapter.
 
 use crate::base::error::Result;
+use crate::base::texture::Outside;
 use crate::gpu::{Bindings, ComputeKernel, Gpu, Layout};
 use crate::graph::wgsl::Linker;
 use crate::nodes::perlin_fbm::Volume;
@@ -64,7 +65,7 @@ impl<'a> BakeKernel<'a> {
         }
         // Coordinates beyond all numbers: what the CPU gives is no number, and its byte is 0.
         if axes.iter().any(|&[fraction, _]| f32::from_bits(fraction).is_nan()) {
-            return Ok(Volume { side, texels: vec![0; side.pow(3)] });
+            return Ok(Volume::new(side, vec![0; side.pow(3)], Outside::Repeat));
         }
         let pairs: Vec<u8> =
             (0..1 << 16).map(|index| table[(usize::from(table[index & 255]) + (index >> 8)) & 255]).collect();
@@ -132,6 +133,6 @@ impl<'a> BakeKernel<'a> {
         }
         let [.., output] = &data;
         let words: Vec<u32> = bytemuck::pod_collect_to_vec(&self.gpu.read_back(output, 4 * all as u64)?);
-        Ok(Volume { side, texels: words.into_iter().map(|word| word as u8).collect() })
+        Ok(Volume::new(side, words.into_iter().map(|word| word as u8).collect(), Outside::Repeat))
     }
 }

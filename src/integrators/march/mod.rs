@@ -25,6 +25,7 @@ pub mod light_grid;
 
 pub use gpu::CONSTANTS;
 
+use crate::base::choice::choice;
 use crate::base::error::{Error, Result};
 use crate::base::progress::Progress;
 use crate::gpu::Gpu;
@@ -44,7 +45,6 @@ use crate::view::lights::{DeltaLight, delta_lights, harmonics, sphere_directions
 use crate::view::sampler::Sampler;
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
-use serde::{Deserialize, Serialize};
 
 /// Rays that are marched together, so that the density program gets full batches.
 const RAYS: usize = 1 << 14;
@@ -55,28 +55,29 @@ const STEPS: usize = 16;
 /// Shadow samples that are evaluated together in mode `exact`.
 const SHADOW_SAMPLES: usize = 1 << 20;
 
-/// A part of the work that a scene does not need. The picture is that of the generic work: to the bit
-/// but where a sum of many steps becomes one product, which moves it by the rounding of that sum.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Omission {
-    /// Nothing scatters or nothing shines: no light is baked, marched or added.
-    InScatter,
-    /// No sun, point or spot: no march towards one.
-    Lights,
-    /// A black world: no quadrature over its directions.
-    World,
-    /// Anisotropy 0: the phase function is a constant.
-    Phase,
-    /// A homogeneous medium: the density is not evaluated at view samples.
-    Density,
-    /// A homogeneous medium without light in it: one exponential per ray. Not with plain integration
-    /// of an emission, whose error is that of the steps.
-    ViewSteps,
-    /// A homogeneous medium with light in mode `exact`: the depth towards the light is a length.
-    ShadowSteps,
-    /// No part of the medium is provably empty: no lookups of empty cells.
-    EmptyCells,
+choice! {
+    "kebab-case",
+    /// A part of the work that a scene does not need. The picture is that of the generic work: to the bit
+    /// but where a sum of many steps becomes one product, which moves it by the rounding of that sum.
+    pub enum Omission {
+        /// Nothing scatters or nothing shines: no light is baked, marched or added.
+        InScatter,
+        /// No sun, point or spot: no march towards one.
+        Lights,
+        /// A black world: no quadrature over its directions.
+        World,
+        /// Anisotropy 0: the phase function is a constant.
+        Phase,
+        /// A homogeneous medium: the density is not evaluated at view samples.
+        Density,
+        /// A homogeneous medium without light in it: one exponential per ray. Not with plain integration
+        /// of an emission, whose error is that of the steps.
+        ViewSteps,
+        /// A homogeneous medium with light in mode `exact`: the depth towards the light is a length.
+        ShadowSteps,
+        /// No part of the medium is provably empty: no lookups of empty cells.
+        EmptyCells,
+    }
 }
 
 /// What all rays share.

@@ -539,11 +539,6 @@ fn anchor(label: &str) -> String {
     kept.map(|c| if c == ' ' { '-' } else { c.to_ascii_lowercase() }).collect()
 }
 
-/// The word of scene files.
-fn kind(kind: SocketType) -> String {
-    crate::base::files::word(&kind)
-}
-
 impl NodeEntry {
     fn markdown(&self, text: &mut String) {
         line(text, format_args!("\n## {}\n", self.label));
@@ -573,7 +568,7 @@ impl NodeEntry {
                 } else {
                     components(input.default)
                 };
-                let kind = if input.default.is_empty() { "closure or text".to_owned() } else { kind(input.kind) };
+                let kind = if input.default.is_empty() { "closure or text".to_owned() } else { input.kind.to_string() };
                 let used = input.used.clone().unwrap_or_default();
                 row(text, &[input.identifier, input.label, &kind, &default, &used, &input.exists]);
             }
@@ -582,7 +577,7 @@ impl NodeEntry {
         head(text, &["output", "kind", "exists"]);
         for output in &self.outputs {
             let exists = if output.refused { "refused" } else { &output.exists };
-            row(text, &[output.identifier, &kind(output.kind), exists]);
+            row(text, &[output.identifier, &output.kind.to_string(), exists]);
         }
         if !self.restrictions.is_empty() {
             text.push('\n');

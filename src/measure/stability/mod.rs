@@ -115,7 +115,7 @@ pub struct Table {
     pub left_out: Vec<String>,
     /// The rows.
     pub rows: Vec<Judgement>,
-    /// The guards that rows name, with their place and test.
+    /// The guards that rows name, with their files and what shows them at work.
     pub guards: Vec<guards::Described>,
 }
 
@@ -339,9 +339,9 @@ impl Experiment for Running<'_> {
 }
 
 impl Table {
-    /// Whether no row fails.
+    /// Whether no row fails, and every guard is at work.
     pub fn holds(&self) -> bool {
-        self.rows.iter().all(|row| row.verdict != Verdict::Fails)
+        self.rows.iter().all(|row| row.verdict != Verdict::Fails) && self.guards.iter().all(|guard| guard.holds)
     }
 
     /// Rows of a verdict.

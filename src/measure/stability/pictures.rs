@@ -362,6 +362,11 @@ impl Uniform {
         Self { density, extinction, container: unit_box(), program: Density::filling(program, region) }
     }
 
+    /// What whoever reads the density is given.
+    pub fn value(&self) -> Result<f64> {
+        Ok(self.program.values(&[[0.0; 3]])?[0].into())
+    }
+
     /// What an engine marches through.
     pub fn marched<'a>(&'a self, light: &'a LightModel) -> Marched<'a> {
         Marched {

@@ -47,8 +47,12 @@ impl Table {
         line(format_args!("\nGuards:"));
         for guard in &self.guards {
             line(format_args!(
-                "  {}: {} ({}; test {} in {})",
-                guard.name, guard.keeps, guard.place, guard.test, guard.test_place
+                "  {}{}: {} ({}; {})",
+                guard.name,
+                if guard.holds { "" } else { " FAILS" },
+                guard.keeps,
+                guard.files.join(", "),
+                guard.shown_by
             ));
         }
         text

@@ -1,32 +1,20 @@
 //! The Pareto front, the settings that nothing beats: those for which no other is both faster and closer to the truth.
 
+use crate::base::choice::choice;
 use crate::base::error::{Error, Result};
 use crate::measure::study::Measured;
-use serde::{Deserialize, Serialize};
 
-/// An error by which runs are compared.
-#[derive(
-    Debug,
-    Clone,
-    Copy,
-    PartialEq,
-    Eq,
-    Serialize,
-    Deserialize,
-    strum::Display,
-    strum::EnumMessage,
-    strum::IntoStaticStr,
-    strum::VariantArray,
-)]
-#[serde(rename_all = "snake_case")]
-#[strum(serialize_all = "snake_case")]
-pub enum Metric {
-    /// Relative mean squared error.
-    Relmse,
-    /// Root of the mean squared error.
-    Rms,
-    /// HDR-FLIP.
-    Flip,
+choice! {
+    "snake_case",
+    /// An error by which runs are compared.
+    pub enum Metric {
+        /// Relative mean squared error.
+        Relmse,
+        /// Root of the mean squared error.
+        Rms,
+        /// HDR-FLIP.
+        Flip,
+    }
 }
 
 impl Metric {

@@ -263,7 +263,7 @@ impl Experiment for Running<'_> {
                 }
                 let report = |done: f64, what: &str| desk.report(done, what);
                 let (file, scene) = (&self.study.file, self.scene(combination));
-                let made = file.truth.render(scene, &combination.density, TRUTHS, desk.ledger, &report)?;
+                let made = file.truth.render(scene, &combination.density, &self.inputs(job)?, desk.ledger, &report)?;
                 Ok(Found::Record(Record::Truth(made)))
             }
             Job::Run(combination) => self.measure(combination, desk),

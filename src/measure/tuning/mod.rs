@@ -511,7 +511,7 @@ impl Experiment for Running<'_> {
                 let scene = tuning.scenes().nth(*view).expect("a view of the plan");
                 let report = |done: f64, what: &str| desk.report(done, what);
                 let density = &tuning.file.engine.density;
-                Record::Truth(tuning.file.truth.render(scene, density, TRUTHS, desk.ledger, &report)?)
+                Record::Truth(tuning.file.truth.render(scene, density, &self.inputs(job)?, desk.ledger, &report)?)
             }
             Job::Search => Record::Search(tuning.search(self.judge(desk)?, desk)?),
             Job::Noise => Record::Noise(noise_flip(desk.folder()?, self.judge(desk)?)?),

@@ -2,6 +2,7 @@
 
 use crate::base::error::{Error, Result};
 use crate::base::interpolation::smooth;
+use crate::base::texture::Outside;
 use crate::nodes::perlin_fbm::noise::{Number, Octaves, octaves};
 use crate::nodes::perlin_fbm::random::{Permutation, permutation};
 use crate::nodes::perlin_fbm::rows::Waves;
@@ -88,7 +89,8 @@ impl Bake {
     pub fn volume_in<T: Float + Number>(&self, side: usize) -> Result<Volume> {
         self.check_side(side)?;
         let values = rows::blend::<T>(&self.waves(), &permutation(self.seed), side);
-        Ok(Volume { side, texels: values.into_par_iter().map(|value| self.byte(value)).collect() })
+        let texels = values.into_par_iter().map(|value| self.byte(value)).collect();
+        Ok(Volume::new(side, texels, Outside::Repeat))
     }
 
     /// The same as [`Self::volume`], texel by texel on one core as the original computes it: what benchmarks and tests compare with.
@@ -99,7 +101,7 @@ impl Bake {
             let place = [index % side, index / side % side, index / (side * side)];
             self.byte(self.blend::<f64>(&table, place.map(|number| number as f64 / (side - 1) as f64)))
         };
-        Ok(Volume { side, texels: (0..side.pow(3)).map(texel).collect() })
+        Ok(Volume::new(side, (0..side.pow(3)).map(texel).collect(), Outside::Repeat))
     }
 
     pub(crate) fn check_side(&self, side: usize) -> Result<()> {

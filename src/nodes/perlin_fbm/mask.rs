@@ -1,6 +1,7 @@
 //! The mask: the signed distance of a sphere that is flattened in six directions and deformed by two textures of noise.
 
 use crate::base::error::Result;
+use crate::base::texture::Outside;
 use crate::nodes::perlin_fbm::noise::{Field, noise};
 use crate::nodes::perlin_fbm::random::{Permutation, permutation};
 use crate::nodes::perlin_fbm::{Volume, above_zero, finite};
@@ -103,7 +104,7 @@ impl Deformation {
     /// The texture of `SIDE` texels per axis: noise in the direction of each texel from the centre, as a byte that wraps around.
     pub fn texture(&self) -> Volume {
         let table = permutation(self.seed);
-        Volume::bake(SIDE, |place| {
+        Volume::bake(SIDE, Outside::Clamp, |place| {
             // The side is even: no texel lies at the centre.
             let value = self.value(&table, place.map(|number| 2.0 * number as f64 / (SIDE - 1) as f64 - 1.0));
             // Truncated, not clamped: 256 wraps to 0.

@@ -66,29 +66,39 @@ fn build(mode: &crate::nodes::Mode) -> Box<dyn NodeEvaluator> {
 }
 
 /// A byte texture of side `side`: one channel, x fastest.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug)]
 pub struct Volume {
     /// Texels per axis.
     pub side: usize,
     /// `side`^3 texels.
-    pub texels: Vec<u8>,
+    pub texels: Arc<[u8]>,
+    outside: Outside,
+    texture: OnceLock<TextureHandle>,
 }
 
 impl Volume {
+    /// A texture of `side`^3 texels.
+    pub fn new(side: usize, texels: Vec<u8>, outside: Outside) -> Self {
+        Self { side, texels: texels.into(), outside, texture: OnceLock::new() }
+    }
+
     /// A texture from the byte of each texel, on all cores.
-    fn bake(side: usize, texel: impl Fn([usize; 3]) -> u8 + Sync) -> Self {
+    fn bake(side: usize, outside: Outside, texel: impl Fn([usize; 3]) -> u8 + Sync) -> Self {
         let texels = (0..side.pow(3))
             .into_par_iter()
             .with_min_len(side)
             .map(|index| texel([index % side, index / side % side, index / (side * side)]))
             .collect();
-        Self { side, texels }
+        Self::new(side, texels, outside)
     }
 
-    /// What programs read: values from 0 to 1. At a coordinate c in [0, 1] its index is c `side` - 0.5.
-    pub fn texture(&self, outside: Outside) -> TextureHandle {
-        let texels = Texels::Unorm8 { bytes: self.texels.clone(), range: [0.0, 1.0] };
-        TextureHandle::new(Texture::new([self.side; 3], texels, TextureFilter::Trilinear, outside))
+    /// What programs read: values from 0 to 1, of the same bytes, made when it is asked for first. At a coordinate c in [0, 1] its index
+    /// is c `side` - 0.5.
+    pub fn texture(&self) -> &TextureHandle {
+        self.texture.get_or_init(|| {
+            let texels = Texels::Unorm8 { bytes: Arc::clone(&self.texels), range: [0.0, 1.0] };
+            TextureHandle::new(Texture::new([self.side; 3], texels, TextureFilter::Trilinear, self.outside))
+        })
     }
 }
 
@@ -151,8 +161,6 @@ pub struct Cloud {
     table: random::Permutation,
     volume: Arc<Volume>,
     mask: mask::Baked,
-    /// The volume's texture and those of the mask, made when they are read first.
-    textures: OnceLock<[TextureHandle; 3]>,
 }
 
 impl PartialEq for Cloud {
@@ -203,7 +211,7 @@ impl Cloud {
         };
         let mask = parameters.mask.bake_after(other.map(|other| &other.mask))?;
         let table = random::permutation(parameters.bake.seed);
-        Ok(Self { parameters, table, volume, mask, textures: OnceLock::new() })
+        Ok(Self { parameters, table, volume, mask })
     }
 
     /// What it was made from.
@@ -221,11 +229,10 @@ impl Cloud {
         &self.mask
     }
 
-    fn textures(&self) -> &[TextureHandle; 3] {
-        self.textures.get_or_init(|| {
-            let [main, fine] = self.mask.textures.each_ref().map(|texture| texture.texture(Outside::Clamp));
-            [self.volume.texture(Outside::Repeat), main, fine]
-        })
+    /// The volume's texture and those of the mask.
+    fn textures(&self) -> [&TextureHandle; 3] {
+        let [main, fine] = &self.mask.textures;
+        [self.volume.texture(), main.texture(), fine.texture()]
     }
 
     /// Place of the box's centre in the texture, in periods: what is left of it within a period is all that counts, taken in f64.
@@ -256,7 +263,7 @@ impl Cloud {
                 number(parameters.bake.exact(&self.table, part.map(Real::to_f64)))
             } else {
                 let side = R::of(self.volume.side as f32);
-                texture_lookup::read(&self.textures()[0], part.map(|part| part * side - R::of(0.5)))
+                texture_lookup::read(self.volume.texture(), part.map(|part| part * side - R::of(0.5)))
             }
         };
         let is_empty = mask <= R::of(0.0) || texel < number(parameters.threshold);
@@ -289,7 +296,7 @@ impl Cloud {
             } else {
                 let side = R::of(mask::SIDE as f32);
                 let at = direction.map(|part| (part * number(radius) * R::of(0.5) + R::of(0.5)) * side - R::of(0.5));
-                R::of(2.0) * texture_lookup::read(&self.textures()[1 + index], at) - R::of(1.0)
+                R::of(2.0) * texture_lookup::read(self.mask.textures[index].texture(), at) - R::of(1.0)
             };
             displacement = displacement + value * number(deformation.strength);
         }
@@ -334,7 +341,7 @@ impl Cloud {
                     let index = part * <Interval as Quantity>::of(0.5 * radius * mask::SIDE as f64);
                     index + <Interval as Quantity>::of(0.5 * mask::SIDE as f64 - 0.5)
                 });
-                let [low, high] = texture_lookup::enclose(&self.textures()[1 + index], &directions).ends();
+                let [low, high] = texture_lookup::enclose(self.mask.textures[index].texture(), &directions).ends();
                 [2.0 * low - 1.0, 2.0 * high - 1.0]
             };
             let ends = [low * deformation.strength, high * deformation.strength];
@@ -371,7 +378,7 @@ impl Cloud {
                 let number = <Interval as Quantity>::of;
                 (place[axis] * number(parameters.tiling) + number(moved[axis])) * number(side) - number(0.5)
             });
-            texture_lookup::enclose(&self.textures()[0], &index).ends()
+            texture_lookup::enclose(self.volume.texture(), &index).ends()
         };
         // What a rounding may bring across the threshold.
         let limit = parameters.threshold;
@@ -406,7 +413,7 @@ impl Evaluate for Density {
     }
 
     fn textures(&self) -> Vec<TextureHandle> {
-        self.0.textures().to_vec()
+        self.0.textures().map(Clone::clone).to_vec()
     }
 
     fn without_shader(&self) -> Option<&'static str> {

@@ -18,6 +18,7 @@ pub mod shrink;
 pub use compare::{BoundsFigures, CpuFigures, Differences, WgslFigures};
 pub use generate::generate;
 
+use crate::base::choice::choice;
 use crate::base::error::{Error, Result};
 use crate::base::files;
 use crate::bridge::{CyclesKernel, Message, probe};
@@ -73,22 +74,24 @@ pub struct RandomGraph {
     pub trial: Trial,
 }
 
-/// What can go wrong.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Kind {
-    /// Ours does not compile the graph.
-    Compiler,
-    /// Blender does not build the graph.
-    Blender,
-    /// f32 on the CPU is not what Cycles computes.
-    Cpu,
-    /// The shader does not compose, or the adapter refuses it.
-    Shader,
-    /// WGSL is not what the CPU computes.
-    Wgsl,
-    /// A value lies outside of its bounds.
-    Bounds,
+choice! {
+    "lowercase",
+    /// What can go wrong.
+    #[derive(Hash)]
+    pub enum Kind {
+        /// Ours does not compile the graph.
+        Compiler,
+        /// Blender does not build the graph.
+        Blender,
+        /// f32 on the CPU is not what Cycles computes.
+        Cpu,
+        /// The shader does not compose, or the adapter refuses it.
+        Shader,
+        /// WGSL is not what the CPU computes.
+        Wgsl,
+        /// A value lies outside of its bounds.
+        Bounds,
+    }
 }
 
 impl Kind {
@@ -244,7 +247,7 @@ pub fn keep(
             Kind::Compiler => shrink::Shrunk { trial: graph.trial.clone(), failure: failure.clone() },
             _ => shrink::shrink(&graph.trial, failure, judge, reference),
         };
-        let kind = files::word(&failure.kind);
+        let kind = failure.kind;
         let path = save(&left.trial, &left.failure, &format!("random-graph-{}-{kind}", graph.seed), folder)?;
         outcome.saved.push(Saved { failure: left.failure, nodes: left.trial.scene.graph().nodes.len(), path });
     }
