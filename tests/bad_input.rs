@@ -233,11 +233,49 @@ fn numbers_that_are_none() {
 }
 
 #[test]
+fn all_errors_of_a_scene_are_named_at_once() {
+    let folder = folder();
+    let mut scene = cloud();
+    let remove = |part: &mut Json, key: &str| drop(part.as_object_mut().map(|fields| fields.remove(key)));
+    remove(&mut scene, "format");
+    remove(&mut scene["camera"], "matrix_world");
+    scene["camera"]["zoom"] = 2.into();
+    scene["camera"]["projection"] = "fisheye".into();
+    scene["film"]["resolution"] = json!([320]);
+    scene["integrator"]["volume_bounces"] = (-1).into();
+    remove(&mut scene["lights"][0], "strength");
+    scene["world"]["strength"] = "bright".into();
+    remove(&mut scene["graph"]["nodes"][1], "type");
+    scene["graph"]["nodes"][0]["inputs"]["Volume"] = json!({"node": "Principled Volume"});
+    write(&folder, "x.scene.json", &scene.to_string());
+    run(folder.path(), &["explain", "x.scene.json"]).is_refused(
+        "ten errors",
+        &[
+            "10 errors",
+            "$: no format",
+            "$.camera: no matrix_world",
+            "$.camera: \"zoom\"",
+            "$.camera.projection",
+            "$.film.resolution",
+            "$.integrator.volume_bounces",
+            "$.lights[0]: no strength",
+            "$.world.strength",
+            "$.graph.nodes[1]: no type",
+            "$.graph.nodes[0].inputs.Volume",
+        ],
+    );
+}
+
+#[test]
 fn wrong_fields_of_the_scene() {
     type Edit = fn(&mut Json);
     let cases: &[(&str, Edit, &[&str])] = &[
         ("format", |scene| scene["format"] = "cloudparity-scene/9".into(), &["$.format", "cloudparity-scene/1"]),
-        ("no name", |scene| drop(scene.as_object_mut().map(|fields| fields.remove("name"))), &["missing field `name`"]),
+        (
+            "no camera",
+            |scene| drop(scene.as_object_mut().map(|fields| fields.remove("camera"))),
+            &["missing field `camera`"],
+        ),
         ("unknown field", |scene| scene["colour"] = 1.into(), &["colour", "unknown field"]),
         ("name", |scene| scene["name"] = 3.into(), &["$.name", "integer `3`"]),
         ("projection", |scene| scene["camera"]["projection"] = "fisheye".into(), &["$.camera.projection", "fisheye"]),

@@ -35,6 +35,42 @@ fn the_readme_lists_every_command_and_no_other() {
 }
 
 #[test]
+fn the_scene_of_the_documentation_is_rendered() {
+    let text = read("docs/scene-format.md");
+    let (_, example) = text.split_once("```json\n").expect("an example");
+    let (example, _) = example.split_once("```").expect("its end");
+    assert!(example.lines().count() <= 20, "a short example");
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    std::fs::write(folder.path().join("fog.scene.json"), example).expect("written");
+    let run = |arguments: &[&str]| {
+        let mut command = assert_cmd::cargo::cargo_bin_cmd!("cloudparity");
+        let output = command.current_dir(folder.path()).args(arguments).output().expect("the program runs");
+        assert!(output.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&output.stderr));
+        String::from_utf8(output.stdout).expect("text")
+    };
+    let params = run(&["params", "fog.scene.json"]);
+    assert!(params.lines().any(|line| line.starts_with("Noise.Scale ") && line.contains(" 2")), "{params}");
+    run(&["explain", "fog.scene.json"]);
+    run(&[
+        "render",
+        "fog.scene.json",
+        "-o",
+        "fog.exr",
+        "--integrator",
+        "path",
+        "--samples",
+        "4",
+        "--resolution",
+        "32x18",
+    ]);
+    let scene = cloudparity::scene::Scene::load(&folder.path().join("fog.scene.json")).expect("it loads");
+    assert_eq!((scene.name.as_str(), scene.volume.material.as_str()), ("fog", "Fog"));
+    let picture = cloudparity::scene::image::Image::read_exr(&folder.path().join("fog.exr")).expect("a picture");
+    // The middle is seen through two metres of fog, the corners are the world's.
+    assert!(picture.pixels[9 * 32 + 16] != picture.pixels[0], "the fog is seen");
+}
+
+#[test]
 fn the_scene_format_lists_every_node_of_blender_that_evaluates_and_no_other() {
     let text = read("docs/scene-format.md");
     let (_, table) = text.split_once("### Nodes that evaluate").expect("the section is there");

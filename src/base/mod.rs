@@ -6,6 +6,7 @@ pub mod error;
 pub mod files;
 pub mod identity;
 pub mod interpolation;
+pub mod kinds;
 #[cfg(feature = "tools")]
 pub mod ledger;
 pub mod numbers;

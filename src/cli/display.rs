@@ -4,8 +4,9 @@ use crate::base::error::Result;
 use crate::bridge;
 use crate::bridge::CyclesKernel;
 use crate::measure::pictures::SCRIPT;
+use crate::scene::Display;
 use serde_json::json;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 /// Make a PNG of an EXR through Blender's own colour management, equal to the PNG that Blender saves without dither.
@@ -38,6 +39,18 @@ pub(super) struct Arguments {
     /// Part (render pass) of a file with several.
     #[arg(long)]
     part: Option<String>,
+}
+
+/// Makes a PNG of a picture under a scene's display settings; returns the view that was used.
+pub(super) fn show(exr: &Path, png: &Path, display: &Display) -> Result<String> {
+    let Display { view_transform, look, exposure, gamma } = display;
+    let picture = json!({
+        "exr": [exr], "png": png, "part": null, "view": view_transform, "look": look, "exposure": exposure, "gamma": gamma,
+        "background": null, "channels": "rgba",
+    });
+    let request = json!({"op": "display", "images": [picture]});
+    let result = bridge::run_script(SCRIPT, &request, CyclesKernel::Default, |_| ())?;
+    Ok(result["images"][0]["view_used"].as_str().unwrap_or_default().to_owned())
 }
 
 pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {

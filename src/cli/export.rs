@@ -2,6 +2,7 @@
 
 use crate::base::error::{Error, Result};
 use crate::base::files;
+use crate::base::kinds::{self, FileKind};
 use crate::bridge;
 use crate::bridge::CyclesKernel;
 use crate::graph::closures::ClosureSum;
@@ -24,11 +25,19 @@ pub(super) struct Arguments {
 }
 
 pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
+    let scene = export(&arguments.blend, &arguments.object, &arguments.output)?;
+    super::print(&format!("{}: {}\n", arguments.output.display(), describe(&scene)))?;
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Reads a .blend, of all its volumes or of the objects that are named, and writes the scene file.
+pub(super) fn export(blend: &Path, objects: &[String], output: &Path) -> Result<Scene> {
+    let place = blend.display().to_string();
+    kinds::want(blend, FileKind::Blend)?;
     let bar = super::progress_bar(1000);
-    let blend = std::path::absolute(&arguments.blend).unwrap_or_else(|_| arguments.blend.clone());
-    let chosen = (!arguments.object.is_empty()).then_some(&arguments.object);
+    let blend = std::path::absolute(blend).unwrap_or_else(|_| blend.to_owned());
+    let chosen = (!objects.is_empty()).then_some(objects);
     let request = json!({"blend": blend, "object": chosen});
-    let place = arguments.blend.display().to_string();
     // Blender names objects and nodes; which file they are in is known here.
     let in_file = |error: Error| match error.place.contains(&place) {
         true => error,
@@ -46,10 +55,35 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
         .as_str()
         .map_or_else(|| serde_json::to_string_pretty(&result["scene"]).expect("JSON serialises") + "\n", str::to_owned);
     if let (Some(source), Some(image)) = (result["world_image"].as_str(), &scene.world.image) {
-        copy_beside(Path::new(source), &arguments.output.with_file_name(&image.file))?;
+        copy_beside(Path::new(source), &output.with_file_name(&image.file))?;
     }
-    files::write_atomically(&arguments.output, text.as_bytes())?;
-    Ok(ExitCode::SUCCESS)
+    files::write_atomically(output, text.as_bytes())?;
+    Ok(scene)
+}
+
+/// What a scene holds, in a line.
+pub(super) fn describe(scene: &Scene) -> String {
+    let [width, height] = scene.image_size();
+    let volumes: Vec<&str> =
+        std::iter::once(&scene.volume).chain(&scene.other_volumes).map(|volume| volume.object.as_str()).collect();
+    let graph = scene.graph();
+    let nodes = graph.nodes.len() + graph.groups.iter().map(|group| group.nodes.len()).sum::<usize>();
+    let lights = match scene.lights.len() {
+        0 => "no light".to_owned(),
+        1 => format!("light {}", scene.lights[0].name),
+        several => format!("{several} lights"),
+    };
+    let world = match (&scene.world.image, scene.world.strength * scene.world.color.iter().sum::<f32>() > 0.0) {
+        (Some(image), _) => format!("the world {}", image.file),
+        (None, true) => "a world of one colour".to_owned(),
+        (None, false) => "a black world".to_owned(),
+    };
+    format!(
+        "{width} x {height} pixels, {} {}, material {} of {nodes} nodes, {lights}, {world}",
+        if volumes.len() == 1 { "volume" } else { "volumes" },
+        volumes.join(", "),
+        graph.material
+    )
 }
 
 /// Puts the picture around the scene beside the scene file; another one of that name is not overwritten.

@@ -23,6 +23,7 @@ mod eval;
 pub(crate) mod explain;
 mod export;
 mod grid;
+mod init;
 mod lights;
 mod march;
 mod models;
@@ -30,6 +31,7 @@ mod modes;
 mod nodes;
 mod notices;
 mod options;
+mod params;
 mod parity;
 mod picture;
 mod probe;
@@ -77,10 +79,12 @@ enum Command {
     Explain(explain::Arguments),
     Export(export::Arguments),
     Grid(grid::Arguments),
+    Init(init::Arguments),
     Lights(lights::Arguments),
     Models(models::Arguments),
     Modes(modes::Arguments),
     Nodes(nodes::Arguments),
+    Params(params::Arguments),
     Parity(parity::Arguments),
     Probe(probe::Arguments),
     Recommend(study::RecommendArguments),
@@ -127,10 +131,12 @@ pub fn run() -> ExitCode {
         Command::Explain(arguments) => explain::run(&arguments),
         Command::Export(arguments) => export::run(&arguments),
         Command::Grid(arguments) => grid::run(&arguments),
+        Command::Init(arguments) => init::run(&arguments),
         Command::Lights(arguments) => lights::run(&arguments),
         Command::Models(arguments) => models::run(&arguments),
         Command::Modes(arguments) => modes::run(&arguments),
         Command::Nodes(arguments) => nodes::run(&arguments),
+        Command::Params(arguments) => params::run(&arguments),
         Command::Parity(arguments) => parity::run(&arguments),
         Command::Probe(arguments) => probe::run(&arguments),
         Command::Recommend(arguments) => study::recommend(&arguments),

@@ -13,19 +13,22 @@ use crate::integrators::MarchSettings;
 use crate::integrators::path;
 use crate::integrators::path::{PathSettings, State, Tracking};
 use crate::media::density_cache::CacheReport;
+use crate::media::medium::Medium;
 use crate::scene::Scene;
 use crate::scene::image::Image;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-/// Render a scene into a scene-linear EXR.
+/// Render a scene: a scene-linear EXR, or a PNG with the EXR beside it.
 #[derive(clap::Args)]
+#[command(after_help = "Example: cloudparity render CLOUD.scene.json -o CLOUD.png")]
 pub(super) struct Arguments {
     #[command(flatten)]
     picture: PictureArguments,
-    /// The method.
-    #[arg(long, value_enum, default_value_t = Integrator::March)]
-    integrator: Integrator,
+    /// The method. Without it that which its options are of; else march where the scene scatters once in one medium, and path
+    /// where there is more.
+    #[arg(long, value_enum)]
+    integrator: Option<Integrator>,
     /// Instead of a method, an engine as a tuned preset (*.preset.json) has it.
     #[arg(long, value_name = "FILE", conflicts_with_all = ["integrator", "seed"])]
     preset: Option<PathBuf>,
@@ -92,7 +95,9 @@ enum BackendName {
 }
 
 pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
+    let begin = std::time::Instant::now();
     let mut scene = arguments.picture.load()?;
+    let output = &Output::new(&arguments.picture.output);
     if let Some(filter) = arguments.pixel_filter {
         scene.film.pixel_filter = filter.into();
     }
@@ -104,18 +109,20 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
         let preset = super::engine::preset(path)?;
         let (scene, engine, combination) = preset.build(&scene)?;
         let settings = combination.picture_settings();
-        let output = &arguments.picture.output;
-        return super::engine::write(
+        super::engine::write(
             (&scene, &engine),
             &settings,
             is_gpu,
             Some(&preset),
-            output,
+            &output.exr,
             arguments.allow_nonfinite,
-        );
+        )?;
+        return output.finish(&scene, &format!("engine {}, preset {}", engine.model, preset.title), begin);
     }
-    if arguments.integrator == Integrator::Engine {
-        return engine(arguments, &scene);
+    let (integrator, why) = arguments.chosen(&scene);
+    if integrator == Integrator::Engine {
+        let what = engine(arguments, &scene, &output.exr)?;
+        return output.finish(&scene, &what, begin);
     }
     refuse("engine", &arguments.engine.given())?;
     let bar = super::progress_bar(1000);
@@ -127,7 +134,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
         BackendName::Cpu => Backend::Cpu,
         BackendName::Gpu => Backend::Gpu,
     };
-    let image = match arguments.integrator {
+    let image = match integrator {
         Integrator::March => {
             refuse("path", &arguments.path.given())?;
             let settings = arguments.march.settings(MarchSettings::default(), arguments.seed)?;
@@ -138,7 +145,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
             if let Some(count) = arguments.path.replicas {
                 return replicas(arguments, &scene, backend, count, &report);
             }
-            let mut state = arguments.picture.output.clone().into_os_string();
+            let mut state = output.exr.clone().into_os_string();
             state.push(".state");
             let state = State { path: state.as_ref(), resume: arguments.path.resume.resume() };
             path::render(&scene, &arguments.path.settings(arguments.seed), backend, Some(&state), &report)?
@@ -146,15 +153,76 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
         Integrator::Engine => unreachable!("it has returned"),
     };
     bar.finish_and_clear();
-    image.write_exr(&arguments.picture.output, arguments.allow_nonfinite)?;
+    image.write_exr(&output.exr, arguments.allow_nonfinite)?;
     if let Some(report) = CacheReport::of(&image) {
         super::print(&format!("{report}\n"))?;
     }
-    Ok(ExitCode::SUCCESS)
+    let what = match integrator {
+        Integrator::Path => {
+            format!("path tracing, {} samples{why}", image.provenance.get("samples").map_or("?", |s| s))
+        }
+        _ => format!("ray marching of single scattering{why}"),
+    };
+    output.finish(&scene, &what, begin)
 }
 
-/// Renders by the march of an engine.
-fn engine(arguments: &Arguments, scene: &Scene) -> Result<ExitCode> {
+impl Arguments {
+    /// The method, and why it was taken where nobody named it.
+    fn chosen(&self, scene: &Scene) -> (Integrator, String) {
+        let is_given = |options: &[(&str, bool)]| options.iter().any(|(_, given)| *given);
+        if let Some(named) = self.integrator {
+            return (named, String::new());
+        }
+        if is_given(&self.engine.given()) {
+            return (Integrator::Engine, String::new());
+        }
+        if is_given(&self.path.given()) {
+            return (Integrator::Path, String::new());
+        }
+        if is_given(&self.march.given()) {
+            return (Integrator::March, String::new());
+        }
+        if scene.integrator.volume_bounces.min(scene.integrator.max_bounces) > 0 {
+            return (Integrator::Path, ", as the scene scatters more than once".into());
+        }
+        match Medium::new(scene) {
+            Ok(_) => (Integrator::March, ", as the scene scatters once".into()),
+            Err(error) => (Integrator::Path, format!(", as ray marching cannot: {error}")),
+        }
+    }
+}
+
+/// Where the picture goes.
+struct Output {
+    /// The scene-linear picture.
+    exr: PathBuf,
+    /// The picture as it is shown, where one is wanted.
+    png: Option<PathBuf>,
+}
+
+impl Output {
+    fn new(path: &Path) -> Self {
+        let is_png = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("png"));
+        let (exr, png) =
+            if is_png { (path.with_extension("exr"), Some(path.to_owned())) } else { (path.to_owned(), None) };
+        Self { exr, png }
+    }
+
+    /// Makes the PNG through Blender's colour management, and says what was written.
+    fn finish(&self, scene: &Scene, what: &str, begin: std::time::Instant) -> Result<ExitCode> {
+        let [width, height] = scene.image_size();
+        let seconds = begin.elapsed().as_secs_f64();
+        super::print(&format!("{}: {width} x {height}, {what}, {seconds:.1} s\n", self.exr.display()))?;
+        if let Some(png) = &self.png {
+            let view = super::display::show(&self.exr, png, &scene.display)?;
+            super::print(&format!("{}: as Blender shows it ({view})\n", png.display()))?;
+        }
+        Ok(ExitCode::SUCCESS)
+    }
+}
+
+/// Renders by the march of an engine; returns what it is.
+fn engine(arguments: &Arguments, scene: &Scene, output: &Path) -> Result<String> {
     refuse("path", &arguments.path.given())?;
     let shared = ["--jitter", "--sub-pixels", "--light"];
     let of_march: Vec<(&str, bool)> =
@@ -169,8 +237,8 @@ fn engine(arguments: &Arguments, scene: &Scene) -> Result<ExitCode> {
     }
     let settings = arguments.engine.settings(jitter, sub_pixels);
     let is_gpu = matches!(arguments.backend, BackendName::Gpu);
-    let output = &arguments.picture.output;
-    super::engine::write((scene, &engine), &settings, is_gpu, None, output, arguments.allow_nonfinite)
+    super::engine::write((scene, &engine), &settings, is_gpu, None, output, arguments.allow_nonfinite)?;
+    Ok(format!("engine {}", engine.model))
 }
 
 /// Renders and writes several pictures and their mean.

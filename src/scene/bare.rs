@@ -31,11 +31,5 @@ pub fn bare_scene(name: &str, graph: serde_json::Value) -> Result<Scene> {
         },
         "graph": graph,
     });
-    let mut scene = Scene::from_value(document, name)?;
-    let graph = scene.graph_mut();
-    let groups = graph.groups.iter_mut().flat_map(|group| &mut group.nodes);
-    for (number, node) in graph.nodes.iter_mut().chain(groups).enumerate() {
-        node.location.get_or_insert([200.0 * number as f32, 0.0]);
-    }
-    Ok(scene)
+    Scene::from_value(document, name)
 }

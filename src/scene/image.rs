@@ -7,6 +7,7 @@
 
 use crate::base::error::{Error, Result};
 use crate::base::files;
+use crate::base::kinds::{self, FileKind};
 use exr::prelude::{
     AttributeValue, Compression, Encoding, ImageAttributes, IntegerBounds, Layer, LayerAttributes, LineOrder,
     ReadChannels, ReadLayers, ReadSpecificChannel, SpecificChannels, Text, Vec2, WritableImage,
@@ -145,6 +146,7 @@ impl Image {
 
     /// Reads the first part of an EXR with channels R, G, B and, if there are, A (else 1) and the transmittance's.
     pub fn read_exr(path: &Path) -> Result<Self> {
+        kinds::want(path, FileKind::Exr)?;
         let place = path.display().to_string();
         let [red, green, blue] = TRANSMITTANCE;
         let image = exr::prelude::read()

@@ -5,9 +5,12 @@
 //! matrices act on column vectors and are written row by row. All numbers are f32.
 
 mod bare;
+mod defaults;
 mod graph_file;
 pub mod image;
 pub mod overrides;
+#[cfg(feature = "tools")]
+mod schema_errors;
 pub mod volume_grid;
 
 pub(crate) use graph_file::DEEPEST_NESTING;
@@ -17,6 +20,7 @@ pub use bare::bare_scene;
 
 use crate::base::error::{Error, Result};
 use crate::base::files;
+use crate::base::kinds::{self, FileKind};
 use crate::scene::volume_grid::{DENSITY, GridHandle};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -34,22 +38,28 @@ pub type Matrix = [[f32; 4]; 4];
 pub struct Scene {
     /// Always `cloudparity-scene/1`.
     pub format: String,
-    /// Short name, used for output files and titles.
+    /// Short name, used for output files and titles; the file's own where none is given.
+    #[serde(default)]
     pub name: String,
     /// The camera of the picture.
     pub camera: Camera,
     /// Resolution, pixel filter, exposure.
+    #[serde(default)]
     pub film: Film,
     /// Bounce limits.
+    #[serde(default)]
     pub integrator: Integrator,
     /// How a picture is shown; never touches scene-linear values.
+    #[serde(default)]
     pub display: Display,
     /// Sun, point, spot and area lights.
     #[serde(default)]
     pub lights: Vec<Light>,
-    /// The constant background.
+    /// The background: black where none is given.
+    #[serde(default)]
     pub world: World,
     /// The object that holds the medium.
+    #[serde(default)]
     pub volume: Volume,
     /// The node graph of the volume's material, here or in a file beside this one.
     pub graph: GraphSource,
@@ -122,26 +132,36 @@ impl<'de> serde::de::Visitor<'de> for GraphSourceVisitor {
 #[serde(deny_unknown_fields)]
 pub struct Camera {
     /// Object name.
+    #[serde(default = "defaults::camera")]
     pub name: String,
     /// Kind of projection.
+    #[serde(default = "defaults::projection")]
     pub projection: Projection,
     /// Camera to world; its scale is ignored, as in Cycles.
     pub matrix_world: Matrix,
     /// Millimetres.
+    #[serde(default = "defaults::focal_length")]
     pub focal_length: f32,
     /// Which sensor side fits the picture.
+    #[serde(default = "defaults::sensor_fit")]
     pub sensor_fit: SensorFit,
     /// Millimetres.
+    #[serde(default = "defaults::sensor_width")]
     pub sensor_width: f32,
     /// Millimetres.
+    #[serde(default = "defaults::sensor_height")]
     pub sensor_height: f32,
     /// Width of the view in metres, orthographic only.
+    #[serde(default = "defaults::ortho_scale")]
     pub ortho_scale: f32,
     /// View shift as a fraction of the fitted sensor length.
+    #[serde(default)]
     pub shift: [f32; 2],
     /// Metres along the view axis at which rays start.
+    #[serde(default = "defaults::clip_start")]
     pub clip_start: f32,
     /// Metres along the view axis at which rays end.
+    #[serde(default = "defaults::clip_end")]
     pub clip_end: f32,
     /// Angles in radians, equirectangular only.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -191,18 +211,25 @@ pub struct Panorama {
 #[serde(deny_unknown_fields)]
 pub struct Film {
     /// Width and height in pixels before the percentage.
+    #[serde(default = "defaults::resolution")]
     pub resolution: [u32; 2],
     /// Percent; the result is truncated, as in Blender.
+    #[serde(default = "defaults::percentage")]
     pub resolution_percentage: u32,
     /// Width and height of a pixel.
+    #[serde(default = "defaults::square")]
     pub pixel_aspect: [f32; 2],
     /// Reconstruction filter.
+    #[serde(default = "defaults::pixel_filter")]
     pub pixel_filter: PixelFilter,
     /// Filter width in pixels; ignored by the box filter.
+    #[serde(default = "defaults::filter_width")]
     pub filter_width: f32,
     /// Factor on radiance.
+    #[serde(default = "defaults::one")]
     pub exposure: f32,
     /// Leave the world out of what the camera sees directly.
+    #[serde(default)]
     pub transparent: bool,
 }
 
@@ -223,8 +250,10 @@ pub enum PixelFilter {
 #[serde(deny_unknown_fields)]
 pub struct Integrator {
     /// `n` allows `n + 1` scattering events; 0 is single scattering.
+    #[serde(default)]
     pub volume_bounces: u32,
     /// Cap on all bounces; the smaller of both wins.
+    #[serde(default = "defaults::max_bounces")]
     pub max_bounces: u32,
 }
 
@@ -233,12 +262,16 @@ pub struct Integrator {
 #[serde(deny_unknown_fields)]
 pub struct Display {
     /// For example `AgX` or `Standard`.
+    #[serde(default = "defaults::view_transform")]
     pub view_transform: String,
     /// For example `None`.
+    #[serde(default = "defaults::look")]
     pub look: String,
     /// Stops.
+    #[serde(default)]
     pub exposure: f32,
     /// Power after the view transform.
+    #[serde(default = "defaults::one")]
     pub gamma: f32,
 }
 
@@ -246,14 +279,17 @@ pub struct Display {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Light {
     /// Object name.
+    #[serde(default = "defaults::light")]
     pub name: String,
     /// Light to world.
     pub matrix_world: Matrix,
     /// Linear Rec. 709.
+    #[serde(default = "defaults::white")]
     pub color: [f32; 3],
     /// Irradiance for a sun, watts else.
     pub strength: f32,
     /// Stops on the strength.
+    #[serde(default)]
     pub exposure: f32,
     /// Kind and its own settings.
     #[serde(flatten)]
@@ -267,27 +303,34 @@ pub enum LightKind {
     /// Parallel light.
     Sun {
         /// Angular diameter in radians.
+        #[serde(default = "defaults::sun_angle")]
         angle: f32,
     },
     /// Point or soft sphere.
     Point {
         /// Metres.
+        #[serde(default = "defaults::radius")]
         radius: f32,
         /// A disc facing the receiver instead of a sphere.
+        #[serde(default = "defaults::yes")]
         soft_falloff: bool,
     },
     /// Cone.
     Spot {
         /// Metres.
+        #[serde(default = "defaults::radius")]
         radius: f32,
         /// Full angle in radians.
+        #[serde(default = "defaults::spot_size")]
         spot_size: f32,
         /// Softness of the edge, 0 to 1.
+        #[serde(default = "defaults::blend")]
         blend: f32,
     },
     /// One-sided rectangle or ellipse.
     Area {
         /// Blender's shape name.
+        #[serde(default = "defaults::area")]
         shape: String,
         /// Metres before the object's scale.
         size: [f32; 2],
@@ -299,8 +342,10 @@ pub enum LightKind {
 #[serde(deny_unknown_fields)]
 pub struct World {
     /// Linear Rec. 709.
+    #[serde(default)]
     pub color: [f32; 3],
     /// Factor.
+    #[serde(default = "defaults::one")]
     pub strength: f32,
     /// A picture in place of the colour, which has to be white then.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -322,18 +367,25 @@ pub struct WorldImage {
 #[serde(deny_unknown_fields)]
 pub struct Volume {
     /// Object name.
+    #[serde(default = "defaults::volume")]
     pub object: String,
     /// Object to world.
+    #[serde(default = "defaults::identity")]
     pub matrix_world: Matrix,
     /// Outline of the medium in object space.
+    #[serde(default = "defaults::shape")]
     pub shape: Shape,
     /// Axis-aligned bounds of the shape in object space.
+    #[serde(default = "defaults::bounds")]
     pub bounds: Bounds,
-    /// The mesh's texture space, for Generated coordinates.
+    /// The mesh's texture space, for Generated coordinates; that of the bounds where none is given.
+    #[serde(default = "defaults::texture_space")]
     pub texture_space: TextureSpace,
-    /// Material name.
+    /// Material name; that of the graph where none is given.
+    #[serde(default = "defaults::material")]
     pub material: String,
     /// Blender's per-material factor on ray-marching steps.
+    #[serde(default = "defaults::one")]
     pub volume_step_rate: f32,
     /// Colour and alpha of the object, for Object Info.
     #[serde(default = "white", skip_serializing_if = "is_white")]
@@ -349,6 +401,18 @@ pub struct Volume {
     #[schemars(skip)]
     pub grid: Option<GridHandle>,
 }
+
+/// What an empty object of a scene file stands for.
+macro_rules! default_of_empty_object {
+    ($($name:ident),*) => {
+        $(impl Default for $name {
+            fn default() -> Self {
+                serde_json::from_value(serde_json::json!({})).expect("every field has a default")
+            }
+        })*
+    };
+}
+default_of_empty_object!(Film, Integrator, Display, World, Volume);
 
 fn white() -> [f32; 4] {
     [1.0; 4]
@@ -423,18 +487,32 @@ fn check_hash(path: &Path, what: &str, wanted_at: &str, wanted: &str) -> Result<
 impl Scene {
     /// Reads and checks a scene file; a graph in a file of its own is read into the scene.
     pub fn load(path: &Path) -> Result<Self> {
+        kinds::want(path, FileKind::Scene)?;
         let text = files::read_text(path, "a scene file (*.scene.json)")?;
-        let mut scene: Self = parse(&text, &path.display().to_string(), SCHEMA)?;
+        let mut scene = Self::parse(&text, &path.display().to_string())?;
         if let GraphSource::File { file } = &scene.graph {
             let graph_path = path.parent().unwrap_or(Path::new(".")).join(file);
             scene.graph = GraphSource::Inline(load_graph(&graph_path)?);
         }
+        scene.place_nodes();
         let folder = path.parent().unwrap_or(Path::new("."));
         scene.folder = std::path::absolute(folder).unwrap_or_else(|_| folder.to_owned());
         scene.check_world_image(&path.display().to_string())?;
         scene.read_grids(&path.display().to_string())?;
         scene.check(&path.display().to_string())?;
         Ok(scene)
+    }
+
+    /// Reads a document, completed by what follows from the rest of it. All that the schema refuses stands in the error.
+    fn parse(text: &str, place: &str) -> Result<Self> {
+        let mut document = read_json(text, place)?;
+        let file = place.rsplit(['/', '\\']).next().unwrap_or(place);
+        defaults::complete(&mut document, file.split('.').next().unwrap_or(file));
+        #[cfg(feature = "tools")]
+        return from_json(document.clone(), place, SCHEMA)
+            .map_err(|error| schema_errors::all(&document, place).unwrap_or(error));
+        #[cfg(not(feature = "tools"))]
+        from_json(document, place, SCHEMA)
     }
 
     /// [`Self::load`] with stored values changed, each `NAME=VALUE` as [`Self::set`] takes it.
@@ -454,7 +532,7 @@ impl Scene {
 
     /// Reads a scene from a JSON value, for example from the exporter; `place` names its source.
     pub fn from_value(value: serde_json::Value, place: &str) -> Result<Self> {
-        let scene: Self = parse(&value.to_string(), place, SCHEMA)?;
+        let mut scene = Self::parse(&value.to_string(), place)?;
         if let GraphSource::File { file } = &scene.graph {
             return Err(Error::new(
                 format!("{place}: $.graph.file"),
@@ -463,6 +541,7 @@ impl Scene {
                 "Write the scene to a file beside the graph file, or put the graph in place.",
             ));
         }
+        scene.place_nodes();
         scene.check(place)?;
         Ok(scene)
     }
@@ -480,6 +559,21 @@ impl Scene {
         match &mut self.graph {
             GraphSource::Inline(graph) => graph,
             GraphSource::File { file } => unreachable!("the graph file {file} is read when the scene is loaded"),
+        }
+    }
+
+    /// Gives a place in the editor to nodes that have none, in a row: a .blend needs one.
+    fn place_nodes(&mut self) {
+        let Self { graph, other_graphs, .. } = self;
+        let first = match graph {
+            GraphSource::Inline(graph) => Some(graph),
+            GraphSource::File { .. } => None,
+        };
+        for graph in first.into_iter().chain(other_graphs) {
+            let groups = graph.groups.iter_mut().flat_map(|group| &mut group.nodes);
+            for (number, node) in graph.nodes.iter_mut().chain(groups).enumerate() {
+                node.location.get_or_insert([200.0 * number as f32, 0.0]);
+            }
         }
     }
 
@@ -673,8 +767,6 @@ pub fn schema() -> serde_json::Value {
     value
 }
 
-/// Parses JSON with the path and line in the error, and refuses numbers beyond the f32 range,
-/// which would otherwise turn into infinities without a word.
 /// The graph of a graph file, or that of another scene file that holds one in place.
 fn load_graph(path: &Path) -> Result<Graph> {
     let text = files::read_text(path, "the graph file that the scene names")?;
@@ -683,7 +775,7 @@ fn load_graph(path: &Path) -> Result<Graph> {
     if value.get("format").is_none() {
         return parse(&text, &place, SCHEMA);
     }
-    match parse::<Scene>(&text, &place, SCHEMA)?.graph {
+    match Scene::parse(&text, &place)?.graph {
         GraphSource::Inline(graph) => Ok(graph),
         GraphSource::File { file } => Err(Error::new(
             format!("{place}: $.graph.file"),
@@ -699,6 +791,12 @@ const SCHEMA: &str = "what the scene schema says (cloudparity schema prints it)"
 
 /// Reads a document of the project. Errors tell line and column, or the JSON path, in `place`; `expected` says what it should be.
 pub(crate) fn parse<T: serde::de::DeserializeOwned>(text: &str, place: &str, expected: &str) -> Result<T> {
+    from_json(read_json(text, place)?, place, expected)
+}
+
+/// Reads JSON, with line and column in errors, and refuses numbers beyond the f32 range, which would otherwise turn into infinities
+/// without a word.
+fn read_json(text: &str, place: &str) -> Result<serde_json::Value> {
     let value: serde_json::Value = serde_json::from_str(text).map_err(|cause| {
         Error::new(
             format!("{place}: line {}, column {}", cause.line(), cause.column()),
@@ -708,6 +806,10 @@ pub(crate) fn parse<T: serde::de::DeserializeOwned>(text: &str, place: &str, exp
         )
     })?;
     check_numbers(&value, &mut String::from("$"), place)?;
+    Ok(value)
+}
+
+fn from_json<T: serde::de::DeserializeOwned>(value: serde_json::Value, place: &str, expected: &str) -> Result<T> {
     serde_path_to_error::deserialize(value).map_err(|cause| {
         let path = cause.path().to_string();
         let message = cause.inner().to_string();

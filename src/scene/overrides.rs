@@ -2,6 +2,7 @@
 
 use crate::base::error::{Error, Result};
 use crate::scene::{Graph, Input, Scene, SocketType};
+use serde::Serialize;
 
 impl Scene {
     /// Applies `NAME=VALUE`. NAME is, of the group nodes in the material's own tree, an input by
@@ -125,6 +126,37 @@ impl Scene {
         }
     }
 
+    /// Everything that [`Self::set`] may change, in the order of the graph.
+    pub fn settable(&self) -> Vec<Settable> {
+        let graph = self.graph();
+        let all = everything(graph);
+        let mut found = Vec::new();
+        for candidate in &all {
+            let node = &graph.nodes[candidate.node];
+            let stored = if candidate.is_output { &node.outputs } else { &node.inputs }.get(&candidate.identifier);
+            let value = match stored {
+                Some(Input::Number(value)) => shortest(*value),
+                Some(Input::List(values)) => values.iter().copied().map(shortest).collect(),
+                Some(_) => continue,
+                None if candidate.kind.is_some() => candidate.default.clone().unwrap_or_default(),
+                None => continue,
+            };
+            // The shortest name that means it alone.
+            let short = [candidate.label.clone(), candidate.qualified_label()];
+            let is_its_own = |name: &String| all.iter().filter(|other| other.is_called(name)).count() == 1;
+            let name = short.into_iter().flatten().find(is_its_own).unwrap_or_else(|| candidate.exact_name());
+            found.push(Settable {
+                name,
+                exact_name: candidate.exact_name(),
+                value,
+                limits: [candidate.minimum, candidate.maximum],
+                unit: candidate.unit.clone(),
+                about: candidate.about.clone(),
+            });
+        }
+        found
+    }
+
     /// Every number that [`Self::set`] may change: its exact name, and its label (its identifier where it has none).
     pub fn settable_numbers(&self) -> Vec<(String, String)> {
         let graph = self.graph();
@@ -148,6 +180,28 @@ impl Scene {
     }
 }
 
+/// A number of JSON with the digits that tell it from other f32.
+fn shortest(value: f32) -> serde_json::Value {
+    value.to_string().parse::<f64>().map_or(serde_json::Value::Null, Into::into)
+}
+
+/// Something that [`Scene::set`] may change.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Settable {
+    /// The shortest name that means it alone: `Panel/Label`, `Label` or `Node.identifier`.
+    pub name: String,
+    /// `Node.identifier`.
+    pub exact_name: String,
+    /// What is stored: a number, or a vector or colour as a list. Null where the interface of a group names no default.
+    pub value: serde_json::Value,
+    /// Smallest and largest value that Blender stores there; none where there is no limit but that of f32.
+    pub limits: [Option<f32>; 2],
+    /// Blender's hint at the unit, such as FACTOR or DISTANCE.
+    pub unit: Option<String>,
+    /// The tooltip.
+    pub about: Option<String>,
+}
+
 /// An input that a name may mean.
 #[derive(Debug, Clone)]
 struct Candidate {
@@ -161,6 +215,10 @@ struct Candidate {
     kind: Option<SocketType>,
     minimum: Option<f32>,
     maximum: Option<f32>,
+    /// Of a group's interface.
+    default: Option<serde_json::Value>,
+    unit: Option<String>,
+    about: Option<String>,
     /// A value that the node keeps in an output.
     is_output: bool,
 }
@@ -203,6 +261,9 @@ fn everything(graph: &Graph) -> Vec<Candidate> {
             kind: None,
             minimum: None,
             maximum: None,
+            default: None,
+            unit: None,
+            about: None,
             is_output,
         };
         if let Some(group) = node.group.as_ref().and_then(|name| graph.group(name)) {
@@ -212,6 +273,9 @@ fn everything(graph: &Graph) -> Vec<Candidate> {
                 kind: Some(socket.kind).filter(|kind| *kind != SocketType::Shader),
                 minimum: socket.min,
                 maximum: socket.max,
+                default: socket.default.clone(),
+                unit: socket.subtype.clone().filter(|unit| unit != "NONE"),
+                about: socket.description.clone().filter(|text| !text.is_empty()),
                 ..plain(&socket.identifier, false)
             }));
         } else {
@@ -331,6 +395,25 @@ mod tests {
         assert!(!found.iter().any(|(name, _)| name == "Principled Volume.Density"));
         for (name, _) in found {
             cloud().set(&format!("{name}=0.5")).expect("a listed number can be set");
+        }
+    }
+
+    #[test]
+    fn everything_that_can_be_set_is_listed_under_a_name_that_sets_it() {
+        let found = cloud().settable();
+        let scale = found.iter().find(|one| one.name == "Large Noise/Scale").expect("a name with its panel");
+        assert_eq!(scale.value, json!(cloud().stored_number(&scale.exact_name).expect("a number")));
+        assert!(found.iter().any(|one| one.name == "Altitude" && one.limits == [Some(0.0), Some(10000.0)]));
+        for scene in [cloud(), sockets_of_every_type()] {
+            for one in scene.settable() {
+                let numbers: Vec<String> = match &one.value {
+                    serde_json::Value::Array(values) => values.iter().map(ToString::to_string).collect(),
+                    serde_json::Value::Bool(is_on) => vec![i32::from(*is_on).to_string()],
+                    value => vec![value.to_string()],
+                };
+                let mut again = scene.clone();
+                again.set(&format!("{}={}", one.name, numbers.join(","))).unwrap_or_else(|error| panic!("{error}"));
+            }
         }
     }
 

@@ -242,16 +242,16 @@ pub const GUARDS: &[Guard] = &[
             let direction = DVec3::new(0.6, -0.3, 0.7).normalize();
             let outline = Outline::Box(Region { low: DVec3::splat(-half), high: DVec3::splat(half) });
             let ray = RealTimeRay { origin: -direction * far, way: direction, direction, jitter: 0.5, farthest: 1e9 };
-            // Through the middle: from face to face of the axis that the ray follows most.
-            let truth = 2.0 * half / direction.abs().max_element();
+            // Towards the middle: the ray enters through the face across the axis that it follows most.
+            let entry = -direction * (half / direction.abs().max_element());
             let (origin, way) = (ray.origin.as_vec3(), direction.as_vec3());
             let [low, high] = [-0.5_f32, 0.5].map(|side| (Vec3::splat(side) - origin) / way);
-            let plain = low.max(high).min_element() - low.min(high).max_element();
+            let plain = origin + way * low.min(high).max_element();
             Ok(Witness {
-                at: "length in a box of side 1 that is 1e6 away",
-                found: ray.inside(&outline).length,
-                plain: plain.into(),
-                truth,
+                at: "how far off a ray enters a box of side 1 that is 1e6 away",
+                found: ray.inside(&outline).origin.distance(entry),
+                plain: plain.as_dvec3().distance(entry),
+                truth: 0.0,
                 // f64 holds places 1e6 away to 2^-34.
                 within: 1e-9,
             })

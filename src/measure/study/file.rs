@@ -2,6 +2,7 @@
 
 use crate::base::error::{Error, Result};
 use crate::base::files;
+use crate::base::kinds::{self, FileKind};
 use crate::engines::Selection;
 use crate::engines::defects::Defects;
 use crate::engines::light::models;
@@ -169,6 +170,7 @@ pub struct Skipped {
 impl StudyFile {
     /// Reads and checks a study file.
     pub fn load(path: &Path) -> Result<Self> {
+        kinds::want(path, FileKind::Study)?;
         let text = files::read_text(path, "a study file (*.study.toml)")?;
         Self::parse(&text, &path.display().to_string())
     }

@@ -2,6 +2,7 @@
 
 use crate::base::error::{Error, Result};
 use crate::base::files;
+use crate::base::kinds::{self, FileKind};
 use crate::engines;
 use crate::engines::defects::Defects;
 use crate::engines::light::models;
@@ -177,6 +178,7 @@ pub fn owner(name: &str) -> (Owner, &str) {
 impl TuningFile {
     /// Reads and checks a tuning file.
     pub fn load(path: &Path) -> Result<Self> {
+        kinds::want(path, FileKind::Tuning)?;
         let text = files::read_text(path, "a tuning file (*.tune.toml)")?;
         Self::parse(&text, &path.display().to_string())
     }

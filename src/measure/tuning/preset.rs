@@ -6,6 +6,7 @@
 use crate::base::error::{Error, Result};
 use crate::base::files;
 use crate::base::identity::Identity;
+use crate::base::kinds::{self, FileKind};
 use crate::engines::Engine;
 use crate::engines::light::{LightModel, models};
 use crate::measure::combination::Combination;
@@ -64,6 +65,7 @@ impl Preset {
 
     /// Reads a preset.
     pub fn load(path: &Path) -> Result<Self> {
+        kinds::want(path, FileKind::Preset)?;
         let text = files::read_text(path, "a preset (*.preset.json)")?;
         let place = path.display().to_string();
         let mut deserializer = serde_json::Deserializer::from_str(&text);
