@@ -267,6 +267,48 @@ fn all_errors_of_a_scene_are_named_at_once() {
 }
 
 #[test]
+fn files_in_the_wrong_place_are_recognised() {
+    let folder = folder();
+    write(&folder, "cloud.blend", "BLENDER-v500");
+    write(&folder, "compressed.blend", "\u{28}\u{b5}");
+    write(&folder, "x.scene.json", &cloud().to_string());
+    write(&folder, "x.study.toml", "format = 1");
+    std::fs::write(folder.path().join("x.png"), b"\x89PNG\r\n\x1a\n").expect("written");
+    std::fs::write(folder.path().join("x.exr"), b"\x76\x2f\x31\x01").expect("written");
+    std::fs::create_dir(folder.path().join("run")).expect("made");
+    let cases: &[(&[&str], &[&str])] = &[
+        (&["explain", "cloud.blend"], &["a .blend", "a scene file", "cloudparity init cloud.blend"]),
+        (&["render", "compressed.blend", "-o", "a.exr"], &["a .blend", "cloudparity init compressed.blend"]),
+        (&["probe", "x.exr"], &["an OpenEXR picture", "a scene file", "cloudparity diff"]),
+        (&["params", "x.png"], &["a PNG picture", "a scene file"]),
+        (&["eval", "run", "--points", "p.npy", "-o", "v.npy"], &["a folder", "a scene file"]),
+        (&["study", "x.scene.json", "-o", "out"], &["a scene file", "a study file", "cloudparity render x.scene.json"]),
+        (&["tune", "x.study.toml", "-o", "out"], &["a study file", "a tuning file", "cloudparity study x.study.toml"]),
+        (&["export", "x.scene.json", "-o", "y.scene.json"], &["a scene file", "a .blend"]),
+        (&["render", "x.scene.json", "-o", "a.exr", "--preset", "x.exr"], &["an OpenEXR picture", "a preset"]),
+    ];
+    for (arguments, parts) in cases {
+        run(folder.path(), arguments).is_refused(&arguments.join(" "), parts);
+    }
+    assert!(!folder.path().join("out").exists() && !folder.path().join("a.exr").exists());
+}
+
+#[test]
+fn the_beginning_writes_over_nothing() {
+    let folder = folder();
+    write(&folder, "x.scene.json", &cloud().to_string());
+    run(folder.path(), &["init", "x.scene.json", "-o", "new"]).succeeds("a scene that is there");
+    for name in ["x.study.toml", "x.tune.toml"] {
+        assert!(folder.path().join("new").join(name).is_file(), "{name}");
+    }
+    run(folder.path(), &["init", "x.scene.json", "-o", "new"]).is_refused("again", &["x.study.toml", "there already"]);
+    // What it wrote is a study of the scene.
+    let listed = run(folder.path(), &["study", "new/x.study.toml", "-o", "runs", "--list"]);
+    listed.succeeds("the study that was written");
+    assert!(listed.stdout.contains("octaves"), "{}", listed.stdout);
+}
+
+#[test]
 fn wrong_fields_of_the_scene() {
     type Edit = fn(&mut Json);
     let cases: &[(&str, Edit, &[&str])] = &[

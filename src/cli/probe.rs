@@ -3,6 +3,7 @@
 use super::choice::choice;
 use crate::base::error::{Error, Result};
 use crate::base::files;
+use crate::base::identity::Identity;
 use crate::graph::evaluate::Points;
 use crate::graph::{Program, Target, target};
 use crate::measure::fields;
@@ -87,6 +88,7 @@ struct Setting {
 /// The figures of all random settings together, and each.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 struct Settings {
+    build: Identity,
     scene: String,
     target: String,
     points: usize,
@@ -201,6 +203,7 @@ fn random_settings(
         settings.push(Setting { values: values.clone(), evaluators: fields::figures(comparisons) });
     }
     Ok(Settings {
+        build: Identity::current().clone(),
         scene: scene.name.clone(),
         target: target.name(),
         points: drawn.iter().map(|(_, _, positions)| positions.len()).sum(),

@@ -98,6 +98,9 @@ pub struct Timing {
 /// `probe.json`, one graph output evaluated at the same points by several evaluators.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Probe {
+    /// The build that evaluated ours, where the probe says so.
+    #[serde(default)]
+    pub build: Option<String>,
     /// Name of the scene.
     #[serde(default)]
     pub scene: Option<String>,

@@ -2,6 +2,7 @@
 
 use crate::base::error::Result;
 use crate::base::files;
+use crate::base::identity::Identity;
 use crate::bridge::Message;
 use crate::cli;
 use crate::cli::modes::Arguments;
@@ -72,7 +73,7 @@ pub(super) fn run(arguments: &Arguments, count: u64) -> Result<ExitCode> {
 
 /// All figures as JSON.
 fn document(summary: &Summary, outcomes: &[GraphComparison]) -> String {
-    let document = json!({"summary": summary.json(), "graphs": outcomes});
+    let document = json!({"build": Identity::current(), "summary": summary.json(), "graphs": outcomes});
     serde_json::to_string_pretty(&document).expect("outcomes serialise") + "\n"
 }
 

@@ -11,6 +11,7 @@ pub use crate::measure::errors::values::{Comparison, Figures};
 pub use crate::measure::evaluators::{Evaluator, Reference, Request, compare, evaluate, figures};
 
 use crate::base::error::Result;
+use crate::base::identity::Identity;
 use crate::bridge::Message;
 use crate::graph::{Program, Target};
 use crate::scene::Scene;
@@ -20,6 +21,8 @@ use serde::Serialize;
 /// What a probe found. Serialises as `probe.json`.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Probe {
+    /// The build that evaluated ours.
+    pub build: Identity,
     /// Name of the scene.
     pub scene: String,
     /// The socket that was evaluated.
@@ -64,6 +67,7 @@ pub fn probe(
     let request = Request { scene, target, positions: &positions, evaluators, rounding_bound };
     let (mut found, reference) = compare(&[request], receive)?;
     Ok(Probe {
+        build: Identity::current().clone(),
         scene: scene.name.clone(),
         target: name,
         points: positions.len(),
