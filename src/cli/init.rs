@@ -1,9 +1,9 @@
 //! `cloudparity init`: from a .blend to a scene, a study and a tuning file, and the commands to go on.
 
+use super::first_files;
 use crate::base::error::{Error, Result};
 use crate::base::files;
 use crate::base::kinds::FileKind;
-use crate::measure::first_files;
 use crate::scene::Scene;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;

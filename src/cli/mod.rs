@@ -22,6 +22,7 @@ mod engine;
 mod eval;
 pub(crate) mod explain;
 mod export;
+mod first_files;
 mod grid;
 mod init;
 mod lights;

@@ -21,7 +21,6 @@ pub mod voxels;
 pub mod convergence;
 pub mod densities;
 pub mod fields;
-pub mod first_files;
 pub mod nodes;
 pub mod pictures;
 pub mod speed;
