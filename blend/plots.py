@@ -37,6 +37,9 @@ def pyplot():
             "lines.linewidth": 1.0,
             "lines.markersize": 4,
             "svg.hashsalt": "cloudparity",
+            # Text that can be searched, copied and edited; publishers refuse fonts of Type 3.
+            "svg.fonttype": "none",
+            "pdf.fonttype": 42,
         }
     )
     return found

@@ -77,7 +77,9 @@ def test_every_group_has_a_panel_with_its_front(tmp_path):
         picture = matplotlib.image.imread(tmp_path / f"{name}.png")
         assert 0.002 < np.mean(picture[..., :3] < 0.5) < 0.7, "nothing or only ink"
         assert "<svg" in (tmp_path / f"{name}.svg").read_text()
-        assert (tmp_path / f"{name}.pdf").read_bytes().startswith(b"%PDF")
+        pdf = (tmp_path / f"{name}.pdf").read_bytes()
+        assert pdf.startswith(b"%PDF") and b"/FontFile2" in pdf and b"/Type3" not in pdf
+        assert "<text" in (tmp_path / f"{name}.svg").read_text()
     figure = study_plot._figure("test", groups, "processor time")
     panels = [axis for axis in figure.axes if axis.get_title()]
     assert [panel.get_title() for panel in panels] == ["graph, one", "graph, two", "graph, three"]
