@@ -24,8 +24,8 @@ fn commands() -> BTreeSet<String> {
 }
 
 #[test]
-fn the_readme_lists_every_command_and_no_other() {
-    let text = read("README.md");
+fn the_table_of_commands_lists_every_command_and_no_other() {
+    let text = read("docs/commands.md");
     let rows: BTreeSet<String> = text
         .lines()
         .filter_map(|line| line.strip_prefix("| `cloudparity ")?.split([' ', '`']).next())
