@@ -511,7 +511,7 @@ def display(request, messages):
             side = image_metrics.load_side(paths, DEFAULT_BLOCK, item.get("part"))
         except image_metrics.Unreadable as error:
             raise protocol.InputError(
-                f"{item.place}.exr", str(error), "a readable scene-linear EXR", "give another file"
+                ", ".join(paths), str(error), "a readable scene-linear EXR", "give another file"
             ) from None
         results.append(_write_display(side, item, item["png"]))
     return {"images": results}

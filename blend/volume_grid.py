@@ -81,7 +81,8 @@ def read(path, name="density", most=None):
     """The active part of a grid of at most so many voxels as an array, and where it lies."""
     openvdb = library()
     if not Path(path).is_file():
-        raise protocol.InputError(str(path), "no such file", "an OpenVDB file", "correct the name")
+        found = "a folder" if Path(path).is_dir() else "no such file"
+        raise protocol.InputError(str(path), found, "an OpenVDB file", "correct the name")
     try:
         names = [entry.name for entry in openvdb.readAllGridMetadata(str(path))]
     except Exception as cause:

@@ -85,10 +85,15 @@ impl Limits {
     pub fn overrun(&self) -> Error {
         Error::new(
             self.place(),
-            format!("a file that is not read after {:.0} s", self.time.as_secs_f64()),
+            format!("a file that is not read after {:?}", self.time),
             "a file that is whole and no larger than it needs to be",
             format!("Write it again; where it is whole, set {SECONDS_VARIABLE} to more seconds."),
         )
+    }
+
+    /// What to do where the memory may have been too little for the interpreter itself.
+    pub fn memory_remedy(&self) -> String {
+        format!(" It may take {:.2} GiB of memory; {MEMORY_VARIABLE} gives it another limit.", gibibytes(self.memory))
     }
 
     /// The error where reading ended the interpreter.
@@ -98,11 +103,15 @@ impl Limits {
             format!("a file at which reading broke down ({how})"),
             "a file that is whole",
             format!(
-                "Write it again; where it is whole and needs more than {:.0} GiB, set {MEMORY_VARIABLE} to more.",
-                self.memory as f64 / f64::from(1_u32 << 30)
+                "Write it again; where it is whole and needs more than {:.2} GiB, set {MEMORY_VARIABLE} to more.",
+                gibibytes(self.memory)
             ),
         )
     }
+}
+
+fn gibibytes(bytes: u64) -> f64 {
+    bytes as f64 / f64::from(1_u32 << 30)
 }
 
 /// The files that a request names to be read.

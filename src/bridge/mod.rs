@@ -253,11 +253,15 @@ impl Conversation {
         {
             return Err(limits.crash(&status));
         }
+        let mut remedy = "Run cloudparity doctor; it checks the interpreter and its packages.".to_owned();
+        if let Some(limits) = &self.limits {
+            remedy += &limits.memory_remedy();
+        }
         Err(Error::new(
             format!("script {}", self.name),
             format!("it ended without an answer ({status}): {log}"),
             "a result",
-            "Run cloudparity doctor; it checks the interpreter and its packages.",
+            remedy,
         ))
     }
 }
