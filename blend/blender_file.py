@@ -13,7 +13,8 @@ WORKING_SPACE = "Linear Rec.709"
 def open_blend(path):
     """Open the .blend file `path`. Scripts in the file never run."""
     if not Path(path).is_file():
-        raise InputError(str(path), "no such file", "a .blend file", "check the path")
+        found = "a folder" if Path(path).is_dir() else "no such file"
+        raise InputError(str(path), found, "a .blend file", "check the path")
     try:
         bpy.ops.wm.open_mainfile(filepath=str(path), load_ui=False, use_scripts=False)
     except RuntimeError as error:

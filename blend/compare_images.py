@@ -81,6 +81,24 @@ def handle(request, messages):
 # --- requests ---------------------------------------------------------------
 
 
+def files_read(request):
+    """The files that a request names to be read."""
+    found = []
+    for holder in [
+        request,
+        *request.get("images", []),
+        *request.get("pairs", []),
+        *request.get("slices", []),
+    ]:
+        # The pictures of `combine` are names, not objects with names.
+        names = (
+            [holder] if isinstance(holder, str) else [holder.get(key) for key in ("exr", "ours", "reference")]
+        )
+        for name in names:
+            found.extend(name if isinstance(name, list) else [name] if name else [])
+    return found
+
+
 def _paths(request, key):
     value = request[key]
     if not isinstance(value, list) or not value or not all(isinstance(item, str) for item in value):
@@ -493,7 +511,7 @@ def display(request, messages):
             side = image_metrics.load_side(paths, DEFAULT_BLOCK, item.get("part"))
         except image_metrics.Unreadable as error:
             raise protocol.InputError(
-                f"{item.place}.exr", str(error), "a readable scene-linear EXR", "give another file"
+                ", ".join(paths), str(error), "a readable scene-linear EXR", "give another file"
             ) from None
         results.append(_write_display(side, item, item["png"]))
     return {"images": results}
@@ -757,4 +775,4 @@ def _log_picture(logarithm, decades, table, equal):
 
 
 if __name__ == "__main__":
-    protocol.serve(SCRIPT, handle, needs_bpy=False)
+    protocol.serve(SCRIPT, handle, needs_bpy=False, reads=files_read)

@@ -170,4 +170,4 @@ def _whole_numbers(axis, values):
 
 
 if __name__ == "__main__":
-    protocol.serve("convergence_plot.py", draw, needs_bpy=False)
+    protocol.serve("convergence_plot.py", plots.literally(draw), needs_bpy=False)

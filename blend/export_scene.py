@@ -23,4 +23,4 @@ def handle(request, messages):
 
 
 if __name__ == "__main__":
-    protocol.serve("export_scene.py", handle)
+    protocol.serve("export_scene.py", handle, reads=lambda request: [request["blend"]])

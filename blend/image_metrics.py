@@ -95,7 +95,8 @@ def read_image(path, part=None):
     name = os.path.basename(path)
     probe = oiio.ImageInput.open(path) if os.path.isfile(path) else None
     if probe is None:
-        why = (oiio.geterror() or "no image in it") if os.path.isfile(path) else "no such file"
+        absent = "it is a folder" if os.path.isdir(path) else "no such file"
+        why = (oiio.geterror() or "no image in it") if os.path.isfile(path) else absent
         raise Unreadable(f"{name} cannot be read: {first_line(why)}. Render or export it again.")
     subimage = _find_part(probe, name, part)
     spec = probe.spec(subimage, 0)

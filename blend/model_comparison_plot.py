@@ -56,4 +56,4 @@ def _figure(sides):
 
 
 if __name__ == "__main__":
-    protocol.serve("model_comparison_plot.py", draw, needs_bpy=False)
+    protocol.serve("model_comparison_plot.py", plots.literally(draw), needs_bpy=False)

@@ -16,6 +16,29 @@ GREEN = "#009E73"
 ORANGE = "#D55E00"
 PURPLE = "#CC79A7"
 WIDTH = 3.5  # inches of one panel: a column of a paper
+# Keys of requests that hold names which the user chose.
+NAMES = ("title", "scene", "density", "light", "view")
+
+
+def literally(draw):
+    """`draw(request, messages)` with the user's names as plain text: a dollar begins no formula."""
+    return lambda request, messages: draw(_literal(request), messages)
+
+
+def _literal(value):
+    if isinstance(value, dict):
+        for key, item in value.items():
+            is_name = key in NAMES and isinstance(item, str)
+            value[key] = _plain(item) if is_name else _literal(item)
+    elif isinstance(value, list):
+        for item in value:
+            _literal(item)
+    return value
+
+
+def _plain(name):
+    """A name as matplotlib shows it unchanged; controls, which no SVG may hold, are spaces."""
+    return "".join(letter if letter.isprintable() else " " for letter in name).replace("$", r"\$")
 
 
 def pyplot():

@@ -16,7 +16,8 @@ import platform
 import sys
 import traceback
 
-TRACEBACK_LINES = 6
+# Innermost calls of an unexpected exception that an error names.
+SHOWN_CALLS = 3
 
 
 class InputError(Exception):
@@ -79,13 +80,15 @@ def located(value, place):
     return value
 
 
-def serve(script, handle, before_bpy=None, needs_bpy=True):
+def serve(script, handle, before_bpy=None, needs_bpy=True, reads=None):
     """Run one script: read the request, call `handle(request, messages)`, send its return value as result.
 
     `before_bpy(request)` runs before bpy is imported, for checks of the environment that Blender reads when
     it starts. A script with `needs_bpy=False` runs where bpy is missing, and its `hello` names no Blender.
-    Does not return: exits with status 0 or 1.
+    `reads(request)` lists the user's files that are read: what a library raises at one of them is an error of
+    the file. Does not return: exits with status 0 or 1.
     """
+    files = []
 
     def answer(messages):
         request = _parse(sys.stdin.read())
@@ -93,9 +96,11 @@ def serve(script, handle, before_bpy=None, needs_bpy=True):
             before_bpy(request)
         blender = _blender_version() if needs_bpy else None
         messages.send("hello", blender=blender, python=platform.python_version())
+        if reads is not None:
+            files.extend(reads(request))
         messages.send("done", result=handle(request, messages))
 
-    _guard(script, answer)
+    _guard(script, answer, files)
 
 
 def converse(script, handle):
@@ -112,29 +117,51 @@ def converse(script, handle):
     _guard(script, answer)
 
 
-def _guard(script, answer):
+def _guard(script, answer, files=()):
     messages = Messages(_message_stream())
     try:
         answer(messages)
     except InputError as error:
         messages.error(error)
         sys.exit(1)
-    except Exception:
-        tail = " | ".join(traceback.format_exc().strip().splitlines()[-TRACEBACK_LINES:])
-        messages.error(
-            InputError(
-                script, tail, "no exception", "this is a defect of the script: report it with the input"
-            )
-        )
+    except Exception as error:
+        messages.error(_unexpected(script, error, files))
         sys.exit(1)
     sys.exit(0)
+
+
+def _unexpected(script, error, files):
+    """The InputError for any other exception: of the files that were read, or else of the script."""
+    place = ", ".join(str(file) for file in files[:SHOWN_CALLS]) or script
+    if len(files) > SHOWN_CALLS:
+        place += f" and {len(files) - SHOWN_CALLS} more"
+    if isinstance(error, MemoryError):
+        return InputError(
+            place,
+            f"contents that need more memory than there is to read them ({error or 'no figure'})",
+            "a file that is whole and fits the memory",
+            "write it again; where it is whole, set CLOUDPARITY_READ_GIB to more",
+        )
+    text = " ".join(str(error).split())
+    calls = [
+        f"{os.path.basename(call.filename)} line {call.lineno}"
+        for call in reversed(traceback.extract_tb(error.__traceback__)[-SHOWN_CALLS:])
+    ]
+    found = f"{type(error).__name__}: {text} ({', called from '.join(calls)})"
+    if files:
+        remedy = "write it again; where it is whole, this is a defect: report it with the file"
+        return InputError(place, found, "a file that is whole", remedy)
+    return InputError(
+        place, found, "no exception", "this is a defect of the script: report it with the input"
+    )
 
 
 def _message_stream():
     real_stdout = os.dup(1)
     os.dup2(2, 1)
     descriptor = int(sys.argv[1]) if len(sys.argv) > 1 else real_stdout
-    return os.fdopen(descriptor, "w", encoding="utf-8")
+    # A name of a damaged file may be no text at all.
+    return os.fdopen(descriptor, "w", encoding="utf-8", errors="replace")
 
 
 def _parse(text):

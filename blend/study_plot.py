@@ -271,4 +271,4 @@ def _marker(lights, name):
 
 
 if __name__ == "__main__":
-    protocol.serve("study_plot.py", draw, needs_bpy=False)
+    protocol.serve("study_plot.py", plots.literally(draw), needs_bpy=False)

@@ -58,4 +58,4 @@ def _search(axis, request):
 
 
 if __name__ == "__main__":
-    protocol.serve("tuning_plot.py", draw, needs_bpy=False)
+    protocol.serve("tuning_plot.py", plots.literally(draw), needs_bpy=False)

@@ -1,9 +1,9 @@
 """Writes and reads OpenVDB grids of one density, with the library that Blender carries.
 
 Request: {"write": FILE, "values": NPY, "to_object": 4 x 4 rows, "name": NAME, "half": BOOL} writes the
-float32 array [x, y, z] with voxel (0, 0, 0) at index (0, 0, 0). {"read": FILE, "name": NAME, "values": NPY}
-stores the active part of a grid as such an array and answers {"first": [i, j, k], "to_object": rows,
-"background": number, "names": [all grids]}.
+float32 array [x, y, z] with voxel (0, 0, 0) at index (0, 0, 0). {"read": FILE, "name": NAME, "values": NPY,
+"most": VOXELS or null} stores the active part of a grid as such an array and answers {"first": [i, j, k],
+"to_object": rows, "background": number, "names": [all grids]}.
 
 `to_object` takes an index to the object's frame; the value of a voxel stands at its index, not half a voxel
 on. Blocks of one value are written voxel by voxel: OpenVDB stores a constant block as a tile, and Cycles 5.0
@@ -11,6 +11,7 @@ cuts the last voxel's fade off at the low sides of tiles.
 """
 
 import importlib
+import math
 import sys
 from pathlib import Path
 
@@ -71,20 +72,33 @@ def _split_tiles(grid, values):
             accessor.setValueOn(first, value)
 
 
-def read(path, name="density"):
-    """The active part of a grid as an array, and where it lies."""
+def _words(cause):
+    """An exception on one line."""
+    return f"{type(cause).__name__}: {' '.join(str(cause).split())}"
+
+
+def read(path, name="density", most=None):
+    """The active part of a grid of at most so many voxels as an array, and where it lies."""
     openvdb = library()
     if not Path(path).is_file():
-        raise protocol.InputError(str(path), "no such file", "an OpenVDB file", "correct the name")
+        found = "a folder" if Path(path).is_dir() else "no such file"
+        raise protocol.InputError(str(path), found, "an OpenVDB file", "correct the name")
     try:
         names = [entry.name for entry in openvdb.readAllGridMetadata(str(path))]
-    except (RuntimeError, OSError) as cause:
-        raise protocol.InputError(str(path), str(cause), "an OpenVDB file", "write it again") from cause
+    except Exception as cause:
+        found = f"no OpenVDB file, or a damaged one ({_words(cause)})"
+        raise protocol.InputError(str(path), found, "an OpenVDB file", "write it again") from cause
     if name not in names:
         raise protocol.InputError(
             str(path), f"the grids {', '.join(names)}", f'a grid "{name}"', "name one of these"
         )
-    grid = openvdb.read(str(path), name)
+    try:
+        grid = openvdb.read(str(path), name)
+    except Exception as cause:
+        found = f"values that cannot be read ({_words(cause)})"
+        raise protocol.InputError(
+            f"{path}: grid {name}", found, "an OpenVDB file that is whole", "write it again"
+        ) from cause
     if grid.valueTypeName != "float":
         raise protocol.InputError(
             f"{path}: grid {name}", f"values of type {grid.valueTypeName}", "float", "convert the grid"
@@ -93,6 +107,13 @@ def read(path, name="density"):
     size = [end - begin + 1 for begin, end in zip(first, last, strict=True)]
     if min(size) < 1:
         raise protocol.InputError(f"{path}: grid {name}", "no active voxel", "at least one", "fill the grid")
+    if most is not None and math.prod(size) > most:
+        raise protocol.InputError(
+            f"{path}: grid {name}",
+            f"{' x '.join(map(str, size))} active voxels",
+            f"at most {most} in all",
+            "write it again where it is damaged; otherwise make a smaller grid",
+        )
     values = np.zeros(size, np.float32)
     grid.copyToArray(values, ijk=first)
     corners = [grid.transform.indexToWorld(index) for index in ((0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1))]
@@ -101,6 +122,16 @@ def read(path, name="density"):
     to_object[:3, 3] = origin
     for axis in range(3):
         to_object[:3, axis] = np.array(corners[axis + 1]) - origin
+    numbers = [("a frame", to_object), ("values", values), ("a background", grid.background)]
+    for what, found in numbers:
+        if not np.isfinite(found).all():
+            raise protocol.InputError(
+                f"{path}: grid {name}", f"{what} with NaN or infinity", "numbers", "write it again"
+            )
+    if abs(np.linalg.det(to_object[:3, :3])) == 0.0:
+        raise protocol.InputError(
+            f"{path}: grid {name}", "a frame without a volume", "one with three directions", "write it again"
+        )
     return {
         "values": values,
         "first": [int(index) for index in first],
@@ -115,10 +146,12 @@ def _handle(request, messages):
         values = np.load(request["values"])
         write(request["write"], values, request["to_object"], request["name"], request["half"])
         return {"voxels": int(values.size)}
-    found = read(request["read"], request["name"])
+    found = read(request["read"], request["name"], request.get("most"))
     np.save(request["values"], found.pop("values"))
     return found
 
 
 if __name__ == "__main__":
-    protocol.serve("volume_grid.py", _handle)
+    protocol.serve(
+        "volume_grid.py", _handle, reads=lambda request: [request["read"]] if "read" in request else []
+    )

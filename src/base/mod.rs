@@ -1,5 +1,5 @@
 //! What everything else stands on: the error type, named choices, files, the identity of builds, the ledger of records, numbers as text,
-//! progress, textures.
+//! users' text in the formats that are written, progress, textures.
 
 pub mod choice;
 pub mod error;
@@ -10,6 +10,7 @@ pub mod kinds;
 #[cfg(feature = "tools")]
 pub mod ledger;
 pub mod numbers;
+pub mod plain_text;
 pub mod progress;
 #[cfg(test)]
 mod source_hash;

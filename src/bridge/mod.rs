@@ -1,11 +1,14 @@
 //! The Python boundary: finding the interpreter, running a script of `blend/`, reading its answers.
 //!
 //! A script reads one JSON request on stdin and answers with JSON lines (`hello`, `progress`,
-//! `warning`, then `done` or `error`). The scripts are embedded in the program and unpacked once
-//! per version, so that the program works from any folder.
+//! `warning`, then `done` or `error`). The scripts are embedded in the program and handed to the interpreter on its input
+//! (`blend/start.py`): the program works from any folder, and no file of a script lies where another user could change it.
 
+pub mod interpreter;
+pub mod limits;
 pub mod probe;
 pub mod reference;
+mod starter;
 pub mod volume_grid;
 
 /// Tells the rest of the program what only Python can do: reading OpenVDB files. Further calls do nothing.
@@ -14,12 +17,16 @@ pub fn install() {
 }
 
 use crate::base::error::{Error, Result};
-use crate::base::files;
+pub use interpreter::INTERPRETER_VARIABLE;
+use limits::Limits;
 use serde_json::Value as Json;
-use std::io::{BufRead, BufReader, Lines, Write};
+use std::collections::VecDeque;
+use std::io::{BufRead, BufReader, Read, Write};
 use std::path::{Path, PathBuf};
-use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
+use std::process::{Child, ChildStdin, Command, ExitStatus, Stdio};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, sync_channel};
 use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
 
 macro_rules! scripts {
     ($($name:literal),* $(,)?) => {
@@ -62,9 +69,6 @@ pub const SCRIPTS: &[(&str, &str)] = scripts!(
     "volume_grid.py",
 );
 
-/// Environment variable that names the interpreter.
-pub const INTERPRETER_VARIABLE: &str = "CLOUDPARITY_PYTHON";
-
 /// Cycles' kernel for a script that renders.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum CyclesKernel {
@@ -93,64 +97,73 @@ pub struct Message {
     pub what: String,
 }
 
-/// The interpreter: `CLOUDPARITY_PYTHON`, else `.venv` in this folder or one above, else beside the
-/// source, else `python3`.
+/// The interpreter that runs scripts; [`interpreter::choose`] says why.
 pub fn interpreter() -> PathBuf {
-    if let Some(path) = std::env::var_os(INTERPRETER_VARIABLE) {
-        return PathBuf::from(path);
-    }
-    let current = std::env::current_dir().unwrap_or_default();
-    let folders = current.ancestors().chain([Path::new(env!("CARGO_MANIFEST_DIR"))]);
-    folders.map(|folder| folder.join(".venv/bin/python")).find(|path| path.exists()).unwrap_or_else(|| "python3".into())
+    interpreter::choose().path
 }
 
-/// Folder with the scripts of this version, which are unpacked where they are missing.
-pub fn script_folder() -> Result<PathBuf> {
-    let all: String = SCRIPTS.iter().flat_map(|(name, text)| [*name, *text]).collect();
-    let user = std::env::var("USER").unwrap_or_default();
-    let folder = std::env::temp_dir().join(format!("cloudparity-{user}-{}", &files::sha256(all.as_bytes())[..16]));
-    for (name, text) in SCRIPTS {
-        let path = folder.join(name);
-        // A file that was changed or cut short by a full disk is written again.
-        if std::fs::read_to_string(&path).ok().as_deref() != Some(*text) {
-            files::write_atomically(&path, text.as_bytes())?;
-        }
+/// A command that runs the interpreter apart from its surroundings: no module comes from the working folder, from the folder of the user or
+/// from variables of the environment (`-I`), nothing is written beside modules (`-B`), and text is UTF-8 everywhere.
+fn isolated(path: &Path) -> Command {
+    let mut command = Command::new(path);
+    command.args(["-I", "-B", "-X", "utf8"]);
+    // Where these lead, Blender looks for modules and start-up scripts.
+    let is_folder = |name: &str| name.starts_with("BLENDER_USER_") || name.starts_with("BLENDER_SYSTEM_");
+    for (name, _) in std::env::vars_os().filter(|(name, _)| name.to_str().is_some_and(is_folder)) {
+        command.env_remove(name);
     }
-    Ok(folder)
+    command
 }
 
 /// Runs a script of `blend/` and returns the result of its `done` message.
+///
+/// A script that reads a file of the user's has [`Limits`] of time and memory.
 pub fn run_script(name: &str, request: &Json, kernel: CyclesKernel, receive: impl FnMut(Message)) -> Result<Json> {
-    let mut conversation = Conversation::start(name, kernel)?;
+    let mut conversation = Conversation::start_within(name, kernel, Limits::of(name, request)?)?;
     // A script that stops before it has read its request breaks the pipe; its answer says why.
     let _ = conversation.say(&request.to_string());
     conversation.requests = None;
     conversation.answer(receive)
 }
 
-/// A script of `blend/` that answers one request after another, in one process that ends with the value.
+/// A script of `blend/` that answers one request after another, in one process that ends with the value, and with this program.
 pub struct Conversation {
     name: String,
     child: Child,
     requests: Option<ChildStdin>,
-    answers: Lines<BufReader<ChildStdout>>,
+    answers: Receiver<String>,
     /// The last lines that it wrote to stderr, when it has ended.
     log: Option<JoinHandle<String>>,
+    limits: Option<Limits>,
+    started: Instant,
+    /// It answers and has nothing left to do.
+    is_idle: bool,
 }
+
+/// How long a script that has nothing left to do may take to end.
+const FAREWELL: Duration = Duration::from_secs(5);
+
+/// Lines of stderr that an error shows.
+const SHOWN_LINES: usize = 8;
+
+/// What starts a script.
+const START: &str = include_str!("../../blend/start.py");
 
 impl Conversation {
     /// Starts a script.
     pub fn start(name: &str, kernel: CyclesKernel) -> Result<Self> {
+        Self::start_within(name, kernel, None)
+    }
+
+    fn start_within(name: &str, kernel: CyclesKernel, limits: Option<Limits>) -> Result<Self> {
         let python = interpreter();
-        let script = script_folder()?.join(name);
-        let mut command = Command::new(&python);
-        command.arg(&script).stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
-        command.env("PYTHONDONTWRITEBYTECODE", "1");
+        let mut command = isolated(&python);
+        command.args(["-c", START]).stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
         match kernel {
             CyclesKernel::Sse42 => command.env("CYCLES_CPU_NO_AVX2", "1"),
             CyclesKernel::Default => command.env_remove("CYCLES_CPU_NO_AVX2"),
         };
-        let mut child = command.spawn().map_err(|cause| {
+        let mut child = starter::spawn(command).map_err(|cause| {
             Error::new(
                 format!("interpreter {}", python.display()),
                 cause.to_string(),
@@ -159,17 +172,34 @@ impl Conversation {
             )
         })?;
         let stderr = child.stderr.take().expect("stderr is piped");
-        let log = std::thread::spawn(move || {
-            let lines: Vec<String> = BufReader::new(stderr).lines().map_while(std::result::Result::ok).collect();
-            lines[lines.len().saturating_sub(8)..].join(" | ")
+        let stdout = child.stdout.take().expect("stdout is piped");
+        // An answer waits here until it is asked for, as it would in the pipe.
+        let (sender, answers) = sync_channel(1);
+        std::thread::spawn(move || {
+            // Nobody listens any more where the conversation has ended.
+            let _ = lines(stdout).try_for_each(|line| sender.send(line));
         });
-        Ok(Self {
+        let mut conversation = Self {
             name: name.to_owned(),
             requests: child.stdin.take(),
-            answers: BufReader::new(child.stdout.take().expect("stdout is piped")).lines(),
+            answers,
             child,
-            log: Some(log),
-        })
+            log: Some(std::thread::spawn(move || last_lines(stderr))),
+            started: Instant::now(),
+            is_idle: false,
+            limits: None,
+        };
+        let modules: serde_json::Map<String, Json> =
+            SCRIPTS.iter().map(|(name, text)| ((*name).to_owned(), (*text).into())).collect();
+        let order = serde_json::json!({
+            "script": name, "modules": modules, "parent": std::process::id(),
+            "memory": limits.as_ref().map(|limits| limits.memory),
+            "seconds": limits.as_ref().map(Limits::processor_seconds),
+        });
+        conversation.limits = limits;
+        // What cannot take the order ends without an answer, which says why.
+        let _ = conversation.say(&format!("{order}\n"));
+        Ok(conversation)
     }
 
     /// Sends a request, which has one line, and returns the result of its `done` message.
@@ -179,13 +209,24 @@ impl Conversation {
     }
 
     fn say(&mut self, text: &str) -> std::io::Result<()> {
+        self.is_idle = false;
         let Some(stdin) = &mut self.requests else { return Ok(()) };
         stdin.write_all(text.as_bytes())?;
         stdin.flush()
     }
 
+    /// The next line of the script's; none when it has ended, an error when its time is over.
+    fn line(&self) -> Result<Option<String>> {
+        let Some(limits) = &self.limits else { return Ok(self.answers.recv().ok()) };
+        match self.answers.recv_timeout(limits.time.saturating_sub(self.started.elapsed())) {
+            Ok(line) => Ok(Some(line)),
+            Err(RecvTimeoutError::Disconnected) => Ok(None),
+            Err(RecvTimeoutError::Timeout) => Err(limits.overrun()),
+        }
+    }
+
     fn answer(&mut self, mut receive: impl FnMut(Message)) -> Result<Json> {
-        while let Some(Ok(line)) = self.answers.next() {
+        while let Some(line) = self.line()? {
             let Ok(message) = serde_json::from_str::<Json>(&line) else { continue };
             let text = |key: &str| message[key].as_str().unwrap_or_default().to_owned();
             match message["event"].as_str() {
@@ -193,36 +234,88 @@ impl Conversation {
                     receive(Message { done: message["done"].as_f64().unwrap_or(0.0), what: text("what") });
                 }
                 Some("warning") => log::warn!("{}: {}", text("place"), text("message")),
-                Some("done") => return Ok(message["result"].clone()),
+                Some("done") => {
+                    self.is_idle = true;
+                    return Ok(message["result"].clone());
+                }
                 Some("error") => {
+                    self.is_idle = true;
                     return Err(Error::new(text("place"), text("found"), text("expected"), text("remedy")));
                 }
                 _ => {}
             }
         }
-        let status = self.child.wait().map_or_else(|cause| cause.to_string(), |status| status.to_string());
+        // Its output has ended, and so does it; what only closed its output is ended.
+        let status = end(&mut self.child, FAREWELL).map_or_else(|cause| cause.to_string(), |status| status.to_string());
         let log = self.log.take().and_then(|log| log.join().ok()).unwrap_or_default();
+        if let Some(limits) = &self.limits
+            && status.contains("signal")
+        {
+            return Err(limits.crash(&status));
+        }
+        let mut remedy = "Run cloudparity doctor; it checks the interpreter and its packages.".to_owned();
+        if let Some(limits) = &self.limits {
+            remedy += &limits.memory_remedy();
+        }
         Err(Error::new(
             format!("script {}", self.name),
             format!("it ended without an answer ({status}): {log}"),
             "a result",
-            "Run cloudparity doctor; it checks the interpreter and its packages.",
+            remedy,
         ))
     }
 }
 
 impl Drop for Conversation {
     fn drop(&mut self) {
-        // The end of its input is the end of the script.
+        // The end of its input is the end of a script that waits for a request. One that works is not waited for.
         self.requests = None;
-        let _ = self.child.wait();
+        let _ = end(&mut self.child, if self.is_idle { FAREWELL } else { Duration::ZERO });
     }
+}
+
+/// Waits for a process to end, and ends it where that takes longer.
+fn end(child: &mut Child, grace: Duration) -> std::io::Result<ExitStatus> {
+    const BETWEEN_LOOKS: Duration = Duration::from_millis(5);
+    let begin = Instant::now();
+    loop {
+        if let Some(status) = child.try_wait()? {
+            return Ok(status);
+        }
+        if begin.elapsed() >= grace {
+            child.kill()?;
+            return child.wait();
+        }
+        std::thread::sleep(BETWEEN_LOOKS);
+    }
+}
+
+/// The lines of a stream, whatever its bytes are, until it ends.
+fn lines(stream: impl Read) -> impl Iterator<Item = String> {
+    let mut stream = BufReader::new(stream);
+    std::iter::from_fn(move || {
+        let mut line = Vec::new();
+        let count = stream.read_until(b'\n', &mut line).ok()?;
+        (count > 0).then(|| String::from_utf8_lossy(&line).trim_end().to_owned())
+    })
+}
+
+/// What a script's stderr says last. Of Python's own account of an exception only the exception is kept.
+fn last_lines(stream: impl Read) -> String {
+    let mut last = VecDeque::new();
+    for line in lines(stream).filter(|line| !line.starts_with([' ', '\t']) && !line.starts_with("Traceback")) {
+        if last.len() == SHOWN_LINES {
+            last.pop_front();
+        }
+        last.push_back(line);
+    }
+    Vec::from(last).join(" | ")
 }
 
 /// Whether a Python module can be imported, with its version or the failure.
 pub fn module_version(module: &str, expression: &str) -> std::result::Result<String, String> {
     let code = format!("import {module}; print({expression})");
-    let output = Command::new(interpreter()).args(["-c", &code]).output().map_err(|cause| cause.to_string())?;
+    let output = isolated(&interpreter()).args(["-c", &code]).output().map_err(|cause| cause.to_string())?;
     let tail = |bytes: &[u8]| String::from_utf8_lossy(bytes).trim().lines().last().unwrap_or_default().to_owned();
     if output.status.success() { Ok(tail(&output.stdout)) } else { Err(tail(&output.stderr)) }
 }

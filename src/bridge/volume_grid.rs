@@ -3,7 +3,7 @@
 use super::CyclesKernel;
 use crate::base::error::{Error, Result};
 use crate::base::files;
-use crate::scene::volume_grid::{DENSITY, VolumeGrid};
+use crate::scene::volume_grid::{DENSITY, MOST_VOXELS, VolumeGrid};
 use glam::{DAffine3, DMat3, DVec3};
 use ndarray::Array3;
 use serde_json::{Value as Json, json};
@@ -33,7 +33,7 @@ pub fn write(grid: &VolumeGrid, path: &Path, half: bool) -> Result<()> {
 pub fn read(path: &Path, name: &str) -> Result<VolumeGrid> {
     let folder = tempfile::tempdir().map_err(|cause| file_error("temporary folder", &cause))?;
     let values = folder.path().join("values.npy");
-    let found = run(&json!({ "read": path, "name": name, "values": values }))?;
+    let found = run(&json!({ "read": path, "name": name, "values": values, "most": MOST_VOXELS }))?;
     let (values, shape) = files::read_values(&values)?;
     let shape = [0, 1, 2].map(|axis| shape[axis]);
     let values = Array3::from_shape_vec(shape, values).expect("a file holds as many values as its shape says");

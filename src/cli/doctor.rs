@@ -52,7 +52,8 @@ struct Problem {
 pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
     let mut checks = vec![check_adapter(), check_interpreter()];
     checks.extend(PACKAGES.map(|(distribution, module, purpose)| check_package(distribution, module, purpose)));
-    checks.push(check_folder("scripts", "every command that runs Python", "TMPDIR", bridge::script_folder()));
+    let temporary = Ok(std::env::temp_dir());
+    checks.push(check_folder("temporary files", "probes, pictures and grids", "TMPDIR", temporary));
     let references = bridge::reference::cache_folder();
     checks.push(check_folder("cache", "references by Cycles", bridge::reference::CACHE_VARIABLE, references));
     let all_there = checks.iter().all(|check| check.problem.is_none());
@@ -87,7 +88,7 @@ fn check_adapter() -> Check {
 }
 
 fn check_interpreter() -> Check {
-    let path = bridge::interpreter();
+    let bridge::interpreter::Choice { path, reason } = bridge::interpreter::choose();
     let version =
         bridge::module_version("platform", "platform.python_implementation() + ' ' + platform.python_version()");
     let what = "Python".to_owned();
@@ -102,11 +103,13 @@ fn check_interpreter() -> Check {
             let cause = format!("{version}, where bpy 5.0.1 needs CPython 3.11");
             Check {
                 what,
-                found: Some(format!("{version} ({})", path.display())),
+                found: Some(format!("{version} ({}; {reason})", path.display())),
                 problem: (!fits).then(|| problem(cause)),
             }
         }
-        Err(cause) => Check { what, found: None, problem: Some(problem(format!("{}: {cause}", path.display()))) },
+        Err(cause) => {
+            Check { what, found: None, problem: Some(problem(format!("{}: {cause} ({reason})", path.display()))) }
+        }
     }
 }
 

@@ -1,6 +1,7 @@
 //! `cloudparity explain`: what is left of a graph, what was left out, and why.
 
 use crate::base::error::Result;
+use crate::base::plain_text::one_line;
 use crate::gpu::Gpu;
 use crate::graph::{Operand, Program};
 use crate::measure::speed::leaving_out;
@@ -80,8 +81,9 @@ fn describe_kernels(found: &LeavingOut) -> String {
 /// The explanation as text.
 pub(crate) fn describe(program: &Program) -> String {
     let mut text = String::new();
+    // A node's name is the user's, and may hold line breaks and orders to a terminal.
     let line = |text: &mut String, parts: std::fmt::Arguments<'_>| {
-        writeln!(text, "{parts}").expect("writing to a string cannot fail");
+        writeln!(text, "{}", one_line(&parts.to_string())).expect("writing to a string cannot fail");
     };
     line(&mut text, format_args!("Evaluated, in order ({} nodes):", program.instructions.len()));
     for instruction in &program.instructions {

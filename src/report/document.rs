@@ -1,6 +1,7 @@
 //! Headings, tables and sentences of a report, and how Markdown and LaTeX write them.
 
 use crate::base::numbers::ABSENT;
+use crate::base::plain_text::{is_control, markdown as line, one_line};
 
 /// A report in parts.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -55,7 +56,7 @@ impl Document {
         for block in &self.blocks {
             text += &match block {
                 Block::Heading(heading) => format!("\n## {}\n", line(heading)),
-                Block::Text(sentence) => format!("\n{sentence}\n"),
+                Block::Text(sentence) => format!("\n{}\n", paragraph(sentence)),
                 Block::Pictures(names) if names.is_empty() => String::new(),
                 Block::Pictures(names) => {
                     let shown: Vec<String> = names.iter().map(|name| format!("![{name}]({name})")).collect();
@@ -80,7 +81,7 @@ impl Document {
     pub fn latex(&self) -> String {
         let mut text = format!(
             "% Tables of the report: {}\n% Needs \\usepackage{{booktabs}} and \\usepackage{{graphicx}}.\n",
-            self.title.replace(['\n', '\r'], " ")
+            one_line(&self.title)
         );
         let mut caption = "Verdicts";
         let mut count = 0;
@@ -152,7 +153,10 @@ fn latex(text: &str) -> String {
         }
         is_raised = raised.is_some();
         match raised.unwrap_or(letter) {
-            '\n' | '\r' | '\t' => safe.push(' '),
+            other if is_control(other) => safe.push(' '),
+            // Behind the end of a row, a bracket or a star would belong to it.
+            '[' => safe.push_str("{[}"),
+            '*' => safe.push_str("{*}"),
             '&' | '%' | '$' | '#' | '_' | '{' | '}' => {
                 safe.push('\\');
                 safe.push(letter);
@@ -176,25 +180,15 @@ fn latex(text: &str) -> String {
     safe
 }
 
+/// A sentence as a paragraph of Markdown: with markup taken literally at its beginning, too, where a sign would begin a list.
+fn paragraph(sentence: &str) -> String {
+    let text = line(sentence);
+    if text.starts_with(['-', '+', '=']) { format!("\\{text}") } else { text }
+}
+
 /// A column's name, which may be empty.
 fn heading_cell(name: &str) -> String {
     if name.is_empty() { String::new() } else { line(name) }
-}
-
-/// Text from a file on one line of Markdown, with its markup taken literally.
-fn line(text: &str) -> String {
-    let mut safe = String::new();
-    for letter in text.chars() {
-        match letter {
-            '\n' | '\r' | '\t' => safe.push(' '),
-            '|' | '<' | '>' | '[' | ']' | '`' | '*' | '_' | '\\' | '&' | '#' => {
-                safe.push('\\');
-                safe.push(letter);
-            }
-            _ => safe.push(letter),
-        }
-    }
-    if safe.is_empty() { ABSENT.into() } else { safe }
 }
 
 #[cfg(test)]

@@ -1,6 +1,7 @@
 //! The figures as CSV and Markdown, and tables from JSON of no fixed layout.
 
 use crate::base::numbers::{capitalised, count, figure, percent, plain, rate, ratio, seconds, signed_percent};
+use crate::base::plain_text::csv_cell;
 use crate::measure::densities::comparison::{Comparison, FIGURE};
 use crate::measure::study::curve_points::CurvePoint;
 use crate::measure::study::{FIGURES, Measured, Results};
@@ -466,11 +467,7 @@ pub fn csv(inputs: &Inputs) -> String {
         }
     }
     let lines = std::iter::once(COLUMNS.map(str::to_owned)).chain(rows);
-    lines.map(|row| row.map(|cell| quoted(&cell)).join(",") + "\n").collect()
-}
-
-fn quoted(cell: &str) -> String {
-    if cell.contains([',', '"', '\n', '\r']) { format!("\"{}\"", cell.replace('"', "\"\"")) } else { cell.to_owned() }
+    lines.map(|row| row.map(|cell| csv_cell(&cell)).join(",") + "\n").collect()
 }
 
 /// The page without its pictures' viewer: for terminals, repositories and papers.

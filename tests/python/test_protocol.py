@@ -7,6 +7,7 @@ import sys
 
 import pytest
 
+import plots
 from blend_support import ROOT, requires_bpy, run_script
 
 NEED_BPY = ["export_scene.py", "build_scene.py", "probe.py", "reference.py"]
@@ -81,3 +82,27 @@ def test_messages_go_to_the_descriptor_that_is_given():
         events = [json.loads(line) for line in stream]
     assert finished.stdout == ""
     assert last_error(events)["place"] == "request.blend"
+
+
+def test_an_unexpected_exception_is_an_error_of_the_file_without_a_traceback(tmp_path):
+    # A library that fails at a file in a way that no script foresees.
+    (tmp_path / "OpenImageIO.py").write_text(
+        "class ImageInput:\n    @staticmethod\n    def open(path):\n        1 / 0\n"
+    )
+    picture = tmp_path / "a.exr"
+    picture.write_text("no picture")
+    request = {"op": "display", "images": [{"exr": str(picture), "png": str(tmp_path / "a.png")}]}
+    events, status = run_script("compare_images.py", request, {"PYTHONPATH": str(tmp_path)})
+    assert status == 1
+    error = last_error(events)
+    assert error["place"] == str(picture) and "ZeroDivisionError" in error["found"]
+    assert "Traceback" not in json.dumps(events)
+
+
+def test_names_of_figures_are_no_formulas():
+    names = {"title": "$\\frac$ of\x1b\n$5", "groups": [{"scene": "a$", "picture": "$.exr"}], "svg": "$.svg"}
+    asked = []
+    plots.literally(lambda request, messages: asked.append(request))(names, None)
+    assert asked == [
+        {"title": r"\$\frac\$ of  \$5", "groups": [{"scene": r"a\$", "picture": "$.exr"}], "svg": "$.svg"}
+    ]

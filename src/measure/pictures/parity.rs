@@ -8,6 +8,7 @@ use crate::base::files;
 use crate::base::identity::Identity;
 use crate::base::ledger::{Found, Purpose, to_json};
 use crate::base::numbers::signed_percent;
+use crate::base::plain_text::markdown;
 use crate::base::progress::Progress;
 use crate::bridge;
 use crate::bridge::CyclesKernel;
@@ -201,8 +202,8 @@ pub fn table(rows: &[EntryResult]) -> String {
         writeln!(
             text,
             "| {}: {} | {} | {} of {} | {} x {} | {} | {:.3} % | {:.1} % |",
-            row.name,
-            row.about,
+            markdown(&row.name),
+            markdown(&row.about),
             row.verdict.words(),
             row.checks[0],
             row.checks[1],

@@ -16,6 +16,7 @@ use crate::base::error::{Error, Result};
 use crate::base::files;
 use crate::base::identity::Identity;
 use crate::base::ledger::{Found, Purpose, to_json};
+use crate::base::plain_text::markdown;
 use crate::base::progress::Progress;
 use crate::bridge;
 use crate::bridge::CyclesKernel;
@@ -449,7 +450,7 @@ impl TimeToError {
                 text,
                 "| {} | {}, {} samples | {:.2e} | {preparation:.0} + {samples:.0} | {:?}, {}{cut} | {:.2e} | \
                  {our_preparation:.1} + {our_rendering:.1} | {:.1} | {:.1} | {} |",
-                row.name,
+                markdown(&row.name),
                 row.mode,
                 row.samples,
                 row.error,

@@ -1,5 +1,6 @@
 //! The table as text and as CSV.
 
+use crate::base::plain_text::csv_cell;
 use crate::measure::stability::{Judgement, Table, Verdict};
 use std::fmt::Write as _;
 
@@ -71,21 +72,20 @@ impl Table {
 }
 
 fn line(row: &Judgement) -> String {
-    let quoted = |value: &str| format!("\"{}\"", value.replace('"', "\"\""));
     let subject = serde_json::to_value(row.subject).expect("a name");
     let words = [
-        quoted(&row.id),
-        quoted(subject.as_str().unwrap_or_default()),
-        quoted(&row.varied),
-        quoted(&row.evaluator),
+        csv_cell(&row.id),
+        csv_cell(subject.as_str().unwrap_or_default()),
+        csv_cell(&row.varied),
+        csv_cell(&row.evaluator),
         row.values.to_string(),
         row.nonfinite.to_string(),
         row.max_error.to_string(),
         row.share_of_bound.map(|share| share.to_string()).unwrap_or_default(),
         row.limit.to_string(),
-        quoted(&row.reason),
-        quoted(&row.guards.join("; ")),
-        quoted(&row.cycles),
+        csv_cell(&row.reason),
+        csv_cell(&row.guards.join("; ")),
+        csv_cell(&row.cycles),
         row.verdict.word().to_lowercase(),
     ];
     words.join(",") + "\n"

@@ -4,6 +4,7 @@ use crate::base::error::{Error, Result};
 use crate::base::files;
 use crate::base::identity::Identity;
 use crate::base::ledger::{Ledger, read_record, to_json};
+use crate::base::plain_text::csv_cell;
 use crate::bridge;
 use crate::bridge::CyclesKernel;
 use crate::measure::combination::Combination;
@@ -140,7 +141,7 @@ impl Results {
         files::write_atomically(&folder.join("results.csv"), self.csv().as_bytes())
     }
 
-    /// One line per run, with every setting and figure; names hold neither commas nor quotes but for scenes' and defects, which are quoted.
+    /// One line per run, with every setting and figure.
     pub fn csv(&self) -> String {
         let mut text = String::from(
             "scene,density,light,steps,light_steps,cache_cells,cache_format,sub_pixels,jitter,defects,god_rays,seconds,seconds_smallest,\
@@ -151,16 +152,16 @@ impl Results {
             let Combination { scene, density, light, steps, light_steps, cache, sub_pixels, jitter, defects, god_rays } =
                 &run.combination;
             let fields = [
-                format!("\"{}\"", scene.replace('"', "\"\"")),
-                density.clone(),
-                light.clone(),
+                csv_cell(scene),
+                csv_cell(density),
+                csv_cell(light),
                 steps.to_string(),
                 light_steps.to_string(),
                 cache.cells.to_string(),
                 cache.format.to_string(),
                 sub_pixels.to_string(),
                 jitter.to_string(),
-                format!("\"{defects}\""),
+                csv_cell(&defects.to_string()),
                 god_rays.to_string(),
                 run.seconds.median.to_string(),
                 run.seconds.smallest.to_string(),
