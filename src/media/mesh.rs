@@ -228,7 +228,8 @@ impl Mesh {
     /// Every triangle that a ray crosses between two distances.
     fn crossings(&self, frame: &Frame, from: f64, to: f64) -> Vec<Crossing> {
         let mut found = Vec::new();
-        let padding = BOX_PADDING * self.bounds.low.abs().max(self.bounds.high.abs()).max(frame.origin.abs()).max_element();
+        let padding =
+            BOX_PADDING * self.bounds.low.abs().max(self.bounds.high.abs()).max(frame.origin.abs()).max_element();
         let meets = |place: &Aabb<f64, 3>| frame.meets(place, padding, from, to);
         let mut pending = Vec::with_capacity(64);
         pending.push(0);
@@ -417,6 +418,3 @@ fn turn([px, py, _]: [f64; 3], [qx, qy, _]: [f64; 3]) -> i8 {
     }
     found
 }
-
-#[cfg(test)]
-mod tests;

@@ -633,9 +633,9 @@ impl Volume {
         check_invertible(&self.matrix_world, &format!("{place}.matrix_world"))?;
         if let Shape::Mesh { vertices, triangles } = &self.shape {
             check_mesh(&format!("{place}.shape"), vertices, triangles)?;
-            let outside = vertices.iter().position(|vertex| {
-                (0..3).any(|axis| !(bounds.min[axis]..=bounds.max[axis]).contains(&vertex[axis]))
-            });
+            let outside = vertices
+                .iter()
+                .position(|vertex| (0..3).any(|axis| !(bounds.min[axis]..=bounds.max[axis]).contains(&vertex[axis])));
             if let Some(number) = outside {
                 return Err(Error::new(
                     format!("{place}.shape.vertices[{number}]"),

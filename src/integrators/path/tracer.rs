@@ -575,10 +575,7 @@ impl Tracer {
         let [[first, second, third, fourth], [choice, ..]] = path.sampler.scattering(path.scatterings);
         path.scatterings += 1;
         path.vertex = path.origin + path.direction * path.kept_distance;
-        let distance = path.kept_distance;
-        let at_event = |part: &&Part| (part.span[0]..=part.span[1]).contains(&distance);
-        path.around.clear();
-        path.around.extend(path.parts.iter().filter(at_event).map(|part| part.object));
+        path.note_surroundings(self.volume.is_mesh());
         let before = path.direction;
         path.next = turned(before, phase.sample(first), second);
         path.hit_distance = f64::NAN;
@@ -701,10 +698,21 @@ impl Path {
         self.begun = self.parts.len();
     }
 
+    /// Notes which meshes hold the event at the kept distance. An event in the `only` object lies in it, even if rounding puts it behind
+    /// the end of its part.
+    fn note_surroundings(&mut self, only: bool) {
+        self.around.clear();
+        if only {
+            self.around.push(0);
+            return;
+        }
+        let Self { parts, around, kept_distance, .. } = self;
+        around.extend(parts.iter().filter(|part| part.holds(*kept_distance)).map(|part| part.object));
+    }
+
     /// Whether the ray at a distance is in the mesh of an object.
     fn is_in(&self, object: usize, distance: f64) -> bool {
-        let holds = |part: &Part| part.object == object && (part.span[0]..=part.span[1]).contains(&distance);
-        self.parts.iter().any(holds)
+        self.parts.iter().any(|part| part.object == object && part.holds(distance))
     }
 }
 

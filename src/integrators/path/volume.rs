@@ -46,6 +46,13 @@ pub(crate) struct Part {
     pub(crate) span: Span,
 }
 
+impl Part {
+    /// Whether a distance along the ray belongs to it.
+    pub(crate) fn holds(&self, distance: f64) -> bool {
+        (self.span[0]..=self.span[1]).contains(&distance)
+    }
+}
+
 /// What is known beforehand of how light scatters.
 pub(crate) enum Lobes {
     /// By one constant phase function.
@@ -229,7 +236,11 @@ impl Volume {
             .par_chunks(PILOT_BATCH)
             .map(|part| {
                 let mut found = Vec::new();
-                self.evaluator()?.evaluate(part, &|place, object| self.objects[object].holds(part[place]), &mut found)?;
+                self.evaluator()?.evaluate(
+                    part,
+                    &|place, object| self.objects[object].holds(part[place]),
+                    &mut found,
+                )?;
                 Ok(found.iter().map(|coefficients| largest(&coefficients.extinction)).collect())
             })
             .collect::<Result<_>>()?;
