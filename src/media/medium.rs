@@ -6,6 +6,7 @@ use crate::base::error::{Error, Result};
 use crate::graph::Program;
 use crate::graph::closures::{Closure, Value};
 use crate::media::density::Density;
+use crate::media::mesh::PlacedMesh;
 use crate::media::objects::ObjectMedium;
 use crate::media::phase::PhaseFunction;
 use crate::nodes::closure::Coefficients;
@@ -16,7 +17,7 @@ use std::sync::Arc;
 /// Sockets that emission is linear in.
 const STRENGTHS: [&str; 2] = ["Emission Strength", "Strength"];
 
-/// A sum of closures in a box that share one varying density and are constant else.
+/// A sum of closures in a box or a mesh that share one varying density and are constant else.
 ///
 /// Coefficients are per metre of world space whatever the object's scale: a ray carries its world
 /// length along when it is taken into the object's frame.
@@ -35,6 +36,8 @@ pub struct Medium {
     pub emission_of_density: [f64; 3],
     /// World to object.
     pub to_object: DMat4,
+    /// The mesh that it fills, if it does not fill the box of the density.
+    pub mesh: Option<Arc<PlacedMesh>>,
 }
 
 impl Medium {
@@ -73,6 +76,7 @@ impl Medium {
             emission,
             emission_of_density,
             to_object: object.to_object,
+            mesh: object.mesh.clone(),
         })
     }
 }

@@ -6,6 +6,7 @@ pub mod density_cache;
 pub mod lattice;
 pub mod majorant;
 pub mod medium;
+pub mod mesh;
 pub mod objects;
 pub mod phase;
 pub mod region;

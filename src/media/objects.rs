@@ -12,6 +12,7 @@ use crate::graph::closures::{Closure, ClosureSum, Factor, Value};
 use crate::graph::evaluate::Points;
 use crate::graph::{Operand, Program};
 use crate::media::density::Density;
+use crate::media::mesh::{Mesh, PlacedMesh, as_box};
 use crate::media::phase::PhaseFunction;
 use crate::media::region::Region;
 use crate::nodes::closure::{Coefficients, Phase, Quantity, per_channel};
@@ -27,8 +28,10 @@ pub struct ObjectMedium {
     pub object: String,
     /// World to object.
     pub to_object: DMat4,
-    /// The box that it fills, in the object's frame.
+    /// The box that it fills, in the object's frame, or the box around the mesh that it fills.
     pub bounds: Region,
+    /// The mesh that it fills, if it does not fill its box.
+    pub mesh: Option<Arc<PlacedMesh>>,
     /// What is known of it without evaluating.
     pub character: Character,
     program: Arc<Program>,
@@ -225,10 +228,12 @@ impl Phase {
 impl ObjectMedium {
     /// Compiles the medium of an object.
     pub fn new(graph: &Graph, volume: &Volume) -> Result<Self> {
-        let bounds = box_of(volume)?;
+        let (bounds, mesh) = outline_of(volume)?;
         let ClosureSum { program, closures } = ClosureSum::compile(graph, volume)?;
         let to_object = scene::matrix_to_glam(&volume.matrix_world).inverse();
-        Ok(Self::of_closures(&volume.object, to_object, bounds, Arc::new(program), closures, length_scale(volume)))
+        let program = Arc::new(program);
+        let medium = Self::of_closures(&volume.object, to_object, bounds, program, closures, length_scale(volume));
+        Ok(Self { mesh: mesh.map(|mesh| Arc::new(PlacedMesh::new(mesh, to_object))), ..medium })
     }
 
     /// The medium of a density in a box: extinction and scattering per unit of density and metre, and the lobes of its phase function,
@@ -294,7 +299,16 @@ impl ObjectMedium {
             dark: zero(all.emission),
             absorbing,
         };
-        Self { object: object.to_owned(), to_object, bounds, character, program, terms }
+        Self { object: object.to_owned(), to_object, bounds, mesh: None, character, program, terms }
+    }
+
+    /// Whether a place of the world is inside: of a mesh, by what is above it ([`PlacedMesh::begins_inside`]).
+    pub fn holds(&self, place: DVec3) -> bool {
+        if let Some(mesh) = &self.mesh {
+            return mesh.begins_inside(place);
+        }
+        let local = self.to_object.transform_point3(place);
+        local.cmpge(self.bounds.low).all() && local.cmple(self.bounds.high).all()
     }
 
     /// Its closures, with the factor on each one's coefficients.
@@ -393,18 +407,32 @@ pub(crate) fn length_scale(volume: &Volume) -> f64 {
     }
 }
 
-/// The box that a volume fills; a mesh is refused.
-pub(crate) fn box_of(volume: &Volume) -> Result<Region> {
-    if !matches!(volume.shape, Shape::Box | Shape::Grid { .. }) {
-        return Err(Error::new(
-            format!("$.volume.shape of object {}", volume.object),
-            "a mesh",
-            "\"box\": the integrators know media that fill exactly their bounding box",
-            "Use a cube as the volume's object.",
-        ));
+/// The box that a volume fills, or the box around the mesh that it fills. A mesh that is a box up to rounding counts as one.
+fn outline_of(volume: &Volume) -> Result<(Region, Option<Mesh>)> {
+    if let Shape::Mesh { vertices, triangles } = &volume.shape {
+        let mesh = Mesh::new(&format!("object {}: shape", volume.object), vertices, triangles)?;
+        return Ok(match as_box(vertices, triangles) {
+            Some(region) => (region, None),
+            None => (mesh.bounds(), Some(mesh)),
+        });
     }
     let corner = |corner: [f32; 3]| DVec3::from(corner.map(f64::from));
-    Ok(Region { low: corner(volume.bounds.min), high: corner(volume.bounds.max) })
+    Ok((Region { low: corner(volume.bounds.min), high: corner(volume.bounds.max) }, None))
+}
+
+/// The box that a volume fills; another mesh is refused.
+pub(crate) fn box_of(volume: &Volume) -> Result<Region> {
+    match outline_of(volume)? {
+        (region, None) => Ok(region),
+        (_, Some(_)) => Err(Error::new(
+            format!("object {}: shape", volume.object),
+            "a mesh that is no box",
+            "a box: engines know no other outline of an object",
+            "Use a cube as the volume's object, choose a domain without an object, or trace paths.",
+        )
+        .with_setting("domain")
+        .with_setting("integrator")),
+    }
 }
 
 impl Values<'_> {
@@ -527,18 +555,17 @@ impl Media {
         Ok(Self { objects })
     }
 
-    /// What is at positions of the world; faces count as inside.
+    /// What is at positions of the world; faces of boxes count as inside.
     pub fn evaluate(&self, positions: &[DVec3]) -> Result<Vec<MediumAtPoint>> {
         let zero = Coefficients { scattering: [0.0; 3], extinction: [0.0; 3], emission: [0.0; 3] };
         let mut places = vec![MediumAtPoint { coefficients: zero, mixture: PhaseMixture::empty() }; positions.len()];
         for medium in &self.objects {
-            let local = |&position: &DVec3| medium.to_object.transform_point3(position);
+            let local = |position: DVec3| medium.to_object.transform_point3(position).as_vec3().to_array();
             let inside: Vec<(usize, [f32; 3])> = positions
                 .iter()
-                .map(local)
                 .enumerate()
-                .filter(|(_, place)| place.cmpge(medium.bounds.low).all() && place.cmple(medium.bounds.high).all())
-                .map(|(index, place)| (index, place.as_vec3().to_array()))
+                .filter(|(_, place)| medium.holds(**place))
+                .map(|(index, place)| (index, local(*place)))
                 .collect();
             let local: Vec<[f32; 3]> = inside.iter().map(|(_, place)| *place).collect();
             let values = medium.evaluate(&local)?;

@@ -726,19 +726,46 @@ impl Volume {
         }
         check_invertible(&self.matrix_world, &format!("{place}.matrix_world"))?;
         if let Shape::Mesh { vertices, triangles } = &self.shape {
-            let outside = triangles.iter().position(|triangle| {
-                triangle.iter().any(|&vertex| usize::try_from(vertex).map_or(true, |vertex| vertex >= vertices.len()))
-            });
+            check_mesh(&format!("{place}.shape"), vertices, triangles)?;
+            let outside = vertices
+                .iter()
+                .position(|vertex| (0..3).any(|axis| !(bounds.min[axis]..=bounds.max[axis]).contains(&vertex[axis])));
             if let Some(number) = outside {
                 return Err(Error::new(
-                    format!("{place}.shape.triangles[{number}]"),
-                    format!("the vertices {:?}", triangles[number]),
-                    format!("indices below {}, the number of vertices", vertices.len()),
-                    "Export the scene again.",
+                    format!("{place}.shape.vertices[{number}]"),
+                    format!("{:?}", vertices[number]),
+                    format!("a place within $.bounds of the volume, {:?} to {:?}", bounds.min, bounds.max),
+                    "Write the bounds of the vertices, or export the scene again.",
                 ));
             }
         }
         Ok(())
+    }
+}
+
+/// Refuses a mesh that bounds nothing: without triangles, with vertices that are no numbers, or with triangles of vertices that are not
+/// there. `place` is where its shape stands.
+pub(crate) fn check_mesh(place: &str, vertices: &[[f32; 3]], triangles: &[[u32; 3]]) -> Result<()> {
+    let wrong = |at: String, found: String, expected: String| {
+        let remedy = "Give the object a closed mesh, and export the scene again.";
+        Err(Error::new(format!("{place}.{at}"), found, expected, remedy))
+    };
+    if triangles.is_empty() {
+        let found = format!("a mesh of {} vertices without triangles", vertices.len());
+        return wrong("triangles".into(), found, "the triangles of a closed mesh".into());
+    }
+    if let Some(number) = vertices.iter().position(|vertex| !vertex.iter().all(|coordinate| coordinate.is_finite())) {
+        let found = format!("{:?}", vertices[number]);
+        return wrong(format!("vertices[{number}]"), found, "finite coordinates of a vertex of the mesh".into());
+    }
+    let known = |vertex: &u32| usize::try_from(*vertex).is_ok_and(|vertex| vertex < vertices.len());
+    match triangles.iter().position(|triangle| !triangle.iter().all(known)) {
+        None => Ok(()),
+        Some(number) => wrong(
+            format!("triangles[{number}]"),
+            format!("the vertices {:?}", triangles[number]),
+            format!("indices below {}, the number of vertices", vertices.len()),
+        ),
     }
 }
 

@@ -5,6 +5,7 @@ pub mod cloud;
 pub mod cube;
 pub mod estimate;
 pub mod graphs;
+pub mod meshes;
 pub mod rounding;
 
 use cloudparity::scene::Scene;

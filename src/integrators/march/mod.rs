@@ -34,6 +34,7 @@ use crate::integrators::march::light_grid::LightGrid;
 use crate::integrators::{Jitter, LightMode, MarchSettings};
 use crate::media::density_cache::{CacheReport, DensityCache, Samples};
 use crate::media::medium::Medium;
+use crate::media::mesh::Span;
 use crate::media::phase::henyey_greenstein;
 use crate::media::transfer::Integration;
 use crate::media::transfer::{mean_transmittance, transmittance};
@@ -106,6 +107,8 @@ pub(crate) struct ViewRay {
     /// Part of a step before its sample; 0.5 is the middle.
     pub(crate) offset: f64,
     pub(crate) next: usize,
+    /// Further parts in a mesh, the last one first.
+    rest: Vec<Span>,
     pub(crate) transmittance: [f64; 3],
     pub(crate) radiance: [f64; 3],
 }
@@ -115,6 +118,8 @@ struct Sample {
     ray: usize,
     local: DVec3,
     distance: f64,
+    /// Length of the step.
+    step: f64,
 }
 
 /// Renders on all cores, or on the adapter. `settings` are resolved.
@@ -193,6 +198,9 @@ impl<'a> Stage<'a> {
             .with_setting("integrator"));
         }
         let mut stage = Self::new(scene, settings)?;
+        if stage.medium.mesh.is_some() {
+            stage.check_mesh(gpu.is_some())?;
+        }
         let empty = stage.medium.density.occupied.is_empty();
         let cached = if settings.density_cache.is_some() { 0.25 } else { 0.0 };
         let cache = match (cache, settings.density_cache) {
@@ -231,6 +239,30 @@ impl<'a> Stage<'a> {
         Ok((stage, kernels))
     }
 
+    /// Refuses what is not known of the medium in a mesh that is no box.
+    fn check_mesh(&self, on_adapter: bool) -> Result<()> {
+        let refused = |expected: &str, remedy: &str, setting: &'static str| {
+            let place = format!("object {}: shape", self.scene.volume.object);
+            let found = "a mesh that is no box as the outline of the medium";
+            Err(Error::new(place, found, expected, remedy).with_setting(setting))
+        };
+        if on_adapter {
+            return refused(
+                "a box: the adapter knows no other outline",
+                "Use a cube as the volume's object, or the CPU.",
+                "backend",
+            );
+        }
+        if self.settings.light == LightMode::Grid && !self.leaves_out(Omission::InScatter) {
+            return refused(
+                "a box where light is baked into a grid",
+                "Choose the light `exact`, or trace paths.",
+                "light",
+            );
+        }
+        Ok(())
+    }
+
     /// What the scene and the settings allow to leave out.
     fn omissions(&self) -> Vec<Omission> {
         if !self.settings.specialise {
@@ -248,7 +280,8 @@ impl<'a> Stage<'a> {
             (Omission::World, unlit || dark_world),
             (Omission::Phase, henyey_greenstein(medium.anisotropy, 0.0) == henyey_greenstein(0.0, 0.0)),
             (Omission::Density, homogeneous),
-            (Omission::ViewSteps, homogeneous && unlit && one_step),
+            // A ray may have several parts in a mesh.
+            (Omission::ViewSteps, homogeneous && unlit && one_step && medium.mesh.is_none()),
             (Omission::ShadowSteps, homogeneous && !unlit && self.settings.light == LightMode::Exact),
             (Omission::EmptyCells, medium.density.fills_all_cells()),
         ]
@@ -316,30 +349,43 @@ impl Stage<'_> {
         let ray = camera.ray(raster);
         let local_origin = self.medium.to_object.transform_point3(ray.origin);
         let local_direction = self.medium.to_object.transform_vector3(ray.direction);
-        let (_, leave) = self.medium.density.bounds.segment(local_origin, local_direction)?;
-        // Cycles leaves out a medium that reaches across the far clip.
-        if leave > ray.far {
-            return None;
+        let mut rest = Vec::new();
+        if let Some(mesh) = &self.medium.mesh {
+            // Cycles leaves out a medium behind the last face before the far clip.
+            let last = mesh.last_face(ray.origin, ray.direction, ray.far)?;
+            let inside = mesh.begins_inside(ray.origin + ray.direction * ray.near);
+            mesh.spans(ray.origin, ray.direction, [ray.near, last], inside, &mut rest);
+            rest.reverse();
+        } else {
+            let (_, leave) = self.medium.density.bounds.segment(local_origin, local_direction)?;
+            // Cycles leaves out a medium that reaches across the far clip.
+            if leave > ray.far {
+                return None;
+            }
+            rest.push([ray.near, f64::INFINITY]);
         }
         let (enter, leave) = self.medium.density.occupied.segment(local_origin, local_direction)?;
-        let start = enter.max(ray.near);
-        if start >= leave {
-            return None;
-        }
-        let steps = ((leave - start) / self.settings.view_step).ceil().max(1.0);
-        Some(ViewRay {
+        let mut ray = ViewRay {
             origin: ray.origin,
             direction: ray.direction,
             local_origin,
             local_direction,
-            start,
-            step: (leave - start) / steps,
-            steps: steps as usize,
+            start: 0.0,
+            step: 0.0,
+            steps: 0,
             offset,
             next: 0,
+            rest: Vec::new(),
             transmittance: [1.0; 3],
             radiance: [0.0; 3],
-        })
+        };
+        // The part of each that may hold something.
+        rest.retain_mut(|[from, to]| {
+            (*from, *to) = (enter.max(*from), leave.min(*to));
+            *from < *to
+        });
+        ray.rest = rest;
+        ray.next_part(self.settings.view_step).then_some(ray)
     }
 
     /// Takes all rays to their ends.
@@ -353,11 +399,11 @@ impl Stage<'_> {
                 let Some(ray) = ray.as_mut().filter(|ray| ray.is_open(&self.settings)) else { continue };
                 // Empty cells cost nothing: go on until a step holds something.
                 let mut found = 0;
-                while found < STEPS && ray.next < ray.steps {
+                while found < STEPS && (ray.next < ray.steps || ray.next_part(self.settings.view_step)) {
                     let distance = ray.start + (ray.next as f64 + ray.offset) * ray.step;
                     let local = ray.local_origin + ray.local_direction * distance;
                     if all_may_hold || self.medium.density.may_hold(local) {
-                        samples.push(Sample { ray: number, local, distance });
+                        samples.push(Sample { ray: number, local, distance, step: ray.step });
                         found += 1;
                     }
                     ray.next += 1;
@@ -377,7 +423,7 @@ impl Stage<'_> {
             let incident = if lit { self.incident(&samples, &densities, rays)? } else { vec![[0.0; 3]; samples.len()] };
             for ((sample, &density), incident) in samples.iter().zip(&densities).zip(&incident) {
                 let ray = rays[sample.ray].as_mut().expect("samples belong to rays in the medium");
-                ray.advance(&self.medium, self.settings.integration, f64::from(density), incident);
+                ray.advance(&self.medium, self.settings.integration, sample.step, f64::from(density), incident);
             }
         }
     }
@@ -467,8 +513,9 @@ impl Stage<'_> {
         let together = (SHADOW_SAMPLES / (rays_per_sample * per_ray)).max(1);
         for lit in lit.chunks(together) {
             let mut positions = Vec::new();
-            // Number of samples, length of a step and depth besides, ray by ray.
-            let mut shadows = Vec::new();
+            // Number of samples, length of a step and depth besides, part by part, and how many parts each ray has.
+            let (mut shadows, mut counts) = (Vec::new(), Vec::new());
+            let mut parts: Vec<Span> = Vec::new();
             for &index in lit {
                 let sample = &samples[index];
                 let ray = ray_of(sample);
@@ -485,27 +532,44 @@ impl Stage<'_> {
                     let way = self.medium.to_object.transform_vector3(towards);
                     let segment = self.medium.density.occupied.segment(sample.local, way);
                     let length = segment.map_or(0.0, |(_, leave)| leave.clamp(0.0, distance));
+                    let whole = [[0.0, length]];
+                    parts.clear();
+                    if let Some(mesh) = self.medium.mesh.as_ref().filter(|_| length > 0.0) {
+                        mesh.spans(position, towards, [0.0, length], true, &mut parts);
+                    }
+                    let parts = if self.medium.mesh.is_some() { parts.as_slice() } else { &whole };
                     if let Some(density) = constant {
+                        let length: f64 = parts.iter().map(|[from, to]| to - from).sum();
                         shadows.push((0, 0.0, density * length));
+                        counts.push(1);
                         continue;
                     }
-                    let steps = (length / self.settings.shadow_step).ceil();
-                    let step = if steps == 0.0 { 0.0 } else { length / steps };
-                    for number in 0..steps as usize {
-                        let place = sample.local + way * ((number as f64 + 0.5) * step);
-                        positions.push(place.as_vec3().to_array());
-                    }
-                    shadows.push((steps as usize, step, 0.0));
+                    let steps_of = |&[from, to]: &Span| {
+                        let length = to - from;
+                        let steps = (length / self.settings.shadow_step).ceil();
+                        let step = if steps == 0.0 { 0.0 } else { length / steps };
+                        for number in 0..steps as usize {
+                            let place = sample.local + way * (from + (number as f64 + 0.5) * step);
+                            positions.push(place.as_vec3().to_array());
+                        }
+                        (steps as usize, step, 0.0)
+                    };
+                    shadows.extend(parts.iter().map(steps_of));
+                    counts.push(parts.len());
                 }
             }
             let found = self.medium.density.values(&positions)?;
             let mut rest = found.as_slice();
-            let depths: Vec<f64> = shadows
+            let mut others = shadows.iter();
+            let depths: Vec<f64> = counts
                 .iter()
-                .map(|&(steps, step, known)| {
-                    let (own, others) = rest.split_at(steps);
-                    rest = others;
-                    known + own.iter().map(|&density| f64::from(density)).sum::<f64>() * step
+                .map(|&count| {
+                    let depth = |&(steps, step, known): &(usize, f64, f64)| {
+                        let (own, others) = rest.split_at(steps);
+                        rest = others;
+                        known + own.iter().map(|&density| f64::from(density)).sum::<f64>() * step
+                    };
+                    others.by_ref().take(count).map(depth).sum()
                 })
                 .collect();
             for (&index, depths) in lit.iter().zip(depths.chunks(rays_per_sample)) {
@@ -559,20 +623,31 @@ impl ViewRay {
     fn is_open(&self, settings: &MarchSettings) -> bool {
         // NaN counts as open: it has to reach the picture.
         let dark = self.transmittance.iter().all(|&through| through < settings.exit_transmittance);
-        self.next < self.steps && !dark
+        (self.next < self.steps || !self.rest.is_empty()) && !dark
+    }
+
+    /// Cuts the next part of the ray into steps; false where there is none.
+    fn next_part(&mut self, view_step: f64) -> bool {
+        let Some([start, end]) = self.rest.pop() else { return false };
+        let steps = ((end - start) / view_step).ceil().max(1.0);
+        self.start = start;
+        self.step = (end - start) / steps;
+        self.steps = steps as usize;
+        self.next = 0;
+        true
     }
 
     /// Goes one step through constant coefficients.
-    fn advance(&mut self, medium: &Medium, integration: Integration, density: f64, incident: &[f64; 3]) {
+    fn advance(&mut self, medium: &Medium, integration: Integration, step: f64, density: f64, incident: &[f64; 3]) {
         for (channel, incident) in incident.iter().enumerate() {
-            let depth = medium.extinction[channel] * density * self.step;
+            let depth = medium.extinction[channel] * density * step;
             let mut source = medium.scattering[channel] * density * incident + medium.emission[channel];
             if medium.emission_of_density[channel] != 0.0 {
                 source += medium.emission_of_density[channel] * density;
             }
             let length = match integration {
-                Integration::Plain => self.step,
-                Integration::EnergyConserving => mean_transmittance(depth) * self.step,
+                Integration::Plain => step,
+                Integration::EnergyConserving => mean_transmittance(depth) * step,
             };
             self.radiance[channel] += self.transmittance[channel] * source * length;
             self.transmittance[channel] *= transmittance(depth);
@@ -591,8 +666,8 @@ impl ViewRay {
             let needed = ((-exit.ln() / slowest).floor() + 1.0).clamp(0.0, self.steps as f64);
             self.steps = self.steps.min((needed as usize).next_multiple_of(STEPS));
         }
-        self.step *= self.steps as f64;
+        let length = self.step * self.steps as f64;
         self.steps = 1;
-        self.advance(medium, Integration::EnergyConserving, density, &[0.0; 3]);
+        self.advance(medium, Integration::EnergyConserving, length, density, &[0.0; 3]);
     }
 }

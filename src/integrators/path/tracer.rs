@@ -34,8 +34,9 @@
 //! the lobes there, and they are used up before the path goes on. So a path carries none, however many there are.
 
 use crate::base::error::{Error, Result};
-use crate::integrators::path::volume::{CoefficientEvaluator, Lobes, Volume};
+use crate::integrators::path::volume::{CoefficientEvaluator, Lobes, Part, Volume};
 use crate::media::majorant::{Majorants, Rates, Walk};
+use crate::media::mesh::PlacedMesh;
 use crate::media::objects::PhaseMixture;
 use crate::media::phase::{PhaseFunction, turned};
 use crate::media::transfer::{mean_transmittance, transmittance};
@@ -172,6 +173,11 @@ pub(crate) struct Path {
     pub(crate) origin: DVec3,
     pub(crate) direction: DVec3,
     pub(crate) walk: Walk,
+    /// The parts of the ray that lie in meshes, and how many of a single mesh's the walk has begun.
+    parts: Vec<Part>,
+    begun: usize,
+    /// Meshes that hold the last scattering event, by the numbers of their objects.
+    around: Vec<usize>,
     /// What arrives at the end of the ray counts this much, but for the ray's own weight.
     carried: [f64; 3],
     /// The ray's own weight: 1 at its start.
@@ -252,7 +258,11 @@ impl Tracer {
             if paths.is_empty() {
                 return Ok(sums);
             }
-            evaluator.evaluate(&positions, &mut coefficients)?;
+            let inside = |lane: usize, object: usize| {
+                let path: &Path = &paths[lane];
+                path.is_in(object, path.walk.distance)
+            };
+            evaluator.evaluate(&positions, &inside, &mut coefficients)?;
             self.collide_all(&evaluator, &mut paths, &positions, &coefficients, &mut sums.counters)?;
         }
     }
@@ -304,6 +314,9 @@ impl Tracer {
             origin: ray.origin,
             direction: ray.direction,
             walk: Walk::default(),
+            parts: Vec::new(),
+            begun: 0,
+            around: Vec::new(),
             carried: [1.0; 3],
             weight: [1.0; 3],
             analog: [1.0; 3],
@@ -328,8 +341,40 @@ impl Tracer {
             opacity: 0.0,
         };
         let end = self.volume.last_face(ray.origin, ray.direction, ray.far);
-        path.walk = self.walk(ray.origin, ray.direction, ray.near, end).unwrap_or_default();
+        let near = ray.origin + ray.direction * ray.near;
+        let begins_inside = |_, mesh: &PlacedMesh| mesh.begins_inside(near);
+        self.volume.parts(ray.origin, ray.direction, [ray.near, end], begins_inside, &mut path.parts);
+        self.set_out(&mut path, ray.near, end);
         path
+    }
+
+    /// Puts a path whose parts are known at the begin of its ray.
+    fn set_out(&self, path: &mut Path, from: f64, to: f64) {
+        path.begun = 0;
+        if self.volume.is_mesh() {
+            path.walk = Walk::default();
+            self.next_part(path);
+        } else {
+            path.walk = self.walk(path.origin, path.direction, from, to).unwrap_or_default();
+        }
+    }
+
+    /// Goes on with the next part of a ray through a single mesh; false where there is none.
+    fn next_part(&self, path: &mut Path) -> bool {
+        while let Some(&Part { span: [from, to], .. }) = path.parts.get(path.begun).filter(|_| self.volume.is_mesh()) {
+            path.begun += 1;
+            let Some(walk) = self.walk(path.origin, path.direction, from, to) else { continue };
+            // Light between two parts arrives through those before it alone.
+            if path.stage != Stage::Shadow && path.hit_distance > 0.0 && path.hit_distance <= walk.distance {
+                for channel in 0..3 {
+                    path.radiance[channel] += path.carried[channel] * path.weight[channel] * path.hit[channel];
+                }
+                path.hit_distance = f64::NAN;
+            }
+            path.walk = walk;
+            return true;
+        }
+        false
     }
 
     /// A ray's way through the medium between two distances.
@@ -367,7 +412,13 @@ impl Tracer {
     /// Goes along the ray to its next tentative collision; false at the end of the ray.
     fn travel(&self, path: &mut Path, majorants: &Majorants) -> bool {
         let mut remaining = -(-path.numbers[0]).ln_1p();
-        while path.walk.distance < path.walk.end {
+        loop {
+            if path.walk.distance >= path.walk.end {
+                if self.next_part(path) {
+                    continue;
+                }
+                return false;
+            }
             let crossing = majorants.crossing(&path.walk);
             let Rates { control, residual, event } = crossing.rates;
             let (rate, control) = match path.stage {
@@ -393,7 +444,6 @@ impl Tracer {
                 path.walk.distance = path.walk.end;
             }
         }
-        false
     }
 
     /// Emission and light along a flight, and its transmittance through the control.
@@ -450,7 +500,7 @@ impl Tracer {
             path.weight = path.weight.map(|weight| weight * factor);
             path.analog = path.analog.map(|weight| weight * factor);
             if factor == 0.0 || most == 0.0 {
-                path.walk.distance = path.walk.end;
+                path.stop();
             }
         }
         path.numbers[0] = path.numbers[3];
@@ -525,6 +575,7 @@ impl Tracer {
         let [[first, second, third, fourth], [choice, ..]] = path.sampler.scattering(path.scatterings);
         path.scatterings += 1;
         path.vertex = path.origin + path.direction * path.kept_distance;
+        path.note_surroundings(self.volume.is_mesh());
         let before = path.direction;
         path.next = turned(before, phase.sample(first), second);
         path.hit_distance = f64::NAN;
@@ -577,11 +628,13 @@ impl Tracer {
         path.stage = stage;
         path.origin = path.vertex;
         path.direction = direction;
-        path.walk = self.walk(path.vertex, direction, 0.0, end).unwrap_or_default();
         path.carried = carried;
         path.weight = [1.0; 3];
         path.scattered = false;
         path.numbers = path.sampler.next4();
+        let Path { parts, around, .. } = path;
+        self.volume.parts(path.vertex, direction, [0.0, end], |object, _| around.contains(&object), parts);
+        self.set_out(path, 0.0, end);
     }
 
     /// A light or the picture around the scene, in proportion to what it roughly delivers.
@@ -638,6 +691,31 @@ fn balance(own: f64, other: f64) -> f64 {
     if own > 0.0 { own / (own + other) } else { 0.0 }
 }
 
+impl Path {
+    /// Goes no further along the ray.
+    fn stop(&mut self) {
+        self.walk.distance = self.walk.end;
+        self.begun = self.parts.len();
+    }
+
+    /// Notes which meshes hold the event at the kept distance. An event in the `only` object lies in it, even if rounding puts it behind
+    /// the end of its part.
+    fn note_surroundings(&mut self, only: bool) {
+        self.around.clear();
+        if only {
+            self.around.push(0);
+            return;
+        }
+        let Self { parts, around, kept_distance, .. } = self;
+        around.extend(parts.iter().filter(|part| part.holds(*kept_distance)).map(|part| part.object));
+    }
+
+    /// Whether the ray at a distance is in the mesh of an object.
+    fn is_in(&self, object: usize, distance: f64) -> bool {
+        self.parts.iter().any(|part| part.object == object && part.holds(distance))
+    }
+}
+
 impl Sums {
     fn add(&mut self, path: &Path) {
         let sum = &mut self.pixels[path.pixel as usize - self.first_pixel];
@@ -660,7 +738,7 @@ fn collide_between_events(path: &mut Path, found: &Coefficients<f64>) {
         // The event takes over; nothing is left for the end of this ray.
         path.weight = [0.0; 3];
         path.kept_distance = path.walk.distance;
-        path.walk.distance = path.walk.end;
+        path.stop();
         path.scattered = true;
     } else if null > 0.0 {
         let factor = both / (null * path.rate);
@@ -669,7 +747,7 @@ fn collide_between_events(path: &mut Path, found: &Coefficients<f64>) {
         }
     } else {
         path.weight = [0.0; 3];
-        path.walk.distance = path.walk.end;
+        path.stop();
     }
     path.numbers[0] = path.numbers[3];
 }

@@ -12,6 +12,7 @@ use crate::base::error::{Error, Result};
 use crate::graph::bounds::Bounds3;
 use crate::graph::evaluate::Evaluator;
 use crate::media::majorant::{COORDINATE_PADDING, Effort, Majorants, Tracking};
+use crate::media::mesh::{PlacedMesh, Span};
 use crate::media::objects::{ObjectMedium, PhaseMixture, Values};
 use crate::media::phase::PhaseFunction;
 use crate::media::region::Region;
@@ -35,6 +36,22 @@ const WIDENING: f64 = 2.0 * f32::EPSILON as f64;
 const PILOT_BATCH: usize = 4096;
 
 const NOTHING: Coefficients<f64> = Coefficients { scattering: [0.0; 3], extinction: [0.0; 3], emission: [0.0; 3] };
+
+/// A part of a ray that lies in a mesh.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Part {
+    /// Number of the object.
+    pub(crate) object: usize,
+    /// Where along the ray.
+    pub(crate) span: Span,
+}
+
+impl Part {
+    /// Whether a distance along the ray belongs to it.
+    pub(crate) fn holds(&self, distance: f64) -> bool {
+        (self.span[0]..=self.span[1]).contains(&distance)
+    }
+}
 
 /// What is known beforehand of how light scatters.
 pub(crate) enum Lobes {
@@ -120,6 +137,12 @@ impl Volume {
     /// The only object, or what stands in the way.
     pub(crate) fn single(&self) -> Result<&ObjectMedium> {
         match self.objects.as_slice() {
+            [only] if only.mesh.is_some() => Err(Error::new(
+                format!("object {}", only.object),
+                "a mesh that is no box as the outline of the medium",
+                "a box: the adapter knows no other outline",
+                "Use a cube as the volume's object, or the CPU.",
+            )),
             [only] => Ok(only),
             several => Err(Error::new(
                 "the media of the scene",
@@ -213,7 +236,11 @@ impl Volume {
             .par_chunks(PILOT_BATCH)
             .map(|part| {
                 let mut found = Vec::new();
-                self.evaluator()?.evaluate(part, &mut found)?;
+                self.evaluator()?.evaluate(
+                    part,
+                    &|place, object| self.objects[object].holds(part[place]),
+                    &mut found,
+                )?;
                 Ok(found.iter().map(|coefficients| largest(&coefficients.extinction)).collect())
             })
             .collect::<Result<_>>()?;
@@ -229,7 +256,8 @@ impl Volume {
         let corner = |corner: [f32; 3]| DVec3::from(corner.map(f64::from));
         let around = surrounding(&Region { low: corner(place.low), high: corner(place.high) }, &object.to_object);
         let own = object.bounds;
-        let whole = around.low.cmpge(own.low).all() && around.high.cmple(own.high).all();
+        // What part of its box a mesh fills is not known.
+        let whole = object.mesh.is_none() && around.low.cmpge(own.low).all() && around.high.cmple(own.high).all();
         // Positions are rounded to f32 in the object's frame.
         let pad = COORDINATE_PADDING * own.low.abs().max(own.high.abs()).max_element();
         let (low, high) = (around.low.max(own.low) - pad, around.high.min(own.high) + pad);
@@ -241,6 +269,9 @@ impl Volume {
     /// (Measured for one object, where it leaves out all of an object that reaches across the far clip.)
     pub(crate) fn last_face(&self, origin: DVec3, direction: DVec3, far: f64) -> f64 {
         let faces = |object: &Arc<ObjectMedium>| {
+            if let Some(mesh) = &object.mesh {
+                return mesh.last_face(origin, direction, far).map(|face| (face, face));
+            }
             let origin = object.to_object.transform_point3(origin);
             let direction = object.to_object.transform_vector3(direction);
             object.bounds.segment(origin, direction)
@@ -251,6 +282,30 @@ impl Volume {
             .flat_map(|(enter, leave)| [enter, leave])
             .filter(|&face| face <= far)
             .fold(f64::NEG_INFINITY, f64::max)
+    }
+
+    /// Whether rays through the only object go from part to part of a mesh.
+    pub(crate) fn is_mesh(&self) -> bool {
+        matches!(self.objects.as_slice(), [only] if only.mesh.is_some())
+    }
+
+    /// The parts of a ray that lie in meshes, each with the number of its object, between two distances. `inside` says of which objects the
+    /// ray comes from inside.
+    pub(crate) fn parts(
+        &self,
+        origin: DVec3,
+        direction: DVec3,
+        between: Span,
+        inside: impl Fn(usize, &PlacedMesh) -> bool,
+        parts: &mut Vec<Part>,
+    ) {
+        parts.clear();
+        let mut spans = Vec::new();
+        for (object, medium) in self.objects.iter().enumerate() {
+            let Some(mesh) = &medium.mesh else { continue };
+            mesh.spans(origin, direction, between, inside(object, mesh), &mut spans);
+            parts.extend(spans.drain(..).map(|span| Part { object, span }));
+        }
     }
 
     /// Whether any channel scatters anywhere.
@@ -390,14 +445,25 @@ struct ObjectEvaluator<'a> {
 }
 
 impl ObjectEvaluator<'_> {
-    /// Chooses the positions of the world that lie inside, and evaluates there; faces count as inside.
-    fn evaluate(&mut self, positions: &[DVec3], results: &mut [Coefficients<f64>], several: bool) -> Result<()> {
+    /// Chooses the positions of the world that lie inside, and evaluates there; faces of boxes count as inside. `inside` says which
+    /// positions lie in the mesh, if it is one.
+    fn evaluate(
+        &mut self,
+        positions: &[DVec3],
+        inside: impl Fn(usize) -> bool,
+        results: &mut [Coefficients<f64>],
+        several: bool,
+    ) -> Result<()> {
         self.positions.clear();
         self.lanes.clear();
         let Region { low, high } = self.medium.bounds;
         for (lane, position) in positions.iter().enumerate() {
             let local = if several { self.medium.to_object.transform_point3(*position) } else { *position };
-            if !several || local.cmpge(low).all() && local.cmple(high).all() {
+            let holds = || match &self.medium.mesh {
+                None => local.cmpge(low).all() && local.cmple(high).all(),
+                Some(_) => inside(lane),
+            };
+            if !several || holds() {
                 self.positions.push(local.as_vec3().to_array());
                 self.lanes.push(lane);
             }
@@ -418,14 +484,22 @@ impl ObjectEvaluator<'_> {
 }
 
 impl CoefficientEvaluator<'_> {
-    /// One entry per position of the frame, into `results`. Where coefficients are proportional to a density, NaN
+    /// One entry per position of the frame, into `results`. `inside` says whether a position, by its number, lies in the mesh of an object, by
+    /// its number; it is asked where there are several objects. Where coefficients are proportional to a density, NaN
     /// stays to be seen and emission is left out.
-    pub(crate) fn evaluate(&mut self, positions: &[DVec3], results: &mut Vec<Coefficients<f64>>) -> Result<()> {
+    pub(crate) fn evaluate(
+        &mut self,
+        positions: &[DVec3],
+        inside: &dyn Fn(usize, usize) -> bool,
+        results: &mut Vec<Coefficients<f64>>,
+    ) -> Result<()> {
         results.clear();
         let Some(unit) = &self.volume.proportional else {
             results.resize(positions.len(), NOTHING);
             let several = self.objects.len() > 1;
-            return self.objects.iter_mut().try_for_each(|object| object.evaluate(positions, results, several));
+            return self.objects.iter_mut().enumerate().try_for_each(|(number, object)| {
+                object.evaluate(positions, |place| inside(place, number), results, several)
+            });
         };
         let coefficients = |density: f64| Coefficients {
             scattering: unit.scattering.map(|per_density| per_density * density),

@@ -1,0 +1,600 @@
+//! Meshes as outlines of media: the parts of rays inside them, against other methods and closed forms; transport through them; Cycles.
+
+mod support;
+
+use cloudparity::bridge;
+use cloudparity::bridge::reference::{ReferenceSettings, references};
+use cloudparity::gpu::Backend;
+use cloudparity::integrators::path::PathSettings;
+use cloudparity::integrators::{self, LightMode, MarchSettings, path};
+use cloudparity::media::mesh::{Mesh, PlacedMesh, Span};
+use cloudparity::media::objects::ObjectMedium;
+use cloudparity::scene::image::Image;
+use cloudparity::scene::{Input, Scene};
+use glam::{DMat4, DVec3};
+use rand::{Rng, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use support::cube::{SCATTERING, SUN, color, homogeneous, phase, set};
+use support::estimate::{bounces, estimate, furnace, meets};
+use support::meshes::TestMesh;
+
+/// Lengths of random rays agree to this, over the size of the mesh: a distance is off by about 1e-15 of it over the sine of the angle
+/// at which the ray meets the triangle, and of a million rays few meet one at less than 1e-6.
+const LENGTH: f64 = 1e-8;
+
+fn placed(mesh: &TestMesh, to_object: DMat4) -> PlacedMesh {
+    PlacedMesh::new(Mesh::new("shape", &mesh.vertices, &mesh.triangles).expect("a mesh"), to_object)
+}
+
+fn on_sphere(random: &mut ChaCha8Rng) -> DVec3 {
+    loop {
+        let place = DVec3::from_array(std::array::from_fn(|_| random.random_range(-1.0..1.0)));
+        if (0.1..1.0).contains(&place.length()) {
+            return place.normalize();
+        }
+    }
+}
+
+/// A sphere with bumps and dents, no part of which meets another: a star about its middle.
+fn blob(random: &mut ChaCha8Rng, levels: u32) -> TestMesh {
+    let waves: Vec<(DVec3, f64)> =
+        (0..6).map(|_| (on_sphere(random) * random.random_range(2.0..6.0), random.random_range(0.05..0.14))).collect();
+    TestMesh::icosphere(levels)
+        .moved(|place| place * (1.0 + waves.iter().map(|(wave, height)| height * wave.dot(place).sin()).sum::<f64>()))
+}
+
+/// A closed mesh of five corners without order: four of them and one pulled in through a face.
+fn dart(random: &mut ChaCha8Rng) -> TestMesh {
+    let corners: Vec<DVec3> = [
+        DVec3::new(1.0, 1.0, 1.0),
+        DVec3::new(1.0, -1.0, -1.0),
+        DVec3::new(-1.0, 1.0, -1.0),
+        DVec3::new(-1.0, -1.0, 1.0),
+    ]
+    .map(|corner| corner + 0.5 * on_sphere(random))
+    .into();
+    let dent = corners.iter().sum::<DVec3>() / 4.0 * 0.9 + (corners[0] + corners[1] + corners[2]) / 3.0 * 0.1;
+    let mut mesh = TestMesh {
+        vertices: corners.iter().chain([&dent]).map(|corner| corner.as_vec3().to_array()).collect(),
+        triangles: vec![[0, 1, 4], [1, 2, 4], [2, 0, 4], [0, 3, 1], [1, 3, 2], [2, 3, 0]],
+    };
+    let outward = Mesh::new("shape", &mesh.vertices, &mesh.triangles).expect("a mesh").volume() > 0.0;
+    if !outward {
+        mesh = mesh.turned_inside_out();
+    }
+    mesh
+}
+
+fn hollow() -> TestMesh {
+    TestMesh::icosphere(2).with(&TestMesh::icosphere(1).moved(|place| place * 0.5).turned_inside_out())
+}
+
+/// The mark that Cycles keeps, over crossings in their order: parts between two distances.
+fn parts_of(crossings: &[(f64, bool)], [from, to]: Span, mut inside: bool) -> Vec<Span> {
+    let (mut parts, mut begin) = (Vec::new(), from);
+    for &(distance, enters) in crossings.iter().filter(|(distance, _)| (from..to).contains(distance)) {
+        if inside && !enters {
+            parts.push([begin, distance]);
+        }
+        if !inside && enters {
+            begin = distance;
+        }
+        inside = enters;
+    }
+    if inside {
+        parts.push([begin, to]);
+    }
+    parts
+}
+
+fn length(parts: &[Span]) -> f64 {
+    parts.iter().map(|[from, to]| to - from).sum()
+}
+
+#[test]
+fn a_million_random_rays_meet_the_triangles_one_by_one() {
+    let mut random = ChaCha8Rng::seed_from_u64(1);
+    let overlapping = TestMesh::icosphere(2).with(&TestMesh::icosphere(1).moved(|place| place + DVec3::X));
+    let nested = TestMesh::icosphere(2).with(&TestMesh::icosphere(1).moved(|place| place * 0.5));
+    let mut meshes = vec![TestMesh::icosphere(2), TestMesh::torus(12), hollow(), overlapping, nested];
+    for _ in 0..4 {
+        meshes.push(blob(&mut random, 2));
+        meshes.push(dart(&mut random));
+    }
+    let meshes: Vec<_> = meshes
+        .into_iter()
+        .map(|mesh| {
+            // Scaled, turned, sheared, away from the origin, and mirrored in half of the cases.
+            let columns: [DVec3; 3] = std::array::from_fn(|_| on_sphere(&mut random) * random.random_range(0.5..2.0));
+            let at = 10.0 * on_sphere(&mut random);
+            let [x, y, z] = columns.map(|column| column.extend(0.0));
+            let to_world = DMat4::from_cols(x, y, z, at.extend(1.0));
+            let to_object = to_world.inverse();
+            let size = columns.iter().map(|column| column.length()).sum::<f64>() * 2.0;
+            (placed(&mesh, to_object), mesh, to_world, to_object, size)
+        })
+        .filter(|(.., to_world, _, _)| to_world.determinant().abs() > 0.2)
+        .collect();
+    assert!(meshes.len() >= 8, "{} meshes are left", meshes.len());
+    let (rays, mut hits, mut worst) = (1_000_000, 0, 0.0_f64);
+    for ray in 0..rays {
+        let (ours, mesh, to_world, to_object, size) = &meshes[ray % meshes.len()];
+        let middle = to_world.transform_point3(DVec3::ZERO);
+        // From within half of the cases.
+        let reach = if ray / meshes.len() % 2 == 0 { *size } else { 0.3 };
+        let origin = middle + on_sphere(&mut random) * reach;
+        let target = middle + on_sphere(&mut random) * 0.5 * random.random_range(0.0..*size);
+        let direction = (target - origin).normalize();
+        let local = [to_object.transform_point3(origin), to_object.transform_vector3(direction)];
+        let crossings = mesh.crossings(local[0], local[1]);
+        let inside = ours.begins_inside(origin);
+        let up = mesh.crossings(local[0], to_object.transform_vector3(DVec3::Z));
+        let above = up.iter().find(|(distance, _)| *distance > 0.0).is_some_and(|(_, enters)| !enters);
+        assert_eq!(inside, above, "ray {ray}: where it begins");
+        let mut parts = Vec::new();
+        ours.spans(origin, direction, [0.0, f64::INFINITY], inside, &mut parts);
+        let expected = parts_of(&crossings, [0.0, f64::INFINITY], inside);
+        hits += usize::from(!expected.is_empty());
+        let error = (length(&parts) - length(&expected)).abs() / size;
+        worst = worst.max(error);
+        assert!(error <= LENGTH, "ray {ray} {origin} {direction}: {parts:?} are not {expected:?}");
+    }
+    println!("{hits} of {rays} rays meet a mesh; lengths differ by {worst:.1e} at most");
+    assert!(hits > rays / 3);
+}
+
+#[test]
+fn rays_aimed_at_vertices_and_edges_are_not_lost() {
+    let mut random = ChaCha8Rng::seed_from_u64(2);
+    let mut meshes = vec![
+        TestMesh::icosphere(2),
+        TestMesh::torus(12),
+        hollow(),
+        TestMesh::cuboid([-1.0; 3], [1.0, 2.0, 0.5]).divided(),
+    ];
+    for _ in 0..4 {
+        meshes.push(blob(&mut random, 2));
+        meshes.push(dart(&mut random));
+    }
+    let (mut rays, mut looked_at) = (0, 0);
+    for mesh in &meshes {
+        let ours = Mesh::new("shape", &mesh.vertices, &mesh.triangles).expect("a mesh");
+        assert!(ours.is_closed() && ours.volume() > 0.0);
+        let targets: Vec<DVec3> =
+            mesh.corners().flat_map(|[a, b, c]| [a, b, c, a.midpoint(b), b.midpoint(c), c.midpoint(a)]).collect();
+        for round in 0..40 {
+            for (number, &target) in targets.iter().enumerate() {
+                // From anywhere, from another vertex along edges and faces, and along an axis.
+                let origin = match round % 4 {
+                    0 => targets[random.random_range(0..targets.len())],
+                    1 => target + DVec3::AXES[number % 3] * 5.0,
+                    _ => on_sphere(&mut random) * random.random_range(0.0..4.0),
+                };
+                if origin.distance(target) < 1e-3 {
+                    continue;
+                }
+                rays += 1;
+                let direction = (target - origin).normalize();
+                let faces = ours.faces(origin, direction, f64::NEG_INFINITY, f64::INFINITY);
+                for (place, face) in faces.iter().enumerate() {
+                    assert_eq!(face.enters, place % 2 == 0, "from {origin} to {target}: {faces:?}");
+                }
+                assert!(faces.len() % 2 == 0, "from {origin} to {target}: {faces:?}");
+                // The middles of parts and gaps, where they are no graze.
+                if number % 16 != 0 {
+                    continue;
+                }
+                for (place, pair) in faces.windows(2).enumerate() {
+                    let middle = origin + direction * pair[0].distance.midpoint(pair[1].distance);
+                    let away = pair[1].distance - pair[0].distance > 1e-3;
+                    let winding = mesh.winding(middle);
+                    // In a face itself the winding is neither; rays there may count either way.
+                    if away && (winding - winding.round()).abs() < 1e-3 {
+                        looked_at += 1;
+                        assert_eq!(winding.round(), if place % 2 == 0 { 1.0 } else { 0.0 }, "{middle} of {faces:?}");
+                    }
+                }
+            }
+        }
+    }
+    println!("{rays} rays aimed at vertices and edges, {looked_at} parts and gaps looked at");
+    assert!(rays > 200_000 && looked_at > 10_000);
+}
+
+#[test]
+fn lines_through_vertices_have_their_closed_lengths() {
+    let along_x = |mesh: &TestMesh, origin: DVec3| {
+        let mut parts = Vec::new();
+        placed(mesh, DMat4::IDENTITY).spans(origin, DVec3::X, [0.0, f64::INFINITY], false, &mut parts);
+        parts
+    };
+    let meets = |found: &[Span], expected: &[Span]| {
+        assert_eq!(found.len(), expected.len(), "{found:?}");
+        // Vertices are f32.
+        let near = |(a, b): (&f64, &f64)| (a - b).abs() < 1e-6;
+        assert!(found.as_flattened().iter().zip(expected.as_flattened()).all(near), "{found:?} {expected:?}");
+    };
+    // A line through four vertices of the torus.
+    meets(&along_x(&TestMesh::torus(12), DVec3::new(-5.0, 0.0, 0.0)), &[[3.7, 4.3], [5.7, 6.3]]);
+    // Two cubes: apart, with a face in common, and one through the other, where Cycles leaves the medium with the first.
+    let cube = |at: f32| TestMesh::cuboid([at, -1.0, -1.0], [at + 2.0, 1.0, 1.0]);
+    let origin = DVec3::new(-5.0, 0.0, 0.0);
+    meets(&along_x(&cube(0.0).with(&cube(3.0)), origin), &[[5.0, 7.0], [8.0, 10.0]]);
+    meets(&along_x(&cube(0.0).with(&cube(2.0)), origin), &[[5.0, 9.0]]);
+    meets(&along_x(&cube(0.0).with(&cube(1.0)), origin), &[[5.0, 7.0]]);
+    // Along a face of a cube, whose triangles it does not cross, and along an edge: in or out, but not lost.
+    for origin in [DVec3::new(-5.0, 1.0, 0.3), DVec3::new(-5.0, 1.0, 1.0), DVec3::new(-5.0, -1.0, 1.0)] {
+        let parts = along_x(&cube(0.0), origin);
+        assert!(parts.is_empty() || parts == [[5.0, 7.0]], "{parts:?}");
+    }
+    // Inside out there is nothing, seen from outside, until something ends the ray.
+    let parts = along_x(&TestMesh::icosphere(2).turned_inside_out(), DVec3::new(-5.0, 0.1, 0.2));
+    assert!(length(&parts) < 0.1, "{parts:?}");
+}
+
+/// The volume's outline with this mesh: whether it counts as its box.
+fn counts_as_box(mesh: &TestMesh) -> bool {
+    let mut scene = homogeneous();
+    mesh.fill(&mut scene);
+    let medium = ObjectMedium::new(scene.graph(), &scene.volume).expect("a medium");
+    if medium.mesh.is_none() {
+        let [low, high] = [scene.volume.bounds.min, scene.volume.bounds.max].map(|end| DVec3::from(end.map(f64::from)));
+        assert_eq!([medium.bounds.low, medium.bounds.high], [low, high]);
+    }
+    medium.mesh.is_none()
+}
+
+#[test]
+fn a_box_up_to_the_rounding_of_its_corners_is_a_box() {
+    let cube = TestMesh::cuboid([-1.0, -2.0, 0.1], [1.0, 0.5, 3.0]);
+    assert!(counts_as_box(&cube) && counts_as_box(&cube.divided()) && counts_as_box(&cube.divided().divided()));
+    // By 1 and 2 units in the last place, each corner its own way.
+    let mut random = ChaCha8Rng::seed_from_u64(3);
+    for _ in 0..1000 {
+        let mut moved = cube.clone();
+        for coordinate in moved.vertices.as_flattened_mut() {
+            let bits = i64::from(coordinate.to_bits()) + random.random_range(-2..=2);
+            *coordinate = f32::from_bits(u32::try_from(bits).expect("bits"));
+        }
+        assert!(counts_as_box(&moved), "{:?}", moved.vertices);
+    }
+    // Turned by right angles in f32, whose sines and cosines are not exact.
+    let (sine, cosine) = std::f32::consts::FRAC_PI_2.sin_cos();
+    let mut turned = cube.clone();
+    for [_, y, z] in &mut turned.vertices {
+        (*y, *z) = (cosine * *y - sine * *z, sine * *y + cosine * *z);
+    }
+    assert!(counts_as_box(&turned) && turned.vertices != cube.vertices);
+    // Off by more, sheared, open, inside out, a hole beside a double face, a flat one.
+    let mut corner = cube.clone();
+    corner.vertices[7][0] += 1e-5;
+    let sheared = cube.clone().moved(|place| place + DVec3::X * 1e-5 * place.z);
+    let mut open = cube.clone();
+    open.triangles.pop();
+    let mut doubled = cube.clone();
+    doubled.triangles[2] = doubled.triangles[0];
+    let flat = TestMesh::cuboid([-1.0, -1.0, 0.0], [1.0, 1.0, 0.0]);
+    let twice = cube.clone().with(&cube);
+    for (number, mesh) in
+        [corner, sheared, open, cube.clone().turned_inside_out(), doubled, flat, twice].iter().enumerate()
+    {
+        assert!(!counts_as_box(mesh), "number {number}");
+    }
+}
+
+/// The scene with a mesh that is the cube of edge 2 in the world, but turned in the object's frame, so that it is no box there.
+fn disguised(mut scene: Scene) -> Scene {
+    let turn = glam::DQuat::from_euler(glam::EulerRot::XYZ, 0.3, 0.5, 0.7);
+    TestMesh::cuboid([-1.0; 3], [1.0; 3]).moved(|place| turn.inverse() * place).fill(&mut scene);
+    let matrix = DMat4::from_quat(turn);
+    scene.volume.matrix_world = std::array::from_fn(|row| std::array::from_fn(|column| matrix.col(column)[row] as f32));
+    assert!(ObjectMedium::new(scene.graph(), &scene.volume).expect("a medium").mesh.is_some());
+    scene
+}
+
+fn exact() -> MarchSettings {
+    MarchSettings {
+        view_step: 0.01,
+        shadow_step: 0.05,
+        sub_pixels: 1,
+        light: LightMode::Exact,
+        exit_transmittance: 0.0,
+        ..MarchSettings::default()
+    }
+}
+
+fn marched(scene: &Scene) -> [f64; 4] {
+    integrators::render(scene, &exact(), Backend::Cpu, &|_, _| {}).expect("the scene renders").mean()
+}
+
+#[track_caller]
+fn close(found: f64, expected: f64, tolerance: f64) {
+    assert!((found / expected - 1.0).abs() <= tolerance, "{found} is not {expected}");
+}
+
+/// An absorbing medium before a white world.
+fn absorbing() -> Scene {
+    let mut scene = homogeneous();
+    scene.lights.clear();
+    scene.world.color = [1.0; 3];
+    set(&mut scene, "Color", color([0.0; 3]));
+    scene
+}
+
+#[test]
+fn transmittance_through_meshes_is_that_of_the_lengths_inside() {
+    // The ray is the line along +Y through the origin, from y = -5; pixels differ by less than a thousandth.
+    let torus = TestMesh::torus(12).moved(|place| DVec3::new(-place.y, place.x, place.z));
+    let shell = TestMesh::cuboid([-1.0; 3], [1.0; 3]).with(&TestMesh::cuboid([-0.5; 3], [0.5; 3]).turned_inside_out());
+    let inside_out = TestMesh::icosphere(2).turned_inside_out();
+    let behind = TestMesh::icosphere(2).moved(|place| place - DVec3::Y * 4.0);
+    let open_bowl = {
+        let mut bowl = TestMesh::cuboid([-1.0; 3], [1.0; 3]);
+        // Without the face at y = 1, which the ray leaves through.
+        bowl.triangles.drain(6..8);
+        bowl
+    };
+    // Pixels spread over 0.001, and corners round to f32.
+    for (name, mesh, near, far, expected) in [
+        ("torus", &torus, 0.1, 100.0, 1.2),
+        ("torus, camera in the tube", &torus, 4.0, 100.0, 0.9),
+        ("torus, far clip in the second part", &torus, 0.1, 6.0, 0.6),
+        ("shell", &shell, 0.1, 100.0, 1.0),
+        ("shell, camera in the hollow", &shell, 5.2, 100.0, 0.5),
+        ("inside out", &inside_out, 0.1, 100.0, 0.0),
+        ("camera in what is inside out", &inside_out, 5.0, 100.0, 0.0),
+        ("an open bowl", &open_bowl, 0.1, 100.0, 0.0),
+        ("a camera that is past the mesh", &behind, 3.0, 100.0, 0.0),
+    ] {
+        let mut scene = absorbing();
+        mesh.fill(&mut scene);
+        (scene.camera.clip_start, scene.camera.clip_end) = (near, far);
+        let expected = (-expected as f64).exp();
+        let settings = PathSettings { samples: 16, ..PathSettings::default() };
+        let traced = path::render(&scene, &settings, Backend::Cpu, None, &|_, _| {}).expect("it renders").mean();
+        println!("{name}: path {:.6}, march {:.6}, expected {expected:.6}", traced[0], marched(&scene)[0]);
+        for found in [traced, marched(&scene)] {
+            close(found[0], expected, 1e-3);
+        }
+    }
+    // The planted difference: a percent of length is seen.
+    let mut scene = absorbing();
+    torus.moved(|place| place * 1.01).fill(&mut scene);
+    assert!((marched(&scene)[0] / (-1.2_f64).exp() - 1.0).abs() > 5e-3);
+}
+
+#[test]
+fn single_scattering_in_a_mesh_of_two_parts_meets_its_closed_form() {
+    let mut scene = homogeneous();
+    let parts = TestMesh::cuboid([-1.0, -1.0, -1.0], [1.0, 1.0, 0.25])
+        .with(&TestMesh::cuboid([-1.0, -1.0, 0.5], [1.0, 1.0, 1.0]));
+    parts.fill(&mut scene);
+    bounces(&mut scene, 0);
+    // Light from above goes through half a metre of the upper part, a gap and a quarter of the lower one.
+    let common = SUN * phase(0.0, 0.0) * (-0.75_f64).exp() * (1.0 - (-2.0_f64).exp());
+    let (traced, marched) = (estimate(&scene, 1 << 14), marched(&scene));
+    for channel in 0..3 {
+        meets(traced[channel], SCATTERING[channel] * common, 1e-3 * SCATTERING[channel] * common);
+        // The ray spreads over a thousandth of a metre.
+        close(marched[channel], SCATTERING[channel] * common, 1e-3);
+    }
+}
+
+#[test]
+fn a_cube_in_disguise_is_the_cube() {
+    // Multiple scattering, absorption, a sun and a bright world: what paths through the box give, too.
+    let mut cube = homogeneous();
+    support::cube::slanted_sun(&mut cube);
+    cube.world.color = [0.5; 3];
+    set(&mut cube, "Density", Input::Number(2.0));
+    bounces(&mut cube, 8);
+    let mesh = disguised(cube.clone());
+    let (expected, found) = (estimate(&cube, 1 << 12), estimate(&mesh, 1 << 12));
+    for channel in 0..3 {
+        meets(found[channel], expected[channel].0, expected[channel].1);
+    }
+    // A density that varies, marched: the same sums at places that are rounded differently.
+    bounces(&mut cube, 0);
+    support::cube::ramp(&mut cube, "Y", 2.0);
+    let mut mesh = cube.clone();
+    // Generated coordinates are the mesh's: a box cut in two, with a face in common.
+    TestMesh::cuboid([-1.0; 3], [1.0, 0.25, 1.0]).with(&TestMesh::cuboid([-1.0, 0.25, -1.0], [1.0; 3])).fill(&mut mesh);
+    let (expected, found) = (marched(&cube), marched(&mesh));
+    for channel in 0..3 {
+        close(found[channel], expected[channel], 1e-6);
+    }
+    let (expected, found) = (estimate(&cube, 1 << 14), estimate(&mesh, 1 << 14));
+    for channel in 0..3 {
+        meets(found[channel], expected[channel].0, expected[channel].1);
+    }
+}
+
+#[test]
+fn a_white_furnace_of_a_mesh_and_a_box_that_overlap_is_white() {
+    let mut scene = furnace();
+    TestMesh::torus(12).moved(|place| DVec3::new(-place.y, place.x, place.z)).fill(&mut scene);
+    bounces(&mut scene, 1 << 20);
+    let alone = estimate(&scene, 1 << 10);
+    let mut second = homogeneous().volume;
+    second.object = "Second".into();
+    second.material = scene.volume.material.clone();
+    second.matrix_world[0][3] = 0.7;
+    scene.other_volumes.push(second);
+    let both = estimate(&scene, 1 << 10);
+    for channel in 0..3 {
+        meets(alone[channel], 1.0, 0.0);
+        meets(both[channel], 1.0, 0.0);
+    }
+}
+
+#[test]
+fn a_mesh_and_a_box_absorb_by_the_sum_of_their_depths() {
+    let mut scene = absorbing();
+    let torus = TestMesh::torus(12).moved(|place| DVec3::new(-place.y, place.x, place.z));
+    torus.fill(&mut scene);
+    let mut second = homogeneous().volume;
+    second.object = "Second".into();
+    second.material = scene.volume.material.clone();
+    scene.other_volumes.push(second.clone());
+    // A third, a mesh with a face inside the others: a density of 1 from y = 0.5 to 4.5.
+    TestMesh::icosphere(0).moved(|place| place * 0.0 + place).fill(&mut scene.clone());
+    let found = estimate(&scene, 1 << 12);
+    for channel in 0..3 {
+        meets(found[channel], (-1.2_f64 - 2.0).exp(), 2e-3 * (-3.2_f64).exp());
+    }
+}
+
+#[test]
+fn what_meshes_cannot_be_and_where_they_are_refused_is_said() {
+    let read = |vertices: serde_json::Value, triangles: serde_json::Value| {
+        let mut value = serde_json::to_value(homogeneous()).expect("JSON");
+        value["volume"]["shape"] = serde_json::json!({"type": "mesh", "vertices": vertices, "triangles": triangles});
+        Scene::from_value(value, "x").expect_err("it is refused").to_string()
+    };
+    let corners = serde_json::json!([[0, 0, 0], [1, 0, 0], [0, 1, 0]]);
+    for (error, expected) in [
+        (read(serde_json::json!([]), serde_json::json!([])), "$.volume.shape.triangles"),
+        (read(corners.clone(), serde_json::json!([])), "$.volume.shape.triangles"),
+        (read(corners.clone(), serde_json::json!([[0, 1, 2], [0, 1, 3]])), "$.volume.shape.triangles[1]"),
+        (
+            read(serde_json::json!([[0, 0, 0], [1, 0, 0], [0, 3, 0]]), serde_json::json!([[0, 1, 2]])),
+            "$.volume.shape.vertices[2]",
+        ),
+        (read(serde_json::json!([[0, 0, 0], [1, null, 0]]), serde_json::json!([[0, 1, 1]])), "$.volume.shape"),
+    ] {
+        assert!(error.contains(expected), "{error}");
+    }
+    let bad = Mesh::new("$.volume.shape", &[[0.0, f32::NAN, 0.0]], &[[0, 0, 0]]).err().expect("no number");
+    assert!(bad.to_string().contains("$.volume.shape.vertices[0]"), "{bad}");
+    let scene = disguised(homogeneous());
+    let grid = MarchSettings { light: LightMode::Grid, ..exact() };
+    let error = integrators::render(&scene, &grid, Backend::Cpu, &|_, _| {}).expect_err("no grid in a mesh");
+    assert!(error.to_string().contains("exact") && error.settings == ["light"], "{error}");
+    if support::require("vulkan") {
+        let error = integrators::render(&scene, &exact(), Backend::Gpu, &|_, _| {}).expect_err("not there");
+        assert!(error.to_string().contains("mesh") && error.settings == ["backend"], "{error}");
+        let settings = PathSettings { samples: 1, ..PathSettings::default() };
+        let error = path::render(&scene, &settings, Backend::Gpu, None, &|_, _| {}).expect_err("not there");
+        assert!(error.to_string().contains("mesh") && error.settings == ["backend"], "{error}");
+    }
+}
+
+/// Meshes of Blender's own operators, as JSON by name.
+const OPERATORS: &str = r#"
+import json
+import bpy
+
+def mesh(operator, **arguments):
+    operator(**arguments)
+    item = bpy.context.object
+    if operator is bpy.ops.mesh.primitive_cube_add:
+        bevel = item.modifiers.new("Bevel", "BEVEL")
+        bevel.width, bevel.segments = 0.3, 2
+    found = item.evaluated_get(bpy.context.evaluated_depsgraph_get()).to_mesh()
+    found.calc_loop_triangles()
+    return {"vertices": [list(vertex.co) for vertex in found.vertices],
+            "triangles": [list(triangle.vertices) for triangle in found.loop_triangles]}
+
+bpy.ops.wm.read_factory_settings(use_empty=True)
+create = bpy.ops.mesh
+print("MESHES " + json.dumps({
+    "sphere": mesh(create.primitive_uv_sphere_add),
+    "torus": mesh(create.primitive_torus_add),
+    "monkey": mesh(create.primitive_monkey_add),
+    "bevel": mesh(create.primitive_cube_add),
+}))
+"#;
+
+fn mean_and_error(values: &[f64]) -> (f64, f64) {
+    let count = values.len() as f64;
+    let mean = values.iter().sum::<f64>() / count;
+    let squares: f64 = values.iter().map(|value| (value - mean).powi(2)).sum();
+    (mean, (squares / (count - 1.0) / count).sqrt())
+}
+
+/// Means of the quadrants of a picture.
+fn quadrants(image: &Image) -> [f64; 4] {
+    let mut sums = [0.0; 4];
+    for (index, pixel) in image.pixels.iter().enumerate() {
+        let (column, line) = (index % image.width, index / image.width);
+        let quadrant = 2 * usize::from(2 * line >= image.height) + usize::from(2 * column >= image.width);
+        sums[quadrant] += f64::from(pixel[1]) * 4.0 / image.pixels.len() as f64;
+    }
+    sums
+}
+
+#[test]
+fn cycles_agrees_on_meshes_of_its_own_operators() {
+    if !support::require("bpy") {
+        return;
+    }
+    let output =
+        std::process::Command::new(bridge::interpreter()).args(["-B", "-c", OPERATORS]).output().expect("Python runs");
+    let text = String::from_utf8_lossy(&output.stdout);
+    let line = text.lines().find_map(|line| line.strip_prefix("MESHES ")).expect("the meshes are printed");
+    let meshes: serde_json::Value = serde_json::from_str(line).expect("JSON");
+    let cache = tempfile::tempdir().expect("a folder");
+    let seeds: Vec<u32> = (0..6).collect();
+    // Cycles' own systematic error at 256 samples (specification of Cycles' transport, 5.3).
+    let systematic = 0.005;
+    for (name, mesh, camera) in [
+        ("sphere", "sphere", [0.0, -5.0, 0.0]),
+        ("torus", "torus", [0.0, -5.0, 0.0]),
+        ("monkey", "monkey", [0.0, -5.0, 0.0]),
+        ("bevelled cube", "bevel", [0.0, -5.0, 0.0]),
+        ("camera in the sphere", "sphere", [0.2, -0.3, 0.1]),
+        ("camera in the tube of the torus", "torus", [0.0, -1.0, 0.05]),
+    ] {
+        let mut scene = homogeneous();
+        let mesh = TestMesh {
+            vertices: serde_json::from_value(meshes[mesh]["vertices"].clone()).expect("vertices"),
+            triangles: serde_json::from_value(meshes[mesh]["triangles"].clone()).expect("triangles"),
+        };
+        mesh.fill(&mut scene);
+        // Looked at from above at an angle, turned, stretched.
+        scene.volume.matrix_world =
+            [[0.9, -0.3, 0.0, 0.0], [0.3, 0.9, -0.4, 0.0], [0.1, 0.4, 1.1, 0.0], [0.0, 0.0, 0.0, 1.0]];
+        scene.film.resolution = [16, 16];
+        scene.camera.ortho_scale = 2.4;
+        if name.starts_with("camera") {
+            scene.camera.projection = cloudparity::scene::Projection::Perspective;
+            // Places of the object's frame: the camera stays in the tube.
+            let matrix = cloudparity::scene::matrix_to_glam(&scene.volume.matrix_world);
+            let place = matrix.transform_point3(DVec3::from(camera));
+            for axis in 0..3 {
+                scene.camera.matrix_world[axis][3] = place[axis] as f32;
+            }
+            scene.camera.clip_start = 0.01;
+        }
+        set(&mut scene, "Density", Input::Number(1.5));
+        set(&mut scene, "Anisotropy", Input::Number(0.3));
+        scene.world.color = [0.3; 3];
+        bounces(&mut scene, 2);
+        let settings = ReferenceSettings { samples: 256, ..ReferenceSettings::default() };
+        let theirs: Vec<[f64; 4]> = references(&scene, &settings, &seeds, cache.path(), |_| {})
+            .expect("Cycles renders")
+            .iter()
+            .map(|reference| quadrants(&Image::read_exr(&reference.path).expect("a picture")))
+            .collect();
+        let settings = PathSettings { samples: 256, ..PathSettings::default() };
+        let ours: Vec<[f64; 4]> = path::render_replicas(&scene, &settings, Backend::Cpu, &seeds, &|_, _| {})
+            .expect("it renders")
+            .iter()
+            .map(quadrants)
+            .collect();
+        for quadrant in 0..4 {
+            let of = |pictures: &[[f64; 4]]| {
+                mean_and_error(&pictures.iter().map(|picture| picture[quadrant]).collect::<Vec<_>>())
+            };
+            let ((own, own_error), (cycles, error)) = (of(&ours), of(&theirs));
+            let together = own_error.hypot(error);
+            println!(
+                "{name}, quadrant {quadrant}: {own:.5} ({own_error:.1e}), Cycles {cycles:.5} ({error:.1e}): {:+.2} %, {:+.1} errors",
+                100.0 * (own / cycles - 1.0),
+                (own - cycles) / together
+            );
+            assert!(together < 0.01 * cycles, "{name}: too noisy to tell");
+            assert!((own - cycles).abs() <= 4.0 * together + systematic * cycles, "{name}, quadrant {quadrant}");
+        }
+    }
+}
