@@ -344,6 +344,12 @@ fn limits_are_the_users_to_change() {
     let large = read("CLOUDPARITY_READ_GIB", "0.05");
     assert_eq!(large.status.code(), Some(2), "{}", text(&large.stderr));
     assert!(!text(&large.stderr).contains("Traceback"), "{}", text(&large.stderr));
+    // A library that breaks down takes the interpreter along: the signal is named.
+    let breaking = folder.path().join("breaking");
+    write_program(&breaking, "#!/bin/sh\nkill -SEGV $$\n");
+    let crash = read("CLOUDPARITY_PYTHON", &breaking.display().to_string());
+    is_refused("crash", &crash, "perlin-fbm.vdb");
+    assert!(text(&crash.stderr).contains("signal: 11"), "{}", text(&crash.stderr));
     for wrong in ["-1", "many", "nan", ""] {
         is_refused(wrong, &read("CLOUDPARITY_READ_SECONDS", wrong), "CLOUDPARITY_READ_SECONDS");
     }
