@@ -273,7 +273,7 @@ fn damaged_grids_end_in_time_with_an_error() {
             let mut command = program(folder.path(), &["grid", &name, "-o", &format!("{number}.npy")]);
             let run = output(command.env("CLOUDPARITY_READ_SECONDS", SECONDS.to_string()));
             let time = begin.elapsed();
-            assert!(time < Duration::from_secs(SECONDS + 10), "{what}: {time:?}");
+            assert!(time < Duration::from_secs(SECONDS + 30), "{what}: {time:?}");
             // Some damage makes other numbers of a voxel, which are as good as the first.
             let is_read = run.status.success();
             if !is_read {
@@ -312,7 +312,7 @@ fn files_of_another_kind_are_refused() {
         let run = |arguments: &[&str]| {
             let begin = Instant::now();
             let run = output(program(folder.path(), arguments).env("CLOUDPARITY_READ_SECONDS", "40"));
-            assert!(begin.elapsed() < Duration::from_secs(50), "{arguments:?}");
+            assert!(begin.elapsed() < Duration::from_secs(70), "{arguments:?}");
             run
         };
         is_refused(&blend, &run(&["export", &blend, "-o", "x.scene.json"]), &blend);
