@@ -85,6 +85,8 @@ def read(path, name="density", most=None):
         raise protocol.InputError(str(path), found, "an OpenVDB file", "correct the name")
     try:
         names = [entry.name for entry in openvdb.readAllGridMetadata(str(path))]
+    except MemoryError:
+        raise  # The caller says what the limit is.
     except Exception as cause:
         found = f"no OpenVDB file, or a damaged one ({_words(cause)})"
         raise protocol.InputError(str(path), found, "an OpenVDB file", "write it again") from cause
@@ -94,6 +96,8 @@ def read(path, name="density", most=None):
         )
     try:
         grid = openvdb.read(str(path), name)
+    except MemoryError:
+        raise
     except Exception as cause:
         found = f"values that cannot be read ({_words(cause)})"
         raise protocol.InputError(

@@ -23,7 +23,7 @@ pub struct Choice {
 /// The interpreter: what `CLOUDPARITY_PYTHON` names, else the `.venv` of the project, else `python3`.
 ///
 /// The project is the folder that this program was built from, or the folder of cloudparity's sources that the running program lies in. Its
-/// `.venv` is used where both belong to the user (or to the system's administrator) and nobody else may write there.
+/// `.venv` is used where it belongs to the user (or to the system's administrator) and not everybody may write to either.
 pub fn choose() -> Choice {
     if let Some(path) = std::env::var_os(INTERPRETER_VARIABLE) {
         return Choice { path: PathBuf::from(path), reason: format!("{INTERPRETER_VARIABLE} names it") };
@@ -70,12 +70,13 @@ fn doubt(project: &Path) -> Option<String> {
     use std::os::unix::fs::MetadataExt;
     const OTHERS_WRITE: u32 = 0o002;
     let user = rustix::process::geteuid().as_raw();
-    // Each as what it leads to: a link to another folder is as good as that folder. The interpreter itself is often the system's.
+    // Each as what it leads to: a link to another folder is as good as that folder. The interpreter itself is often the system's. Sources may be
+    // another user's, as where a container works on a folder of its host: who ran what they build trusts their owner.
     ["", ".venv", ".venv/bin", PLACE].iter().find_map(|name| {
         let path = project.join(name);
         match std::fs::metadata(&path) {
             Err(cause) => Some(format!("{}: {cause}", path.display())),
-            Ok(found) if found.uid() != user && found.uid() != 0 => {
+            Ok(found) if !name.is_empty() && found.uid() != user && found.uid() != 0 => {
                 Some(format!("{} belongs to another user", path.display()))
             }
             Ok(found) if found.mode() & OTHERS_WRITE != 0 => {
