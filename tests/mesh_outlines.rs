@@ -186,12 +186,12 @@ fn rays_aimed_at_vertices_and_edges_are_not_lost() {
                 }
                 for (place, pair) in faces.windows(2).enumerate() {
                     let middle = origin + direction * pair[0].distance.midpoint(pair[1].distance);
-                    let away = pair[1].distance - pair[0].distance > 1e-3;
-                    let winding = mesh.winding(middle);
-                    // In a face itself the winding is neither; rays there may count either way.
-                    if away && (winding - winding.round()).abs() < 1e-3 {
+                    let beside = 1e-6 * on_sphere(&mut random);
+                    let [winding, other] = [middle + beside, middle - beside].map(|place| mesh.winding(place).round());
+                    // In a face the two sides differ, and the ray may count as inside or outside.
+                    if pair[1].distance - pair[0].distance > 1e-3 && winding == other {
                         looked_at += 1;
-                        assert_eq!(winding.round(), if place % 2 == 0 { 1.0 } else { 0.0 }, "{middle} of {faces:?}");
+                        assert_eq!(winding, if place % 2 == 0 { 1.0 } else { 0.0 }, "{middle} of {faces:?}");
                     }
                 }
             }
