@@ -4,6 +4,7 @@ mod support;
 
 use cloudparity::bridge;
 use cloudparity::bridge::reference::{ReferenceSettings, references};
+use cloudparity::engines::domain::Domain;
 use cloudparity::gpu::Backend;
 use cloudparity::integrators::path::PathSettings;
 use cloudparity::integrators::{self, LightMode, MarchSettings, path};
@@ -468,6 +469,12 @@ fn what_meshes_cannot_be_and_where_they_are_refused_is_said() {
     let grid = MarchSettings { light: LightMode::Grid, ..exact() };
     let error = integrators::render(&scene, &grid, Backend::Cpu, &|_, _| {}).expect_err("no grid in a mesh");
     assert!(error.to_string().contains("exact") && error.settings == ["light"], "{error}");
+    let error = Domain::Object.place(&scene).expect_err("engines know boxes").to_string();
+    assert!(error.contains("a mesh that is no box") && error.contains("Use a cube"), "{error}");
+    let mut moved = homogeneous();
+    TestMesh::cuboid([-1.0; 3], [1.0; 3]).divided().fill(&mut moved);
+    let unit = Domain::Object.place(&moved).expect("a divided cube is a box").unit;
+    assert!((unit - 2.0).abs() < 1e-12, "{unit}");
     if support::require("vulkan") {
         let error = integrators::render(&scene, &exact(), Backend::Gpu, &|_, _| {}).expect_err("not there");
         assert!(error.to_string().contains("mesh") && error.settings == ["backend"], "{error}");
