@@ -411,6 +411,34 @@ fn a_cube_in_disguise_is_the_cube() {
 }
 
 #[test]
+fn a_cube_in_disguise_is_the_cube_beside_other_objects() {
+    // Two cubes that overlap, of one material, with multiple scattering: as boxes, one as a mesh, both as meshes.
+    let mut boxes = homogeneous();
+    support::cube::slanted_sun(&mut boxes);
+    boxes.world.color = [0.5; 3];
+    bounces(&mut boxes, 4);
+    let mut second = boxes.volume.clone();
+    second.object = "Second".into();
+    second.matrix_world[0][3] = 0.5;
+    second.matrix_world[1][3] = 0.75;
+    boxes.other_volumes.push(second.clone());
+    let mut one = disguised(boxes.clone());
+    let expected = estimate(&boxes, 1 << 12);
+    let found = estimate(&one, 1 << 12);
+    let mut hidden = boxes.clone();
+    hidden.volume = second;
+    hidden = disguised(hidden);
+    hidden.volume.matrix_world[0][3] = 0.5;
+    hidden.volume.matrix_world[1][3] = 0.75;
+    one.other_volumes = vec![hidden.volume];
+    let both = estimate(&one, 1 << 12);
+    for channel in 0..3 {
+        meets(found[channel], expected[channel].0, expected[channel].1);
+        meets(both[channel], expected[channel].0, expected[channel].1);
+    }
+}
+
+#[test]
 fn a_white_furnace_of_a_mesh_and_a_box_that_overlap_is_white() {
     let mut scene = furnace();
     TestMesh::torus(12).moved(|place| DVec3::new(-place.y, place.x, place.z)).fill(&mut scene);
