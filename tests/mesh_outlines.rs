@@ -4,6 +4,7 @@ mod support;
 
 use cloudparity::bridge;
 use cloudparity::bridge::reference::{ReferenceSettings, references};
+use cloudparity::engines::domain::Domain;
 use cloudparity::gpu::Backend;
 use cloudparity::integrators::path::PathSettings;
 use cloudparity::integrators::{self, LightMode, MarchSettings, path};
@@ -186,12 +187,12 @@ fn rays_aimed_at_vertices_and_edges_are_not_lost() {
                 }
                 for (place, pair) in faces.windows(2).enumerate() {
                     let middle = origin + direction * pair[0].distance.midpoint(pair[1].distance);
-                    let away = pair[1].distance - pair[0].distance > 1e-3;
-                    let winding = mesh.winding(middle);
-                    // In a face itself the winding is neither; rays there may count either way.
-                    if away && (winding - winding.round()).abs() < 1e-3 {
+                    let beside = 1e-6 * on_sphere(&mut random);
+                    let [winding, other] = [middle + beside, middle - beside].map(|place| mesh.winding(place).round());
+                    // In a face the two sides differ, and the ray may count as inside or outside.
+                    if pair[1].distance - pair[0].distance > 1e-3 && winding == other {
                         looked_at += 1;
-                        assert_eq!(winding.round(), if place % 2 == 0 { 1.0 } else { 0.0 }, "{middle} of {faces:?}");
+                        assert_eq!(winding, if place % 2 == 0 { 1.0 } else { 0.0 }, "{middle} of {faces:?}");
                     }
                 }
             }
@@ -410,6 +411,34 @@ fn a_cube_in_disguise_is_the_cube() {
 }
 
 #[test]
+fn a_cube_in_disguise_is_the_cube_beside_other_objects() {
+    // Two cubes that overlap, of one material, with multiple scattering: as boxes, one as a mesh, both as meshes.
+    let mut boxes = homogeneous();
+    support::cube::slanted_sun(&mut boxes);
+    boxes.world.color = [0.5; 3];
+    bounces(&mut boxes, 4);
+    let mut second = boxes.volume.clone();
+    second.object = "Second".into();
+    second.matrix_world[0][3] = 0.5;
+    second.matrix_world[1][3] = 0.75;
+    boxes.other_volumes.push(second.clone());
+    let mut one = disguised(boxes.clone());
+    let expected = estimate(&boxes, 1 << 12);
+    let found = estimate(&one, 1 << 12);
+    let mut hidden = boxes.clone();
+    hidden.volume = second;
+    hidden = disguised(hidden);
+    hidden.volume.matrix_world[0][3] = 0.5;
+    hidden.volume.matrix_world[1][3] = 0.75;
+    one.other_volumes = vec![hidden.volume];
+    let both = estimate(&one, 1 << 12);
+    for channel in 0..3 {
+        meets(found[channel], expected[channel].0, expected[channel].1);
+        meets(both[channel], expected[channel].0, expected[channel].1);
+    }
+}
+
+#[test]
 fn a_white_furnace_of_a_mesh_and_a_box_that_overlap_is_white() {
     let mut scene = furnace();
     TestMesh::torus(12).moved(|place| DVec3::new(-place.y, place.x, place.z)).fill(&mut scene);
@@ -435,10 +464,8 @@ fn a_mesh_and_a_box_absorb_by_the_sum_of_their_depths() {
     let mut second = homogeneous().volume;
     second.object = "Second".into();
     second.material = scene.volume.material.clone();
-    scene.other_volumes.push(second.clone());
-    // A third, a mesh with a face inside the others: a density of 1 from y = 0.5 to 4.5.
-    TestMesh::icosphere(0).moved(|place| place * 0.0 + place).fill(&mut scene.clone());
-    let found = estimate(&scene, 1 << 12);
+    scene.other_volumes.push(second);
+    let found = estimate(&scene, 1 << 14);
     for channel in 0..3 {
         meets(found[channel], (-1.2_f64 - 2.0).exp(), 2e-3 * (-3.2_f64).exp());
     }
@@ -470,6 +497,12 @@ fn what_meshes_cannot_be_and_where_they_are_refused_is_said() {
     let grid = MarchSettings { light: LightMode::Grid, ..exact() };
     let error = integrators::render(&scene, &grid, Backend::Cpu, &|_, _| {}).expect_err("no grid in a mesh");
     assert!(error.to_string().contains("exact") && error.settings == ["light"], "{error}");
+    let error = Domain::Object.place(&scene).expect_err("engines know boxes").to_string();
+    assert!(error.contains("a mesh that is no box") && error.contains("Use a cube"), "{error}");
+    let mut moved = homogeneous();
+    TestMesh::cuboid([-1.0; 3], [1.0; 3]).divided().fill(&mut moved);
+    let unit = Domain::Object.place(&moved).expect("a divided cube is a box").unit;
+    assert!((unit - 2.0).abs() < 1e-12, "{unit}");
     if support::require("vulkan") {
         let error = integrators::render(&scene, &exact(), Backend::Gpu, &|_, _| {}).expect_err("not there");
         assert!(error.to_string().contains("mesh") && error.settings == ["backend"], "{error}");

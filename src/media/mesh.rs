@@ -24,9 +24,9 @@ use glam::{DMat4, DVec3};
 use nalgebra::Point3;
 use std::collections::HashMap;
 
-/// How far a corner of a box may be from where it belongs, over the largest coordinate: 4 units in the last place of f32. A cube
-/// that was turned and applied has corners R c: a row of R and the corner round by half a unit each way, three products and
-/// two sums by half a unit each, together at most 3.5 units of sqrt(3) times the coordinate over sqrt(3).
+/// How far a corner of a box may be from where it belongs, over the largest coordinate: 4 units in the last place of f32. Turning a cube
+/// by right angles rounds the entry of 1, the corner, their product and two sums by half a unit each, and two entries that should be
+/// 0 are up to 0.4 units, the cosine of f32's pi/2: 3.3 units together.
 const BOX_TOLERANCE: f64 = 4.0 * f32::EPSILON as f64;
 
 /// Error of a distance from the rounding of the edge functions, in units of `extent * reach * depth / determinant`: vertices are off

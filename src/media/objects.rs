@@ -411,10 +411,16 @@ pub(crate) fn length_scale(volume: &Volume) -> f64 {
 fn outline_of(volume: &Volume) -> Result<(Region, Option<Mesh>)> {
     if let Shape::Mesh { vertices, triangles } = &volume.shape {
         let mesh = Mesh::new(&format!("object {}: shape", volume.object), vertices, triangles)?;
-        return Ok(match as_box(vertices, triangles) {
-            Some(region) => (region, None),
-            None => (mesh.bounds(), Some(mesh)),
-        });
+        if let Some(region) = as_box(vertices, triangles) {
+            return Ok((region, None));
+        }
+        let place = format!("object {}: shape", volume.object);
+        if !mesh.is_closed() {
+            log::warn!("{place}: the mesh is not closed, and its medium is cut off at the box around it");
+        } else if mesh.volume() < 0.0 {
+            log::warn!("{place}: the faces of the mesh look inward, so that it holds no medium for rays from outside");
+        }
+        return Ok((mesh.bounds(), Some(mesh)));
     }
     let corner = |corner: [f32; 3]| DVec3::from(corner.map(f64::from));
     Ok((Region { low: corner(volume.bounds.min), high: corner(volume.bounds.max) }, None))

@@ -341,9 +341,11 @@ impl Tracer {
             opacity: 0.0,
         };
         let end = self.volume.last_face(ray.origin, ray.direction, ray.far);
-        let near = ray.origin + ray.direction * ray.near;
-        let begins_inside = |_, mesh: &PlacedMesh| mesh.begins_inside(near);
-        self.volume.parts(ray.origin, ray.direction, [ray.near, end], begins_inside, &mut path.parts);
+        if self.volume.has_mesh {
+            let near = ray.origin + ray.direction * ray.near;
+            let begins_inside = |_, mesh: &PlacedMesh| mesh.begins_inside(near);
+            self.volume.parts(ray.origin, ray.direction, [ray.near, end], begins_inside, &mut path.parts);
+        }
         self.set_out(&mut path, ray.near, end);
         path
     }
@@ -351,7 +353,7 @@ impl Tracer {
     /// Puts a path whose parts are known at the begin of its ray.
     fn set_out(&self, path: &mut Path, from: f64, to: f64) {
         path.begun = 0;
-        if self.volume.is_mesh() {
+        if self.volume.is_mesh {
             path.walk = Walk::default();
             self.next_part(path);
         } else {
@@ -361,7 +363,7 @@ impl Tracer {
 
     /// Goes on with the next part of a ray through a single mesh; false where there is none.
     fn next_part(&self, path: &mut Path) -> bool {
-        while let Some(&Part { span: [from, to], .. }) = path.parts.get(path.begun).filter(|_| self.volume.is_mesh()) {
+        while let Some(&Part { span: [from, to], .. }) = path.parts.get(path.begun).filter(|_| self.volume.is_mesh) {
             path.begun += 1;
             let Some(walk) = self.walk(path.origin, path.direction, from, to) else { continue };
             // Light between two parts arrives through those before it alone.
@@ -575,7 +577,9 @@ impl Tracer {
         let [[first, second, third, fourth], [choice, ..]] = path.sampler.scattering(path.scatterings);
         path.scatterings += 1;
         path.vertex = path.origin + path.direction * path.kept_distance;
-        path.note_surroundings(self.volume.is_mesh());
+        if self.volume.has_mesh {
+            path.note_surroundings(self.volume.is_mesh);
+        }
         let before = path.direction;
         path.next = turned(before, phase.sample(first), second);
         path.hit_distance = f64::NAN;
@@ -632,8 +636,10 @@ impl Tracer {
         path.weight = [1.0; 3];
         path.scattered = false;
         path.numbers = path.sampler.next4();
-        let Path { parts, around, .. } = path;
-        self.volume.parts(path.vertex, direction, [0.0, end], |object, _| around.contains(&object), parts);
+        if self.volume.has_mesh {
+            let Path { parts, around, vertex, .. } = path;
+            self.volume.parts(*vertex, direction, [0.0, end], |object, _| around.contains(&object), parts);
+        }
         self.set_out(path, 0.0, end);
     }
 

@@ -80,6 +80,9 @@ pub(crate) struct Volume {
     pub(crate) emission_varies: bool,
     /// Tentative collisions per metre for each unit of varying emission.
     emission_rate: f64,
+    /// Whether any object fills a mesh, and whether there is no other.
+    pub(crate) has_mesh: bool,
+    pub(crate) is_mesh: bool,
     /// How light scatters.
     pub(crate) lobes: Lobes,
     /// World to frame.
@@ -109,6 +112,8 @@ impl Volume {
             emission: constant_emission.unwrap_or([0.0; 3]),
             emission_varies: constant_emission.is_none(),
             emission_rate: 0.0,
+            has_mesh: objects.iter().any(|object| object.mesh.is_some()),
+            is_mesh: matches!(objects.as_slice(), [only] if only.mesh.is_some()),
             lobes: lobes(&objects, proportional.is_some())?,
             to_frame: if let [only] = objects.as_slice() { only.to_object } else { DMat4::IDENTITY },
             majorants: None,
@@ -282,11 +287,6 @@ impl Volume {
             .flat_map(|(enter, leave)| [enter, leave])
             .filter(|&face| face <= far)
             .fold(f64::NEG_INFINITY, f64::max)
-    }
-
-    /// Whether rays through the only object go from part to part of a mesh.
-    pub(crate) fn is_mesh(&self) -> bool {
-        matches!(self.objects.as_slice(), [only] if only.mesh.is_some())
     }
 
     /// The parts of a ray that lie in meshes, each with the number of its object, between two distances. `inside` says of which objects the
