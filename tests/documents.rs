@@ -35,6 +35,41 @@ fn the_table_of_commands_lists_every_command_and_no_other() {
 }
 
 #[test]
+fn the_first_commands_of_the_readme_work() {
+    if !support::require("bpy") {
+        return;
+    }
+    let text = read("README.md");
+    let (_, block) = text.split_once("## Your own .blend\n\n```sh\n").expect("the section");
+    let (block, _) = block.split_once("```").expect("its end");
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let run = |arguments: &[&str]| {
+        let mut command = assert_cmd::cargo::cargo_bin_cmd!("cloudparity");
+        let output = command.current_dir(folder.path()).args(arguments).output().expect("the program runs");
+        assert!(output.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&output.stderr));
+        String::from_utf8(output.stdout).expect("text")
+    };
+    let scene = project("parity/scenes/noise-anisotropic.scene.json");
+    run(&["build", &scene.to_string_lossy(), "-o", "CLOUD.blend"]);
+    let mut commands = Vec::new();
+    for line in block.lines() {
+        let (command, _) = line.split_once('#').expect("each says what it does");
+        let mut arguments: Vec<&str> = command.split_whitespace().skip(1).collect();
+        commands.push(arguments[0]);
+        // As the README has it, but small.
+        match arguments[0] {
+            "render" => arguments.extend(["--resolution", "16x9", "--samples", "2"]),
+            "study" => arguments.push("--list"),
+            "report" => continue,
+            _ => {}
+        }
+        run(&arguments);
+    }
+    assert_eq!(commands, ["init", "render", "study", "report"]);
+    assert!(folder.path().join("CLOUD/picture.png").is_file() && folder.path().join("CLOUD/picture.exr").is_file());
+}
+
+#[test]
 fn the_scene_of_the_documentation_is_rendered() {
     let text = read("docs/scene-format.md");
     let (_, example) = text.split_once("```json\n").expect("an example");
