@@ -28,7 +28,7 @@ macro_rules! choice {
 }
 pub(crate) use choice;
 
-/// A setting that is one of several named values, as [`choice`] declares it.
+/// A setting that is one of several named values, as the macro `choice` declares it.
 pub trait Choice: Copy + strum::VariantArray + strum::EnumMessage + Into<&'static str> {
     /// The name in settings and files.
     fn name(self) -> &'static str {
