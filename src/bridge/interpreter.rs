@@ -139,5 +139,14 @@ mod tests {
         assert!(found.reason.contains("every user may write"), "{}", found.reason);
         allow(0o755).expect("a mode");
         assert_eq!(choose_among(&source, None).path, source.join(PLACE));
+        // Only root can give files away: sources of another user are as good, an interpreter of theirs is not.
+        let give = |path: &Path| std::os::unix::fs::chown(path, Some(12345), None);
+        if give(&source).is_ok() {
+            assert_eq!(choose_among(&source, None).path, source.join(PLACE));
+            give(&source.join(".venv")).expect("root may");
+            let found = choose_among(&source, None);
+            assert_eq!(found.path, Path::new("python3"));
+            assert!(found.reason.contains("belongs to another user"), "{}", found.reason);
+        }
     }
 }
