@@ -11,7 +11,7 @@ use cloudparity::integrators::{self, LightMode, MarchSettings, path};
 use cloudparity::media::mesh::{Mesh, PlacedMesh, Span};
 use cloudparity::media::objects::ObjectMedium;
 use cloudparity::scene::image::Image;
-use cloudparity::scene::{Input, Scene};
+use cloudparity::scene::{Bounds, Input, LightKind, Scene};
 use glam::{DMat4, DVec3};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -181,18 +181,20 @@ fn rays_aimed_at_vertices_and_edges_are_not_lost() {
                     assert_eq!(face.enters, place % 2 == 0, "from {origin} to {target}: {faces:?}");
                 }
                 assert!(faces.len() % 2 == 0, "from {origin} to {target}: {faces:?}");
-                // The middles of parts and gaps, where they are no graze.
+                // Places in parts and gaps, where they are no graze.
                 if number % 16 != 0 {
                     continue;
                 }
-                for (place, pair) in faces.windows(2).enumerate() {
-                    let middle = origin + direction * pair[0].distance.midpoint(pair[1].distance);
+                for (gap, pair) in faces.windows(2).enumerate() {
+                    // Not the middle, where symmetric meshes are touched.
+                    let part = pair[0].distance + 0.38 * (pair[1].distance - pair[0].distance);
+                    let place = origin + direction * part;
                     let beside = 1e-6 * on_sphere(&mut random);
-                    let [winding, other] = [middle + beside, middle - beside].map(|place| mesh.winding(place).round());
+                    let [winding, other] = [place + beside, place - beside].map(|place| mesh.winding(place).round());
                     // In a face the two sides differ, and the ray may count as inside or outside.
                     if pair[1].distance - pair[0].distance > 1e-3 && winding == other {
                         looked_at += 1;
-                        assert_eq!(winding, if place % 2 == 0 { 1.0 } else { 0.0 }, "{middle} of {faces:?}");
+                        assert_eq!(winding, if gap % 2 == 0 { 1.0 } else { 0.0 }, "{place} of {faces:?}");
                     }
                 }
             }
@@ -435,6 +437,32 @@ fn a_cube_in_disguise_is_the_cube_beside_other_objects() {
     for channel in 0..3 {
         meets(found[channel], expected[channel].0, expected[channel].1);
         meets(both[channel], expected[channel].0, expected[channel].1);
+    }
+}
+
+#[test]
+fn a_soft_light_between_the_parts_of_a_mesh_shines_as_between_two_boxes() {
+    let mut boxes = homogeneous();
+    bounces(&mut boxes, 2);
+    boxes.world.color = [0.1; 3];
+    let light = &mut boxes.lights[0];
+    light.kind = LightKind::Point { radius: 0.15, soft_falloff: false };
+    light.strength = 100.0;
+    for (axis, place) in [0.3, 0.2, 0.4].into_iter().enumerate() {
+        light.matrix_world[axis][3] = place;
+    }
+    let mut second = boxes.volume.clone();
+    second.object = "Second".into();
+    let mut mesh = boxes.clone();
+    let (low, high) = ([-1.0; 3], [1.0; 3]);
+    let ends = [([-1.0; 3], [1.0, 1.0, 0.2]), ([-1.0, -1.0, 0.6], [1.0; 3])];
+    boxes.volume.bounds = Bounds { min: low, max: ends[0].1 };
+    second.bounds = Bounds { min: ends[1].0, max: high };
+    boxes.other_volumes.push(second);
+    TestMesh::cuboid(ends[0].0, ends[0].1).with(&TestMesh::cuboid(ends[1].0, ends[1].1)).fill(&mut mesh);
+    let (expected, found) = (estimate(&boxes, 1 << 14), estimate(&mesh, 1 << 14));
+    for channel in 0..3 {
+        meets(found[channel], expected[channel].0, expected[channel].1);
     }
 }
 

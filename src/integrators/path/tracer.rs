@@ -164,6 +164,16 @@ enum Stage {
     Finished,
 }
 
+/// Where the ray of a path lies in meshes.
+#[derive(Default)]
+struct InMeshes {
+    /// Its parts, and how many of a single mesh's the walk has begun.
+    parts: Vec<Part>,
+    begun: usize,
+    /// Meshes that hold the last scattering event, by the numbers of their objects.
+    around: Vec<usize>,
+}
+
 /// The state of a path.
 pub(crate) struct Path {
     pixel: u32,
@@ -173,11 +183,8 @@ pub(crate) struct Path {
     pub(crate) origin: DVec3,
     pub(crate) direction: DVec3,
     pub(crate) walk: Walk,
-    /// The parts of the ray that lie in meshes, and how many of a single mesh's the walk has begun.
-    parts: Vec<Part>,
-    begun: usize,
-    /// Meshes that hold the last scattering event, by the numbers of their objects.
-    around: Vec<usize>,
+    /// Where the ray lies in meshes; none where no object fills one.
+    in_meshes: Option<Box<InMeshes>>,
     /// What arrives at the end of the ray counts this much, but for the ray's own weight.
     carried: [f64; 3],
     /// The ray's own weight: 1 at its start.
@@ -228,7 +235,7 @@ impl Tracer {
             let sample = work.first_sample + (item % per_pixel) as u32;
             self.begin((item / per_pixel) as u32, sample, work.seed)
         });
-        let mut paths = Vec::with_capacity(PATHS);
+        let mut paths: Vec<Path> = Vec::with_capacity(PATHS);
         let mut positions = Vec::with_capacity(PATHS);
         let mut coefficients = Vec::with_capacity(PATHS);
         loop {
@@ -258,10 +265,7 @@ impl Tracer {
             if paths.is_empty() {
                 return Ok(sums);
             }
-            let inside = |lane: usize, object: usize| {
-                let path: &Path = &paths[lane];
-                path.is_in(object, path.walk.distance)
-            };
+            let inside = |lane: usize, object: usize| paths[lane].is_in(object);
             evaluator.evaluate(&positions, &inside, &mut coefficients)?;
             self.collide_all(&evaluator, &mut paths, &positions, &coefficients, &mut sums.counters)?;
         }
@@ -314,9 +318,7 @@ impl Tracer {
             origin: ray.origin,
             direction: ray.direction,
             walk: Walk::default(),
-            parts: Vec::new(),
-            begun: 0,
-            around: Vec::new(),
+            in_meshes: None,
             carried: [1.0; 3],
             weight: [1.0; 3],
             analog: [1.0; 3],
@@ -344,7 +346,9 @@ impl Tracer {
         if self.volume.has_mesh {
             let near = ray.origin + ray.direction * ray.near;
             let begins_inside = |_, mesh: &PlacedMesh| mesh.begins_inside(near);
-            self.volume.parts(ray.origin, ray.direction, [ray.near, end], begins_inside, &mut path.parts);
+            let mut state = InMeshes::default();
+            self.volume.parts(ray.origin, ray.direction, [ray.near, end], begins_inside, &mut state.parts);
+            path.in_meshes = Some(Box::new(state));
         }
         self.set_out(&mut path, ray.near, end);
         path
@@ -352,7 +356,6 @@ impl Tracer {
 
     /// Puts a path whose parts are known at the begin of its ray.
     fn set_out(&self, path: &mut Path, from: f64, to: f64) {
-        path.begun = 0;
         if self.volume.is_mesh {
             path.walk = Walk::default();
             self.next_part(path);
@@ -362,9 +365,12 @@ impl Tracer {
     }
 
     /// Goes on with the next part of a ray through a single mesh; false where there is none.
+    #[cold]
     fn next_part(&self, path: &mut Path) -> bool {
-        while let Some(&Part { span: [from, to], .. }) = path.parts.get(path.begun).filter(|_| self.volume.is_mesh) {
-            path.begun += 1;
+        while let Some(state) = &mut path.in_meshes
+            && let Some(&Part { span: [from, to], .. }) = state.parts.get(state.begun)
+        {
+            state.begun += 1;
             let Some(walk) = self.walk(path.origin, path.direction, from, to) else { continue };
             // Light between two parts arrives through those before it alone.
             if path.stage != Stage::Shadow && path.hit_distance > 0.0 && path.hit_distance <= walk.distance {
@@ -414,13 +420,7 @@ impl Tracer {
     /// Goes along the ray to its next tentative collision; false at the end of the ray.
     fn travel(&self, path: &mut Path, majorants: &Majorants) -> bool {
         let mut remaining = -(-path.numbers[0]).ln_1p();
-        loop {
-            if path.walk.distance >= path.walk.end {
-                if self.next_part(path) {
-                    continue;
-                }
-                return false;
-            }
+        while path.walk.distance < path.walk.end || self.volume.is_mesh && self.next_part(path) {
             let crossing = majorants.crossing(&path.walk);
             let Rates { control, residual, event } = crossing.rates;
             let (rate, control) = match path.stage {
@@ -446,6 +446,7 @@ impl Tracer {
                 path.walk.distance = path.walk.end;
             }
         }
+        false
     }
 
     /// Emission and light along a flight, and its transmittance through the control.
@@ -577,8 +578,8 @@ impl Tracer {
         let [[first, second, third, fourth], [choice, ..]] = path.sampler.scattering(path.scatterings);
         path.scatterings += 1;
         path.vertex = path.origin + path.direction * path.kept_distance;
-        if self.volume.has_mesh {
-            path.note_surroundings(self.volume.is_mesh);
+        if let Some(state) = &mut path.in_meshes {
+            state.note_surroundings(path.kept_distance, self.volume.is_mesh);
         }
         let before = path.direction;
         path.next = turned(before, phase.sample(first), second);
@@ -636,9 +637,10 @@ impl Tracer {
         path.weight = [1.0; 3];
         path.scattered = false;
         path.numbers = path.sampler.next4();
-        if self.volume.has_mesh {
-            let Path { parts, around, vertex, .. } = path;
-            self.volume.parts(*vertex, direction, [0.0, end], |object, _| around.contains(&object), parts);
+        if let Some(state) = &mut path.in_meshes {
+            let InMeshes { parts, begun, around } = &mut **state;
+            self.volume.parts(path.vertex, direction, [0.0, end], |object, _| around.contains(&object), parts);
+            *begun = 0;
         }
         self.set_out(path, 0.0, end);
     }
@@ -697,28 +699,32 @@ fn balance(own: f64, other: f64) -> f64 {
     if own > 0.0 { own / (own + other) } else { 0.0 }
 }
 
+impl InMeshes {
+    /// Notes which meshes hold an event at a distance. An event in the `only` object lies in it, even if rounding puts it behind the end of
+    /// its part.
+    fn note_surroundings(&mut self, distance: f64, only: bool) {
+        self.around.clear();
+        if only {
+            self.around.push(0);
+        } else {
+            self.around.extend(self.parts.iter().filter(|part| part.holds(distance)).map(|part| part.object));
+        }
+    }
+}
+
 impl Path {
     /// Goes no further along the ray.
     fn stop(&mut self) {
         self.walk.distance = self.walk.end;
-        self.begun = self.parts.len();
-    }
-
-    /// Notes which meshes hold the event at the kept distance. An event in the `only` object lies in it, even if rounding puts it behind
-    /// the end of its part.
-    fn note_surroundings(&mut self, only: bool) {
-        self.around.clear();
-        if only {
-            self.around.push(0);
-            return;
+        if let Some(state) = &mut self.in_meshes {
+            state.begun = state.parts.len();
         }
-        let Self { parts, around, kept_distance, .. } = self;
-        around.extend(parts.iter().filter(|part| part.holds(*kept_distance)).map(|part| part.object));
     }
 
-    /// Whether the ray at a distance is in the mesh of an object.
-    fn is_in(&self, object: usize, distance: f64) -> bool {
-        self.parts.iter().any(|part| part.object == object && part.holds(distance))
+    /// Whether the ray, where it is, lies in the mesh of an object.
+    fn is_in(&self, object: usize) -> bool {
+        let holds = |part: &Part| part.object == object && part.holds(self.walk.distance);
+        self.in_meshes.as_ref().is_some_and(|state| state.parts.iter().any(holds))
     }
 }
 
