@@ -154,6 +154,22 @@ impl TestMesh {
         found
     }
 
+    /// Distance of a place from the nearest triangle.
+    pub fn distance(&self, place: DVec3) -> f64 {
+        let to_edge = |a: DVec3, b: DVec3| {
+            let along = b - a;
+            let part = ((place - a).dot(along) / along.length_squared()).clamp(0.0, 1.0);
+            place.distance(a + along * part)
+        };
+        let to_triangle = |[a, b, c]: [DVec3; 3]| {
+            let normal = (b - a).cross(c - a).normalize();
+            let above = [(a, b), (b, c), (c, a)].iter().all(|&(a, b)| (b - a).cross(place - a).dot(normal) >= 0.0);
+            let edges = to_edge(a, b).min(to_edge(b, c)).min(to_edge(c, a));
+            if above { (place - a).dot(normal).abs() } else { edges }
+        };
+        self.corners().map(to_triangle).fold(f64::INFINITY, f64::min)
+    }
+
     /// How often the mesh goes around a place: the solid angle of its triangles over that of the sphere (van Oosterom and Strackee 1983).
     pub fn winding(&self, place: DVec3) -> f64 {
         let angle = |[a, b, c]: [DVec3; 3]| {
