@@ -161,7 +161,7 @@ fn no_such_file() {
     }
     let missing_points = run(folder.path(), &["eval", "x.scene.json", "--points", "p.npy", "-o", "v.npy"]);
     missing_points.is_refused("points", &["p.npy", "No such file", "a float32 .npy file"]);
-    run(folder.path(), &["explain", "."]).is_refused("a folder", &["directory"]);
+    run(folder.path(), &["explain", "."]).is_refused("a folder", &["a folder", "a scene file"]);
     std::fs::write(folder.path().join("binary.scene.json"), [0xff, 0xfe, 0x00]).expect("a temporary file");
     run(folder.path(), &["explain", "binary.scene.json"]).is_refused("binary", &["binary.scene.json", "UTF-8"]);
 }

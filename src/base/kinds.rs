@@ -86,11 +86,13 @@ impl FileKind {
             Self::Vdb => {
                 "A grid is read through the scene file of its Volume object; cloudparity export makes it".into()
             }
-            Self::Npy => "Points go to cloudparity eval as --points; name the other file here".into(),
+            Self::Npy => "Points go to cloudparity eval, beside a scene; name the other file here".into(),
             Self::Scene => format!("A scene is rendered by cloudparity render {path} -o PICTURE.exr"),
             Self::Study => format!("A study is run by cloudparity study {path} -o FOLDER"),
             Self::Tuning => format!("A tuning is run by cloudparity tune {path} -o FOLDER"),
-            Self::Preset => format!("A preset is rendered by cloudparity render SCENE --preset {path}"),
+            Self::Preset => {
+                "A preset is rendered by cloudparity render, beside a scene; name the other file here".into()
+            }
             Self::Folder => "Name the file in it".into(),
         }
     }

@@ -49,21 +49,13 @@ defaults! {
     material: String = String::new();
 }
 
-/// Writes down what follows from the rest of a scene file and is not said there: its name, the material, and texture spaces.
+/// Writes down what follows from the rest of a scene file and is not said there: its name, and texture spaces.
 pub(super) fn complete(document: &mut Json, name: &str) {
     let Some(scene) = document.as_object_mut() else { return };
     if !scene.contains_key("name") {
         scene.insert("name".into(), json!(name));
     }
-    let material = scene.get("graph").and_then(|graph| graph.get("material")).cloned();
-    let others = scene.get_mut("other_volumes").and_then(Json::as_array_mut).map(std::mem::take);
-    if let Some(volume) = scene.get_mut("volume").and_then(Json::as_object_mut)
-        && let Some(material) = material
-        && !volume.contains_key("material")
-    {
-        volume.insert("material".into(), material);
-    }
-    let mut others = others;
+    let mut others = scene.get_mut("other_volumes").and_then(Json::as_array_mut).map(std::mem::take);
     let volumes = scene.get_mut("volume").into_iter().chain(others.iter_mut().flatten());
     for volume in volumes.filter_map(Json::as_object_mut) {
         if volume.contains_key("texture_space") {

@@ -494,7 +494,7 @@ impl Scene {
             let graph_path = path.parent().unwrap_or(Path::new(".")).join(file);
             scene.graph = GraphSource::Inline(load_graph(&graph_path)?);
         }
-        scene.place_nodes();
+        scene.complete();
         let folder = path.parent().unwrap_or(Path::new("."));
         scene.folder = std::path::absolute(folder).unwrap_or_else(|_| folder.to_owned());
         scene.check_world_image(&path.display().to_string())?;
@@ -541,7 +541,7 @@ impl Scene {
                 "Write the scene to a file beside the graph file, or put the graph in place.",
             ));
         }
-        scene.place_nodes();
+        scene.complete();
         scene.check(place)?;
         Ok(scene)
     }
@@ -562,8 +562,12 @@ impl Scene {
         }
     }
 
-    /// Gives a place in the editor to nodes that have none, in a row: a .blend needs one.
-    fn place_nodes(&mut self) {
+    /// Fills in what follows from the graph: the material of the volume that names none, and a place in the editor for nodes that have
+    /// none, in a row: a .blend needs one.
+    fn complete(&mut self) {
+        if self.volume.material.is_empty() {
+            self.volume.material = self.graph().material.clone();
+        }
         let Self { graph, other_graphs, .. } = self;
         let first = match graph {
             GraphSource::Inline(graph) => Some(graph),
