@@ -57,7 +57,7 @@ fn the_schema_refuses_what_the_program_refuses() {
     let (_, good) = committed_scenes().swap_remove(0);
     let mutations: [Mutation; 5] = [
         ("an unknown key", |scene| scene["camera"]["zoom"] = 1.into()),
-        ("a missing key", |scene| drop(scene.as_object_mut().expect("an object").remove("film"))),
+        ("a missing key", |scene| drop(scene.as_object_mut().expect("an object").remove("camera"))),
         ("a word for a number", |scene| scene["camera"]["focal_length"] = "long".into()),
         ("an unknown projection", |scene| scene["camera"]["projection"] = "fisheye".into()),
         ("a matrix of three rows", |scene| drop(scene["volume"]["matrix_world"].as_array_mut().expect("rows").pop())),
