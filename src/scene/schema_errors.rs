@@ -11,7 +11,7 @@ const MOST: usize = 40;
 /// The error that lists what the schema refuses in a document; none where that is not more than one thing, which the reader says better.
 pub(super) fn all(document: &Json, place: &str) -> Option<Error> {
     let validator = jsonschema::validator_for(&super::schema()).ok()?;
-    let mut found: Vec<String> = validator.iter_errors(document).flat_map(|error| lines(&error, document)).collect();
+    let mut found: Vec<String> = validator.iter_errors(document).flat_map(|error| lines(&error)).collect();
     found.dedup();
     if found.len() < 2 {
         return None;
@@ -28,7 +28,7 @@ pub(super) fn all(document: &Json, place: &str) -> Option<Error> {
 }
 
 /// A line per thing that is wrong.
-fn lines(error: &ValidationError<'_>, document: &Json) -> Vec<String> {
+fn lines(error: &ValidationError<'_>) -> Vec<String> {
     let at = error.instance_path().to_string();
     let place = json_path(&at);
     match error.kind() {
@@ -51,7 +51,7 @@ fn lines(error: &ValidationError<'_>, document: &Json) -> Vec<String> {
             let mut branches: Vec<&Vec<ValidationError<'_>>> = context.iter().filter(of_type).collect();
             branches.sort_by_key(|branch| (std::cmp::Reverse(depth(branch)), branch.len()));
             match branches.first() {
-                Some(branch) => branch.iter().flat_map(|error| lines(error, document)).collect(),
+                Some(branch) => branch.iter().flat_map(lines).collect(),
                 None => vec![format!("{place}: {error}")],
             }
         }
