@@ -61,9 +61,15 @@ def _figure(title, groups, clock):
         handles.append(pyplot.Line2D([], [], color=colour, marker=marker, markersize=4, label=label))
     if drawn:
         handles.append(pyplot.Line2D([], [], color="0.4", linestyle=":", label="without its preparation"))
-    figure.legend(handles=handles, loc="outside lower center", ncols=4, frameon=False, fontsize=7)
+    _legend(figure, handles, groups)
     figure.suptitle(title, fontsize=9)
     return figure
+
+
+def _legend(figure, handles, groups):
+    # As wide as the panels above it.
+    columns = 4 if len(groups) > 1 else 2
+    figure.legend(handles=handles, loc="outside lower center", ncols=columns, frameon=False, fontsize=7)
 
 
 def _panels(groups):
@@ -134,7 +140,7 @@ def _convergence(title, groups):
     handles = _light_handles(lights)
     handles.append(pyplot.Line2D([], [], color="0.3", linestyle="-", label="most light steps"))
     handles.append(pyplot.Line2D([], [], color="0.3", linestyle=":", label="fewest light steps"))
-    figure.legend(handles=handles, loc="outside lower center", ncols=4, frameon=False, fontsize=7)
+    _legend(figure, handles, groups)
     figure.suptitle(f"{title}: convergence", fontsize=9)
     return figure
 

@@ -505,6 +505,11 @@ fn the_commands_list_recommend_and_refuse() {
     assert!(said(&["recommend", out], 2).contains("--max-ms"));
     assert!(said(&["recommend", out, "--max-ms", "1", "--scene", "moon"], 2).contains("graph in linear-ramp"));
     assert!(said(&["study", "none.study.toml", "-o", out], 2).contains("none.study.toml"));
+    // The folder of a study is one that a report is made of.
+    let page = said(&["report", out], 0);
+    let page = std::fs::read_to_string(page.trim()).expect("a page");
+    assert!(page.contains("<h1>a ramp</h1>") && page.contains("id=\"study\""), "{page}");
+    assert!(!page.contains("id=\"left-out\""), "a study lacks nothing that it was to hold");
 }
 
 #[test]

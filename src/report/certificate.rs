@@ -11,7 +11,7 @@ use std::path::Path;
 pub const FORMAT: &str = "cloudparity-certificate/1";
 
 /// Files that a certificate stands on, where they are there.
-const FILES: [&str; 12] = [
+const FILES: [&str; 14] = [
     "run.json",
     "scene.json",
     "probe.json",
@@ -23,6 +23,8 @@ const FILES: [&str; 12] = [
     "stability.json",
     "study/results.json",
     "tuning/tuning.json",
+    "results.json",
+    "tuning.json",
     "explain.txt",
 ];
 

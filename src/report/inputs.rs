@@ -35,13 +35,19 @@ pub const FILES: [(&str, &str); 16] = [
     ("modes.json", "every node in every mode"),
     ("bounds.json", "bounds of the density"),
     ("bench.json", "speed against Cycles"),
-    ("study/results.json", "error against time"),
-    ("tuning/tuning.json", "tuned parameters"),
+    (STUDY_RESULTS, "error against time"),
+    (TUNING_RESULTS, "tuned parameters"),
     ("models.json", "two density models side by side"),
     ("stability.json", "numerical stability"),
     ("explain.txt", "the specialised graph in words"),
     ("scene.json", "the scene"),
 ];
+
+/// What a study leaves, in the folder of a run; in its own folder it lies without the first part.
+const STUDY_RESULTS: &str = "study/results.json";
+
+/// The same of a tuning.
+const TUNING_RESULTS: &str = "tuning/tuning.json";
 
 /// A figure of a study, by its file's stem.
 pub fn study_figure(stem: &str) -> String {
@@ -329,6 +335,10 @@ impl Inputs {
                 "Give the folder that cloudparity demo or cloudparity diff wrote.",
             ));
         }
+        // The folder of a study or a tuning by itself.
+        let is_own = |name: &str, nested: &str| directory.join(name).is_file() && !directory.join(nested).exists();
+        let is_study = is_own("results.json", STUDY_RESULTS);
+        let is_tuning = is_own("tuning.json", TUNING_RESULTS);
         let mut inputs = Self {
             run: read_json(directory, "run.json")?.unwrap_or_default(),
             diff: read_json(directory, "diff.json")?,
@@ -339,8 +349,8 @@ impl Inputs {
             scene: read_json(directory, "scene.json")?,
             models: read_json(directory, "models.json")?,
             stability: read_json(directory, "stability.json")?,
-            study: read_json(directory, "study/results.json")?,
-            tuning: read_json(directory, "tuning/tuning.json")?,
+            study: read_json(directory, if is_study { "results.json" } else { STUDY_RESULTS })?,
+            tuning: read_json(directory, if is_tuning { "tuning.json" } else { TUNING_RESULTS })?,
             ..Self::default()
         };
         inputs.probes = match read_json::<Value>(directory, "probe.json")? {
@@ -353,7 +363,8 @@ impl Inputs {
             inputs.explain = Some(files::read_text(&explain, "text in UTF-8")?);
         }
         inputs.left_out = inputs.run.left_out.clone();
-        for (name, what) in FILES {
+        // What such a folder lacks of a whole run it never was to hold.
+        for (name, what) in FILES.into_iter().filter(|_| !is_study && !is_tuning) {
             if !directory.join(name).exists() {
                 let maker = makers.iter().find(|(file, _)| *file == name).map(|(_, maker)| (*maker).to_owned());
                 inputs.left_out.push(LeftOut {
@@ -363,11 +374,12 @@ impl Inputs {
                 });
             }
         }
-        inputs.read_pictures(directory)?;
+        inputs.read_pictures(directory, is_study || is_tuning)?;
         Ok(inputs)
     }
 
-    fn read_pictures(&mut self, directory: &Path) -> Result<()> {
+    /// `own`: figures of a study or a tuning lie in the directory itself.
+    fn read_pictures(&mut self, directory: &Path, own: bool) -> Result<()> {
         let mut wanted: Vec<(String, bool)> = Vec::new();
         for name in ["ours", "reference", "difference", "difference_absolute", "t", "relmse", "flip"] {
             wanted.push((format!("{name}.png"), false));
@@ -388,7 +400,8 @@ impl Inputs {
             wanted.extend(named.into_iter().flatten().map(|name| (name.clone(), true)));
         }
         for (name, required) in wanted {
-            let path = directory.join(plain_name(&name)?);
+            let nested = ["study/", "tuning/"].iter().find_map(|folder| name.strip_prefix(folder));
+            let path = directory.join(plain_name(nested.filter(|_| own).unwrap_or(&name))?);
             if path.is_file() {
                 self.pictures.insert(name.clone(), read_picture(&path, &name)?);
             } else if required {
