@@ -5,7 +5,7 @@ use crate::bridge;
 use crate::bridge::CyclesKernel;
 use crate::measure::pictures::SCRIPT;
 use crate::scene::Display;
-use serde_json::json;
+use serde_json::{Value as Json, json};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
@@ -48,6 +48,11 @@ pub(super) fn show(exr: &Path, png: &Path, display: &Display) -> Result<String> 
         "exr": [exr], "png": png, "part": null, "view": view_transform, "look": look, "exposure": exposure, "gamma": gamma,
         "background": null, "channels": "rgba",
     });
+    make(&picture)
+}
+
+/// Makes the picture that a request describes; returns the view that was used.
+fn make(picture: &Json) -> Result<String> {
     let request = json!({"op": "display", "images": [picture]});
     let result = bridge::run_script(SCRIPT, &request, CyclesKernel::Default, |_| ())?;
     Ok(result["images"][0]["view_used"].as_str().unwrap_or_default().to_owned())
@@ -65,9 +70,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
         "background": arguments.background,
         "channels": if arguments.rgb { "rgb" } else { "rgba" },
     });
-    let result =
-        bridge::run_script(SCRIPT, &json!({"op": "display", "images": [picture]}), CyclesKernel::Default, |_| ())?;
-    let view = result["images"][0]["view_used"].as_str().unwrap_or_default();
+    let view = make(&picture)?;
     super::print(&format!("{} ({view})\n", arguments.output.display()))?;
     Ok(ExitCode::SUCCESS)
 }
