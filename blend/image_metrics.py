@@ -165,7 +165,7 @@ def check_one_side(which, side):
         raise Unreadable(
             f"{which} is one file, and one picture says nothing of its noise. Render replicas with other "
             "seeds, "
-            "or give one picture per side at several times the resolution and --sub-pixels."
+            "or give one picture per side at several times the resolution and --pixels-as-replicas."
         )
     facts = [file["provenance"] for file in side.files]
     for file in side.files:

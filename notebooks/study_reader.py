@@ -452,7 +452,7 @@ def read_probes(folder):
     A list of objects; None where the folder has none.
     """
     found = _optional(
-        Path(folder) / "probe.json", "cloudparity probe SCENE --evaluator all -o FOLDER/probe.json"
+        Path(folder) / "probe.json", "cloudparity probe SCENE --backend all -o FOLDER/probe.json"
     )
     return [found] if isinstance(found, dict) else found
 
@@ -533,7 +533,7 @@ def evaluate(scene, points, evaluator="cpu", output=None):
             path = Path(scene)
         np.save(folder / "points.npy", np.asarray(points, dtype=np.float32))
         arguments = [path, "--points", folder / "points.npy", "-o", folder / "values.npy"]
-        arguments += ["--evaluator", evaluator] + (["--output", output] if output else [])
+        arguments += ["--backend", evaluator] + (["--target", output] if output else [])
         run_program("eval", *arguments)
         return np.load(folder / "values.npy")
 

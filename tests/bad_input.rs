@@ -153,7 +153,7 @@ fn no_such_file() {
     for arguments in [
         vec!["explain", "no.scene.json"],
         vec!["shader", "no.scene.json", "-o", "x.wgsl"],
-        vec!["build", "no.scene.json", "-o", "x.blend"],
+        vec!["export", "no.scene.json", "-o", "x.blend"],
         vec!["eval", "no.scene.json", "--points", "p.npy", "-o", "v.npy"],
     ] {
         let run = run(folder.path(), &arguments);
@@ -632,7 +632,7 @@ fn node_names_of_any_script() {
             .push(json!({"name": "T", "type": "ShaderNodeTexCoord"}));
         scene["graph"]["material"] = name.into();
         explained(&scene).succeeds(name);
-        let (run, values, _) = evaluated(&scene, &[[0.25, 0.25, 0.25]], &["--output", &format!("{name}.Value")]);
+        let (run, values, _) = evaluated(&scene, &[[0.25, 0.25, 0.25]], &["--target", &format!("{name}.Value")]);
         run.succeeds(name);
         assert_eq!(values, [0.75], "{name}");
         let folder = folder();
@@ -691,16 +691,16 @@ fn points_of_another_form() {
 #[test]
 fn no_points_give_no_values() {
     for evaluator in ["cpu", "oracle"] {
-        let (run, values, shape) = evaluated(&cloud(), &[], &["--evaluator", evaluator]);
+        let (run, values, shape) = evaluated(&cloud(), &[], &["--backend", evaluator]);
         run.succeeds(evaluator);
         assert_eq!((values.len(), shape), (0, vec![0]), "{evaluator}");
     }
     let scene = scene_with(json!(1.0), vec![coordinates()], vec![]);
-    let (run, _, shape) = evaluated(&scene, &[], &["--output", "Texture Coordinate.Object"]);
+    let (run, _, shape) = evaluated(&scene, &[], &["--target", "Texture Coordinate.Object"]);
     run.succeeds("vectors");
     assert_eq!(shape, [0, 3]);
     if support::require("vulkan") {
-        let (run, values, _) = evaluated(&cloud(), &[], &["--evaluator", "gpu"]);
+        let (run, values, _) = evaluated(&cloud(), &[], &["--backend", "gpu"]);
         run.succeeds("gpu");
         assert!(values.is_empty());
     }
@@ -715,7 +715,7 @@ fn wild_points() -> Vec<[f32; 3]> {
 #[test]
 fn wild_points_give_a_value_each() {
     for evaluator in ["cpu", "oracle"] {
-        let (run, values, _) = evaluated(&cloud(), &wild_points(), &["--evaluator", evaluator]);
+        let (run, values, _) = evaluated(&cloud(), &wild_points(), &["--backend", evaluator]);
         run.succeeds(evaluator);
         assert_eq!(values.len(), wild_points().len(), "{evaluator}");
     }
@@ -727,14 +727,14 @@ fn names_that_eval_does_not_find() {
     let points = [[0.1, 0.2, 0.3]];
     for (more, parts) in [
         (
-            ["--output", "Nobody.Value"],
-            vec!["target Nobody.Value", "no node of that name", "NODE.SOCKET", "(--output)"],
+            ["--target", "Nobody.Value"],
+            vec!["target Nobody.Value", "no node of that name", "NODE.SOCKET", "(--target)"],
         ),
-        (["--output", "Math"], vec!["target Math", "no node of that name"]),
-        (["--output", ""], vec!["target ", "no node of that name"]),
-        (["--output", "Math.016.Nothing"], vec!["node Group.001/Math.016", "output \"Nothing\"", "Value"]),
-        (["--output", "Principled Volume.Volume"], vec!["node Principled Volume", "a closure"]),
-        (["--output", "Material Output.Volume"], vec!["node Material Output", "ShaderNodeOutputMaterial"]),
+        (["--target", "Math"], vec!["target Math", "no node of that name"]),
+        (["--target", ""], vec!["target ", "no node of that name"]),
+        (["--target", "Math.016.Nothing"], vec!["node Group.001/Math.016", "output \"Nothing\"", "Value"]),
+        (["--target", "Principled Volume.Volume"], vec!["node Principled Volume", "a closure"]),
+        (["--target", "Material Output.Volume"], vec!["node Material Output", "ShaderNodeOutputMaterial"]),
         (["--set", "Scale=2"], vec!["value Scale=2", "3 inputs", "Large Noise/Scale", "(--set)"]),
         (["--set", "Nothing=2"], vec!["value Nothing=2", "no input called", "Altitude"]),
         (["--set", "Altitude=NaN"], vec!["value Altitude=NaN", "a finite number"]),
@@ -748,7 +748,7 @@ fn names_that_eval_does_not_find() {
         evaluated(&scene, &points, &more).0.is_refused(&more.join(" "), &parts);
     }
     let unrounded = evaluated(&scene, &points, &["--unrounded"]).0;
-    unrounded.is_refused("--unrounded", &["--evaluator oracle"]);
+    unrounded.is_refused("--unrounded", &["--backend oracle"]);
 }
 
 #[test]
@@ -760,10 +760,10 @@ fn an_output_that_stands_in_several_trees_is_named_by_its_path() {
     let nodes = vec![use_of("A"), use_of("B"), math("Math", "ADD", json!({"Value": 5.0, "Value_001": 2.0}))];
     let scene = scene_with(link("A", "out"), nodes, vec![group]);
     let points = [[0.0; 3]];
-    let ambiguous = evaluated(&scene, &points, &["--output", "Math.Value"]).0;
+    let ambiguous = evaluated(&scene, &points, &["--target", "Math.Value"]).0;
     ambiguous.is_refused("ambiguous", &["3 nodes of that name", "/A/Math.Value or /B/Math.Value or /Math.Value"]);
     for (name, value) in [("/Math.Value", 7.0), ("A/Math.Value", 3.0), ("/B/Math.Value", 3.0), ("B.out", 3.0)] {
-        let (run, values, _) = evaluated(&scene, &points, &["--output", name]);
+        let (run, values, _) = evaluated(&scene, &points, &["--target", name]);
         run.succeeds(name);
         assert_eq!(values, [value], "{name}");
     }
@@ -795,7 +795,7 @@ fn places_that_cannot_be_written() {
 #[test]
 fn command_lines_that_make_no_sense() {
     let folder = folder();
-    for arguments in [&["paint"][..], &[], &["eval"], &["shader", "x.scene.json", "--target", "cuda", "-o", "x"]] {
+    for arguments in [&["paint"][..], &[], &["eval"], &["shader", "x.scene.json", "--language", "cuda", "-o", "x"]] {
         let run = run(folder.path(), arguments);
         assert_eq!(run.status, Some(2), "{arguments:?}");
         assert!(!run.stderr.contains("panicked"), "{}", run.stderr);
@@ -840,7 +840,7 @@ fn settings_of_ray_marching_that_make_no_sense() {
         assert!(run.stderr.contains(possible) && !run.stderr.contains("panicked"), "{more:?}: {}", run.stderr);
     }
     assert!(!folder.path().join("x.exr").exists());
-    let run = render(&["--density-cache", "8", "--sub-pixels", "1", "--grid-cells", "4"]);
+    let run = render(&["--density-cache", "8", "--sub-pixels", "1", "--shadow-cells", "4"]);
     run.succeeds("a cache of 8 cells");
     assert!(
         run.stdout.starts_with("density cache 9 x 9 x ") && run.stdout.contains("f16, trilinear"),
@@ -871,7 +871,7 @@ fn principled(scene: &mut Json, input: &str, value: Json) {
 fn pictures(what: &str, scene: &Json) -> [cloudparity::scene::image::Image; 2] {
     let folder = folder();
     write(&folder, "x.scene.json", &scene.to_string());
-    [vec!["path", "--samples", "16"], vec!["march", "--volume-bounces", "0", "--grid-cells", "8"]].map(|settings| {
+    [vec!["path", "--samples", "16"], vec!["march", "--volume-bounces", "0", "--shadow-cells", "8"]].map(|settings| {
         let arguments = [vec!["render", "x.scene.json", "-o", "x.exr", "--integrator"], settings].concat();
         run(folder.path(), &arguments).succeeds(what);
         let image = cloudparity::scene::image::Image::read_exr(&folder.path().join("x.exr")).expect("a picture");
@@ -945,14 +945,14 @@ fn convergence_of_what_cannot_converge() {
         run(folder.path(), &[&begin, more].concat())
     };
     for (more, parts) in [
-        (&["--steps", "4,8,16"][..], &["steps", "[4, 8, 16]", "at least four rising"][..]),
-        (&["--steps", "4,8,8,16"], &["steps", "rising"]),
-        (&["--steps", "0,1,2,3"], &["steps", "from 1 to"]),
-        (&["--steps", "1,2,3,4294967295"], &["steps", "from 1 to 262144"]),
+        (&["--steps-per-side", "4,8,16"][..], &["steps", "[4, 8, 16]", "at least four rising"][..]),
+        (&["--steps-per-side", "4,8,8,16"], &["steps", "rising"]),
+        (&["--steps-per-side", "0,1,2,3"], &["steps", "from 1 to"]),
+        (&["--steps-per-side", "1,2,3,4294967295"], &["steps", "from 1 to 262144"]),
         (&["--cache-cells", "0,8"], &["cache_cells", "at least 1"]),
         (&["--view-step", "0.1"], &["--view-step", "varies by itself", "Leave --view-step out"]),
-        (&["--integration", "plain"], &["--integration", "--steps"]),
-        (&["--volume-bounces", "3", "--steps", "1,2,3,4"], &["cannot be used multiple times"]),
+        (&["--integration", "plain"], &["--integration", "--steps-per-side"]),
+        (&["--volume-bounces", "3", "--steps-per-side", "1,2,3,4"], &["cannot be used multiple times"]),
     ] {
         let run = measured(more);
         if parts == ["cannot be used multiple times"] {
@@ -972,7 +972,7 @@ fn without_an_adapter_the_cpu_serves() {
     let no_driver = [("VK_ICD_FILENAMES", "/nonexistent"), ("VK_DRIVER_FILES", "/nonexistent")];
     for environment in [&no_driver[..], &[("WGPU_ADAPTER_NAME", "no adapter has this name")]] {
         let evaluate = |evaluator: &str| {
-            let arguments = ["eval", "x.scene.json", "--points", "p.npy", "-o", "v.npy", "--evaluator", evaluator];
+            let arguments = ["eval", "x.scene.json", "--points", "p.npy", "-o", "v.npy", "--backend", evaluator];
             run_with(folder.path(), &arguments, environment)
         };
         evaluate("gpu").is_refused("gpu", &["graphics adapter", "no adapter", "mesa-vulkan-drivers", "CPU evaluator"]);
@@ -988,7 +988,7 @@ fn without_blender_it_says_so() {
     write(&folder, "x.scene.json", &cloud().to_string());
     write(&folder, "x.blend", "no Blender file");
     let python = |path: &str, arguments: &[&str]| run_with(folder.path(), arguments, &[("CLOUDPARITY_PYTHON", path)]);
-    for arguments in [&["export", "x.blend", "-o", "y.scene.json"], &["build", "x.scene.json", "-o", "y.blend"]] {
+    for arguments in [&["export", "x.blend", "-o", "y.scene.json"], &["export", "x.scene.json", "-o", "y.blend"]] {
         python("/nonexistent/python", arguments)
             .is_refused("no interpreter", &["interpreter /nonexistent/python", "No such file", "CLOUDPARITY_PYTHON"]);
         if Path::new("/bin/false").exists() {

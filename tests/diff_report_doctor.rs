@@ -65,7 +65,7 @@ fn diff_writes_a_directory_that_report_makes_a_page_of() {
         .arg(&ours)
         .arg("--reference")
         .arg(&reference)
-        .arg("--out")
+        .arg("--output")
         .arg(&run)
         .assert()
         .code(1);
@@ -104,7 +104,7 @@ fn replicas_are_judged_by_statistics_and_the_report_shows_bias_and_noise() {
     diff(&ours, &["--systematic-allowance", "0"]).code(0).stdout(predicate::str::contains("bias of R: +0.01"));
     diff(&planted, &["--systematic-allowance", "0.05"]).code(0);
     let out = run.to_str().expect("a UTF-8 path");
-    diff(&planted, &["--systematic-allowance", "0", "--out", out])
+    diff(&planted, &["--systematic-allowance", "0", "--output", out])
         .code(1)
         .stdout(predicate::str::starts_with("differs\n").and(predicate::str::contains("image_mean")));
     diff(&ours[..1], &["--statistics", "on"]).code(2).stdout(predicate::str::contains("is one file"));

@@ -192,21 +192,22 @@ fn the_commands_name_parameters_and_refuse_others() {
     let folder = tempfile::tempdir().expect("a folder");
     let run = |arguments: &[&str]| {
         cargo_bin_cmd!("cloudparity")
-            .args(["engine".as_ref(), support::project("parity/scenes/linear-ramp.scene.json").as_os_str()])
-            .args(["--resolution", "8x8", "-p", "texture_size=32", "-o"])
+            .args(["render".as_ref(), support::project("parity/scenes/linear-ramp.scene.json").as_os_str()])
+            .args(["--resolution", "8x8", "-o"])
             .arg(folder.path().join("out.exr"))
             .args(arguments)
             .output()
             .expect("it runs")
     };
-    assert!(run(&["--god-rays"]).status.success());
-    let warned = run(&["-p", "flatten_top=0"]);
+    let published = ["--model", "perlin-fbm", "-p", "texture_size=32"];
+    assert!(run(&[&published[..], &["--god-rays"]].concat()).status.success());
+    let warned = run(&[&published[..], &["-p", "flatten_top=0"]].concat());
     assert!(warned.status.success() && String::from_utf8_lossy(&warned.stderr).contains("flatten_top is 0"));
     for (arguments, expected) in [
-        (&["-p", "coverage=2"][..], "0 to 1"),
-        (&["-p", "cover=0.5"], "one of texture_size"),
-        (&["-p", "coverage=much"], "NAME=VALUE"),
-        (&["--quality", "best"], "one of low, medium, high"),
+        (&["--model", "perlin-fbm", "-p", "coverage=2"][..], "0 to 1"),
+        (&["--model", "perlin-fbm", "-p", "cover=0.5"], "one of texture_size"),
+        (&["--model", "perlin-fbm", "-p", "coverage=much"], "NAME=VALUE"),
+        (&["--model", "perlin-fbm", "--quality", "best"], "one of low, medium, high"),
         (&["--model", "fog"], "one of graph, perlin-fbm"),
         (&["--seconds", "inf"], "a finite number"),
     ] {
@@ -279,7 +280,8 @@ fn the_command_takes_light_models() {
     let folder = tempfile::tempdir().expect("a folder");
     let render = |arguments: &[&str]| {
         let mut command = cargo_bin_cmd!("cloudparity");
-        command.arg("engine").arg(support::project("parity/scenes/linear-ramp.scene.json"));
+        command.arg("render").arg(support::project("parity/scenes/linear-ramp.scene.json"));
+        command.args(["--model", "perlin-fbm"]);
         command.args(["--resolution", "16x9", "-p", "texture_size=32", "-o"]).arg(folder.path().join("light.exr"));
         command.args(arguments).assert()
     };

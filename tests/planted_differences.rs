@@ -74,7 +74,7 @@ fn one_constant_of_one_node_changes_the_field() {
 fn round_trip(folder: &Path, text: &str) -> String {
     let [before, blend, after] = ["before.scene.json", "built.blend", "after.scene.json"].map(|name| folder.join(name));
     std::fs::write(&before, text).expect("a temporary file");
-    program().arg("build").arg(&before).arg("-o").arg(&blend).assert().success();
+    program().arg("export").arg(&before).arg("-o").arg(&blend).assert().success();
     program().arg("export").arg(&blend).arg("-o").arg(&after).assert().success();
     std::fs::read_to_string(after).expect("the export")
 }

@@ -164,7 +164,7 @@ fn comes(limit: Duration, mut holds: impl FnMut() -> bool) -> bool {
 #[cfg(target_os = "linux")]
 fn rendering(folder: &Path, interpreter: Option<&Path>) -> (Child, Vec<u32>) {
     let scene = support::project("parity/scenes/procedural-clouds.scene.json").display().to_string();
-    let arguments = ["reference", &scene, "-o", "x.exr", "--samples", "4096"];
+    let arguments = ["render", &scene, "-o", "x.exr", "--integrator", "cycles", "--samples", "4096"];
     let mut command = program(folder, &arguments);
     command.env("CLOUDPARITY_CACHE", folder.join("cache")).stdout(Stdio::null()).stderr(Stdio::null());
     interpreter.map(|path| command.env("CLOUDPARITY_PYTHON", path));
@@ -296,7 +296,7 @@ fn files_of_another_kind_are_refused() {
     }
     let folder = folder();
     let scene = support::project("parity/scenes/linear-ramp.scene.json").display().to_string();
-    let built = output(&mut program(folder.path(), &["build", &scene, "-o", "whole.blend"]));
+    let built = output(&mut program(folder.path(), &["export", &scene, "-o", "whole.blend"]));
     assert!(built.status.success(), "{}", text(&built.stderr));
     let blend = std::fs::read(folder.path().join("whole.blend")).expect("a file");
     let exr = std::fs::read(support::project("parity/scenes/environment-image.exr")).expect("the committed picture");
@@ -317,7 +317,7 @@ fn files_of_another_kind_are_refused() {
         };
         is_refused(&blend, &run(&["export", &blend, "-o", "x.scene.json"]), &blend);
         is_refused(&vdb, &run(&["grid", &vdb, "-o", "x.npy"]), &vdb);
-        is_refused(&exr, &run(&["display", &exr, "-o", "x.png"]), &exr);
+        is_refused(&exr, &run(&["export", &exr, "-o", "x.png"]), &exr);
         // A comparison that cannot be made is a verdict, with the reason on stdout.
         let diff = run(&["diff", "--ours", &exr, "--reference", &exr]);
         assert_eq!(diff.status.code(), Some(2), "{exr}");

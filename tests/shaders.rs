@@ -78,7 +78,7 @@ fn every_scene_gives_a_shader_in_every_language() {
         ] {
             let output = folder.path().join(format!("shader.{ending}"));
             Command::new(env!("CARGO_BIN_EXE_cloudparity"))
-                .args(["shader".as_ref(), scene.as_os_str(), "--target".as_ref(), language.as_ref(), "-o".as_ref()])
+                .args(["shader".as_ref(), scene.as_os_str(), "--language".as_ref(), language.as_ref(), "-o".as_ref()])
                 .arg(&output)
                 .assert()
                 .success();

@@ -117,22 +117,20 @@ fn a_search_finds_a_known_answer_goes_on_and_its_preset_renders_it() {
     let view = folder.path().join("view.scene.json");
     std::fs::write(&view, serde_json::to_string(&scene).expect("JSON")).expect("written");
     let picture = folder.path().join("preset.exr");
-    for command in ["engine", "render"] {
-        cargo_bin_cmd!("cloudparity")
-            .arg(command)
-            .arg(&view)
-            .arg("--preset")
-            .arg(output.join("tuned.preset.json"))
-            .arg("-o")
-            .arg(&picture)
-            .assert()
-            .success();
-        let ours = Image::read_exr(&picture).expect("a picture");
-        let judged = Image::read_exr(&output.join(&whole.tuned.held_out[0].picture)).expect("a picture");
-        assert_eq!(ours.pixels, judged.pixels, "{command}");
-        assert_eq!(ours.provenance["preset_builds"], Identity::current().full());
-        assert_eq!(ours.provenance["build"], Identity::current().full());
-    }
+    cargo_bin_cmd!("cloudparity")
+        .arg("render")
+        .arg(&view)
+        .arg("--preset")
+        .arg(output.join("tuned.preset.json"))
+        .arg("-o")
+        .arg(&picture)
+        .assert()
+        .success();
+    let ours = Image::read_exr(&picture).expect("a picture");
+    let judged = Image::read_exr(&output.join(&whole.tuned.held_out[0].picture)).expect("a picture");
+    assert_eq!(ours.pixels, judged.pixels);
+    assert_eq!(ours.provenance["preset_builds"], Identity::current().full());
+    assert_eq!(ours.provenance["build"], Identity::current().full());
     // Another build neither takes the search for its own nor makes it anew.
     let other = |mix_builds| Settings::of(Resume { build: Identity::of("0.1.0", "bb"), mix_builds });
     let tuning = Tuning::load(&tuning_file(folder.path(), 40)).expect("a tuning");
@@ -185,7 +183,7 @@ fn what_does_not_fit_is_refused() {
     ] {
         std::fs::write(&preset, good.replace(from, to)).expect("written");
         let arguments =
-            ["engine", scene.to_str().expect("a name"), "--preset", preset.to_str().expect("a name"), "-o", "none.exr"];
+            ["render", scene.to_str().expect("a name"), "--preset", preset.to_str().expect("a name"), "-o", "none.exr"];
         let error = said(&arguments);
         assert!(error.contains(place), "{error}");
     }
@@ -213,7 +211,7 @@ fn committed_presets_make_engines_of_their_scenes() {
     let folder = tempfile::tempdir().expect("a folder");
     let picture = folder.path().join("a.exr");
     let said = cargo_bin_cmd!("cloudparity")
-        .arg("engine")
+        .arg("render")
         .arg(support::project("parity/scenes/clouds-in-daylight.scene.json"))
         .args(["--resolution", "16x9", "--preset"])
         .arg(support::project("parity/presets/perlin-fbm.preset.json"))

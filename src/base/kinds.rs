@@ -79,7 +79,7 @@ impl FileKind {
         match self {
             Self::Blend => format!("Make a scene file of it first: cloudparity init {path}"),
             Self::Exr => {
-                "Pictures are compared by cloudparity diff, and shown by cloudparity display; name the other file here"
+                "Pictures are compared by cloudparity diff, and made PNGs by cloudparity export; name the other file here"
                     .into()
             }
             Self::Png => "A PNG has no scene-linear values; name the EXR beside it, or the other file".into(),

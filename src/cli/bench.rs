@@ -13,23 +13,24 @@ use std::process::ExitCode;
 
 /// Measure the evaluators' rates beside Cycles' on the same points.
 #[derive(clap::Args)]
+#[command(after_help = "Example: cloudparity bench CLOUD.scene.json")]
 pub(super) struct Arguments {
     /// The scene file.
     scene: PathBuf,
     /// Points of the larger sample.
-    #[arg(long, default_value_t = 500_000, value_parser = clap::value_parser!(u32).range(1000..=20_000_000))]
+    #[arg(long, value_name = "N", default_value_t = 500_000, value_parser = clap::value_parser!(u32).range(1000..=20_000_000))]
     points: u32,
     /// Repetitions; the median counts.
-    #[arg(long, default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..=100))]
+    #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..=100))]
     repeats: u32,
     /// Leave Cycles out.
     #[arg(long)]
     without_cycles: bool,
-    /// Print JSON.
+    /// JSON instead of text.
     #[arg(long)]
     json: bool,
-    /// Also write the JSON here.
-    #[arg(short, long)]
+    /// Also write the JSON to this file.
+    #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
 }
 

@@ -8,14 +8,15 @@ use std::process::ExitCode;
 
 /// Measure the bake of the Perlin-FBM cloud beside a straightforward one: byte-exact, in single precision, and on the adapter.
 #[derive(clap::Args)]
+#[command(after_help = "Example: cloudparity bench-bake --texels 96")]
 pub(super) struct Arguments {
     /// Texels per axis.
     #[arg(long, default_value_t = 96, value_parser = clap::value_parser!(u32).range(2..=256))]
     texels: u32,
     /// Repetitions; the median counts.
-    #[arg(long, default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..=100))]
+    #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..=100))]
     repeats: u32,
-    /// Print JSON.
+    /// JSON instead of text.
     #[arg(long)]
     json: bool,
 }

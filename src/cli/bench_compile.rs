@@ -15,20 +15,21 @@ use std::process::ExitCode;
 /// Scenes without kernels, which are rendered on the CPU only, are named and left out. Some adapters make their machine code only
 /// when a kernel first runs (Mesa's llvmpipe): their pipelines seem to cost little.
 #[derive(clap::Args)]
+#[command(after_help = "Example: cloudparity bench-compile CLOUD.scene.json OTHER.scene.json")]
 pub(super) struct Arguments {
     /// The scene files; the first one is what the others are compared with.
     #[arg(required = true, value_name = "SCENE")]
     scenes: Vec<PathBuf>,
     /// Repetitions; the median counts.
-    #[arg(long, default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..=100))]
+    #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..=100))]
     repeats: u32,
-    /// Leave the adapter's pipelines out.
+    /// Leave the adapter, and with it its pipelines, out.
     #[arg(long)]
-    cpu_only: bool,
-    /// Print JSON.
+    without_gpu: bool,
+    /// JSON instead of text.
     #[arg(long)]
     json: bool,
-    /// Also write the JSON here.
+    /// Also write the JSON to this file.
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
 }
@@ -45,7 +46,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
         }
     }
     let scenes = with_kernels;
-    let gpu = if arguments.cpu_only { None } else { Some(Gpu::open()) };
+    let gpu = if arguments.without_gpu { None } else { Some(Gpu::open()) };
     if let Some(Err(error)) = &gpu {
         eprintln!("left out: pipelines: {error}");
     }

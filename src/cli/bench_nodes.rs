@@ -11,6 +11,7 @@ use std::process::ExitCode;
 
 /// Measure nanoseconds per point of every node in every mode: f32 and f64 on one thread, WGSL, and Cycles on one thread, in one run.
 #[derive(clap::Args)]
+#[command(after_help = "Example: cloudparity bench-nodes --node Math")]
 pub(super) struct Arguments {
     /// Write the rows here as they come; those that the file holds are not measured again.
     #[arg(short, long, value_name = "FILE")]
@@ -22,18 +23,18 @@ pub(super) struct Arguments {
     #[arg(long, value_name = "TEXT")]
     mode: Option<String>,
     /// Points at most, of which Cycles evaluates each several times; modes that cost much get fewer.
-    #[arg(long, default_value_t = 4096, value_parser = clap::value_parser!(u32).range(1024..=1_048_576))]
+    #[arg(long, value_name = "N", default_value_t = 4096, value_parser = clap::value_parser!(u32).range(1024..=1_048_576))]
     points: u32,
     /// Repetitions; the least time counts (of WGSL, the median).
-    #[arg(long, default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..=100))]
+    #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..=100))]
     repeats: u32,
-    /// Leave the WGSL out.
+    /// Leave the adapter, and with it the WGSL, out.
     #[arg(long)]
-    cpu_only: bool,
+    without_gpu: bool,
     /// Leave Cycles out.
     #[arg(long)]
     without_cycles: bool,
-    /// Print the document instead of a table.
+    /// JSON instead of text.
     #[arg(long)]
     json: bool,
     #[command(flatten)]
@@ -45,7 +46,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
     if !with_cycles && !arguments.without_cycles {
         eprintln!("warning: bpy is missing: Cycles is not measured, so there are no ratios (make setup installs it)");
     }
-    let gpu = if arguments.cpu_only { None } else { Some(Gpu::open()) };
+    let gpu = if arguments.without_gpu { None } else { Some(Gpu::open()) };
     if let Some(Err(error)) = &gpu {
         eprintln!("left out: WGSL: {error}");
     }

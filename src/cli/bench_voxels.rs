@@ -10,28 +10,29 @@ use std::process::ExitCode;
 
 /// Measure what voxels of a published density cost beside the density itself: mean, null collisions, time to equal error.
 #[derive(clap::Args)]
+#[command(after_help = "Example: cloudparity bench-voxels CLOUD.scene.json --resolution 96x54")]
 pub(super) struct Arguments {
     #[command(flatten)]
     scene: SceneArguments,
     #[command(flatten)]
     engine: EngineArguments,
     /// Voxels per axis; several are joined by commas.
-    #[arg(long, value_delimiter = ',', default_value = "128", value_parser = clap::value_parser!(u32).range(8..=512))]
+    #[arg(long, value_name = "N", value_delimiter = ',', default_value = "128", value_parser = clap::value_parser!(u32).range(8..=512))]
     voxels: Vec<u32>,
-    /// Paths per pixel and replica.
-    #[arg(long, default_value_t = 16)]
+    /// Samples per pixel and replica.
+    #[arg(long, value_name = "N", default_value_t = 16)]
     samples: u32,
     /// Replicas of each way.
-    #[arg(long, default_value_t = 8, value_parser = clap::value_parser!(u32).range(2..=64))]
+    #[arg(long, value_name = "N", default_value_t = 8, value_parser = clap::value_parser!(u32).range(2..=64))]
     replicas: u32,
-    /// Print JSON.
+    /// JSON instead of text.
     #[arg(long)]
     json: bool,
 }
 
 pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
     let scene = arguments.scene.load()?;
-    let engine = arguments.engine.engine(&scene, "perlin-fbm", None)?;
+    let engine = arguments.engine.engine(&scene, "perlin-fbm")?;
     let settings = PathSettings { samples: arguments.samples, ..PathSettings::default() };
     let counts: Vec<usize> = arguments.voxels.iter().map(|&count| count as usize).collect();
     let bar = super::progress_bar(1000);

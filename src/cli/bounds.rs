@@ -9,18 +9,19 @@ use std::process::ExitCode;
 
 /// Check the density's bounds against samples, and measure how tight they are.
 #[derive(clap::Args)]
+#[command(after_help = "Example: cloudparity bounds CLOUD.scene.json --boxes 10000")]
 pub(super) struct Arguments {
     /// The scene file.
     scene: PathBuf,
     /// Random boxes of side 2^-1 to 2^-8 that are searched for violations.
     #[arg(long, default_value_t = 10_000)]
     boxes: usize,
-    /// Samples in each box and in each cell of the grid.
-    #[arg(long, default_value_t = 1_000)]
-    samples: usize,
+    /// Random points in each box and in each cell of the grid.
+    #[arg(long, value_name = "N", default_value_t = 1_000)]
+    points: usize,
     /// Cells per unit of the grid on which tightness is measured; 0 for none.
     #[arg(long, default_value_t = 64)]
-    grid: u32,
+    cells_per_unit: u32,
     /// Cells of the grid to look at, chosen at random; 0 for all.
     #[arg(long, default_value_t = 20_000)]
     cells: usize,
@@ -30,8 +31,8 @@ pub(super) struct Arguments {
     /// Height of the layer above the object's origin; only boxes in it are looked at.
     #[arg(long, default_value_t = 0.5)]
     altitude: f32,
-    /// Seed of boxes and samples.
-    #[arg(long, default_value_t = 1)]
+    /// Seed of boxes and points.
+    #[arg(long, value_name = "SEED", default_value_t = 1)]
     seed: u64,
     /// Change a stored value first: "Large Noise/Scale=2". May be given several times.
     #[arg(long = "set", value_name = "NAME=VALUE")]
@@ -49,8 +50,8 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
     let survey = Survey {
         layer,
         boxes: arguments.boxes,
-        samples: arguments.samples,
-        grid: arguments.grid,
+        samples: arguments.points,
+        grid: arguments.cells_per_unit,
         cells: arguments.cells,
         refine: arguments.refine,
         seed: arguments.seed,

@@ -19,6 +19,7 @@ use std::time::Instant;
 /// Measures both fields (histogram, power spectrum, covered share) and what a sample costs, renders both with the engine's light as
 /// published and corrected and by path tracing, and writes models.json, pictures and the report's page.
 #[derive(clap::Args)]
+#[command(after_help = "Example: cloudparity compare-models CLOUD.scene.json -o MODELS")]
 pub(super) struct Arguments {
     #[command(flatten)]
     scene: SceneArguments,
@@ -29,7 +30,7 @@ pub(super) struct Arguments {
     #[arg(long, default_value = "perlin-fbm")]
     model: String,
     /// A level of quality of the engine.
-    #[arg(long)]
+    #[arg(long, value_name = "LEVEL")]
     quality: Option<String>,
     /// A parameter of the model. May be given several times.
     #[arg(short, long = "parameter", value_name = "NAME=VALUE")]
@@ -40,11 +41,11 @@ pub(super) struct Arguments {
     /// Places per axis of the statistics, voxels per axis of path tracing.
     #[arg(long, default_value_t = 128)]
     places: usize,
-    /// Paths per pixel.
-    #[arg(long, default_value_t = 256, value_parser = clap::value_parser!(u32).range(1..))]
+    /// Samples per pixel of path tracing.
+    #[arg(long, value_name = "N", default_value_t = 256, value_parser = clap::value_parser!(u32).range(1..))]
     samples: u32,
     /// Rays per pixel and axis of the engine.
-    #[arg(long, default_value_t = 2, value_parser = clap::value_parser!(u32).range(1..=64))]
+    #[arg(long, value_name = "N", default_value_t = 2, value_parser = clap::value_parser!(u32).range(1..=64))]
     sub_pixels: u32,
     /// Points of the timing.
     #[arg(long, default_value_t = 1 << 18, value_parser = clap::builder::RangedU64ValueParser::<usize>::new().range(1000..))]

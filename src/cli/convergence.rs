@@ -19,6 +19,7 @@ const SCRIPT: &str = "convergence_plot.py";
 /// of convergence, and the bias of density caches. Writes convergence.json and .csv, then .svg and .png (with
 /// matplotlib). What was interrupted goes on.
 #[derive(clap::Args)]
+#[command(after_help = "Example: cloudparity convergence CLOUD.scene.json -o CONVERGENCE --resolution 64x64")]
 pub(super) struct Arguments {
     #[command(flatten)]
     scene: SceneArguments,
@@ -27,16 +28,16 @@ pub(super) struct Arguments {
     output: PathBuf,
     /// Steps per mean side of the medium's box, rising; the reference takes 4 times the last.
     #[arg(long, value_delimiter = ',', default_values_t = ConvergenceSettings::default().steps)]
-    steps: Vec<u32>,
+    steps_per_side: Vec<u32>,
     /// Cells of the density caches along the longest side.
     #[arg(long, value_delimiter = ',', default_values_t = ConvergenceSettings::default().cache_cells)]
     cache_cells: Vec<u32>,
     /// Leave density caches out.
     #[arg(long, conflicts_with = "cache_cells")]
-    no_caches: bool,
+    without_caches: bool,
     #[command(flatten)]
     march: MarchArguments,
-    /// Print the document instead of a summary.
+    /// JSON instead of text.
     #[arg(long)]
     json: bool,
     #[command(flatten)]
@@ -52,14 +53,14 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
         return Err(Error::new(
             name,
             "an option that the measurement varies by itself",
-            "--steps and --cache-cells, which say what is varied",
+            "--steps-per-side and --cache-cells, which say what is varied",
             format!("Leave {name} out."),
         ));
     }
     let default = ConvergenceSettings::default();
     let what = ConvergenceSettings {
-        steps: arguments.steps.clone(),
-        cache_cells: if arguments.no_caches { Vec::new() } else { arguments.cache_cells.clone() },
+        steps: arguments.steps_per_side.clone(),
+        cache_cells: if arguments.without_caches { Vec::new() } else { arguments.cache_cells.clone() },
         march: arguments.march.settings(default.march, None)?,
     };
     let bar = super::progress_bar(1000);

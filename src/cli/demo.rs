@@ -11,9 +11,10 @@ use std::process::ExitCode;
 ///
 /// Exit status 0: field and picture agree with Cycles; 1: one of them differs; 2: could not tell.
 #[derive(clap::Args)]
+#[command(after_help = "Example: cloudparity demo -o out/demo")]
 pub(super) struct Arguments {
     /// The folder for all results.
-    #[arg(short, long, default_value = "out/demo")]
+    #[arg(short, long, value_name = "DIR", default_value = "out/demo")]
     output: PathBuf,
     /// Render the reference in Cycles now (about nine minutes on two cores) instead of taking the
     /// committed one.

@@ -29,7 +29,7 @@ use crate::measure::pictures::{DiffRequest, DisplaySettings, Tolerances, Verdict
 use crate::measure::stability;
 use crate::measure::study;
 use crate::measure::study::Study;
-use crate::measure::study::file::{StudyFile, Worker};
+use crate::measure::study::file::StudyFile;
 use crate::report;
 use crate::report::inputs::{LeftOut, Run, Timing};
 use crate::scene::{PixelFilter, Scene};
@@ -377,7 +377,7 @@ impl Demo<'_> {
         let mut file = StudyFile::parse(STUDY, "the committed study")?;
         // Engines are made for adapters: where there is one, it renders the runs, those of the graph, too.
         if self.gpu.is_some() {
-            file.timing.on = Worker::Adapter;
+            file.timing.backend = Backend::Gpu;
         }
         let mut scene = self.daylight()?;
         for axis in &file.axes.scenes {

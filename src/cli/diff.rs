@@ -5,7 +5,7 @@ use crate::base::numbers::{figure, percent, signed_percent};
 use crate::bridge;
 use crate::bridge::CyclesKernel;
 use crate::measure::pictures::{
-    Check, DiffRequest, DiffResult, DisplaySettings, ImageFigures, Statistics, StatisticsSettings, Tolerances,
+    Check, DiffRequest, DiffResult, DisplaySettings, ImageFigures, Statistics, StatisticsSettings, Tolerances, Verdict,
 };
 use std::fmt::Write;
 use std::path::PathBuf;
@@ -18,6 +18,7 @@ use std::process::ExitCode;
 /// can tell. Otherwise only tolerances that are named are judged; without any the figures are printed and the status
 /// is 2.
 #[derive(clap::Args)]
+#[command(after_help = "Examples:\n  cloudparity diff --ours OURS.exr --reference CYCLES.exr --block-relmse 0.001 -o DIFFERENCE\n  cloudparity diff --ours OURS.seed-0.exr OURS.seed-1.exr --reference CYCLES.seed-5000.exr CYCLES.seed-5001.exr")]
 pub(super) struct Arguments {
     /// Our EXR files.
     #[arg(long, required = true, num_args = 1.., value_name = "EXR")]
@@ -28,12 +29,15 @@ pub(super) struct Arguments {
     /// Part (render pass) to compare in files with several.
     #[arg(long)]
     part: Option<String>,
+    /// Every figure and check, with the formulas, instead of the short answer.
+    #[arg(long, conflicts_with = "json")]
+    verbose: bool,
     /// JSON instead of text.
     #[arg(long)]
     json: bool,
     /// Folder for diff.json and the pictures of the difference.
-    #[arg(long, value_name = "DIR")]
-    out: Option<PathBuf>,
+    #[arg(short, long, value_name = "DIR")]
+    output: Option<PathBuf>,
     #[command(flatten)]
     tolerances: ToleranceArguments,
     /// Edge of the blocks of --block-relmse, pixels.
@@ -43,7 +47,7 @@ pub(super) struct Arguments {
     #[arg(long, default_value_t = 1e-3, value_parser = limit)]
     pixel_threshold: f64,
     /// End of the scale of the relative difference map; without it, the map covers 95 % of the lit pixels.
-    #[arg(long, requires = "out", value_parser = limit)]
+    #[arg(long, requires = "output", value_parser = limit)]
     range: Option<f64>,
     #[command(flatten)]
     statistics: StatisticsArguments,
@@ -72,7 +76,7 @@ struct StatisticsArguments {
     /// Take one file per side, at N times the resolution per axis, as N x N replicas in pairs: the images at each
     /// position of the N x N pixels of a cell.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(2..=64))]
-    sub_pixels: Option<u32>,
+    pixels_as_replicas: Option<u32>,
     /// Share of the reference that a difference may have besides noise, an error that all its seeds share: 0 for
     /// none. Without it, Cycles' measured budget: 0.002 from 1024 samples on, 0.005 from 256, 0.01 from 64.
     #[arg(long, value_name = "SHARE", value_parser = limit)]
@@ -112,24 +116,24 @@ struct ToleranceArguments {
     flip_mean: Option<f64>,
 }
 
-/// How ours.png and reference.png in --out are made.
+/// How ours.png and reference.png in --output are made.
 #[derive(clap::Args)]
-#[command(next_help_heading = "Display pictures, with --out")]
+#[command(next_help_heading = "Display pictures, with --output")]
 struct DisplayArguments {
     /// View transform: AgX, Standard, Filmic, Khronos PBR Neutral or Raw.
-    #[arg(long, requires = "out")]
-    view: Option<String>,
+    #[arg(long, requires = "output", default_value = "AgX", value_name = "NAME")]
+    view: String,
     /// Look.
-    #[arg(long, requires = "view", default_value = "None")]
+    #[arg(long, requires = "output", default_value = "None", value_name = "NAME")]
     look: String,
     /// Stops.
-    #[arg(long, requires = "view", default_value_t = 0.0, allow_negative_numbers = true)]
+    #[arg(long, requires = "output", default_value_t = 0.0, allow_negative_numbers = true, value_name = "STOPS")]
     exposure: f64,
     /// The display value is raised to 1 / gamma.
-    #[arg(long, requires = "view", default_value_t = 1.0)]
+    #[arg(long, requires = "output", default_value_t = 1.0)]
     gamma: f64,
     /// Linear radiance behind a transparent film; without it the pictures stay transparent.
-    #[arg(long, requires = "view", value_name = "R,G,B", value_parser = colour)]
+    #[arg(long, requires = "output", value_name = "R,G,B", value_parser = colour)]
     background: Option<[f64; 3]>,
 }
 
@@ -168,9 +172,9 @@ impl Arguments {
                 alpha_max_error: self.tolerances.alpha_max_error,
                 flip_mean: self.tolerances.flip_mean,
             },
-            out: self.out.clone(),
-            display: view.clone().map(|view| DisplaySettings {
-                view,
+            out: self.output.clone(),
+            display: self.output.as_ref().map(|_| DisplaySettings {
+                view: view.clone(),
                 look: look.clone(),
                 exposure: *exposure,
                 gamma: *gamma,
@@ -183,7 +187,7 @@ impl Arguments {
 
     /// The statistical verdict, where it is wanted.
     fn statistics(&self) -> Option<StatisticsSettings> {
-        let StatisticsArguments { statistics, sub_pixels, systematic_allowance, significance, debiased_relmse } =
+        let StatisticsArguments { statistics, pixels_as_replicas: sub_pixels, systematic_allowance, significance, debiased_relmse } =
             self.statistics;
         let has_replicas = sub_pixels.is_some() || (self.ours.len() > 1 && self.reference.len() > 1);
         let is_wanted = match statistics {
@@ -206,11 +210,56 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
             Error::new("comparison", cause.to_string(), "finite figures", "Report it with the two pictures.")
         })?;
         text + "\n"
-    } else {
+    } else if arguments.verbose {
         describe(&result)
+    } else {
+        answer(&result)
     };
     super::print(&text)?;
+    if let (Some(folder), false) = (&arguments.output, arguments.json) {
+        super::print(&format!("{}: figures and pictures\n", folder.display()))?;
+    }
     Ok(ExitCode::from(result.verdict.exit_status()))
+}
+
+/// The short answer: the verdict with its reasons, and the figures that one looks at first.
+fn answer(result: &DiffResult) -> String {
+    let mut lines = vec![result.verdict.words().to_owned()];
+    lines.extend(result.reasons.iter().map(|reason| format!("  {reason}")));
+    let unmet = result.checks.iter().filter(|check| check.outcome != result.verdict && check.outcome != Verdict::Agrees);
+    lines.extend(unmet.map(|check| format!("  {}: {}", check.outcome.words(), check.reason)));
+    lines.extend(result.notes.iter().map(|note| format!("  note: {note}")));
+    let means: Vec<String> = result
+        .channels
+        .iter()
+        .flatten()
+        .map(|channel| {
+            let error = channel.standard_error_relative.map(|error| format!(" +- {}", percent(Some(error))));
+            format!("{} {}{}", channel.channel, signed_percent(channel.relative_difference), error.unwrap_or_default())
+        })
+        .collect();
+    if !means.is_empty() {
+        lines.push(format!("  ours against the reference, means: {}", means.join(", ")));
+    }
+    let mut errors = Vec::new();
+    if let Some(relmse) = &result.relmse {
+        let (value, what) = match relmse.debiased_block {
+            Some(value) => (value, "relMSE of block means without noise"),
+            None => (relmse.block.unwrap_or(f64::NAN), "relMSE of block means"),
+        };
+        errors.push(format!("{what} {}", figure(Some(value))));
+    }
+    if let Some(flip) = &result.flip {
+        errors.push(format!("HDR-FLIP {}", figure(flip.mean)));
+    }
+    if !errors.is_empty() {
+        lines.push(format!("  {}", errors.join(", ")));
+    }
+    if !result.checks.is_empty() {
+        let agree = result.checks.iter().filter(|check| check.outcome == Verdict::Agrees).count();
+        lines.push(format!("  {agree} of {} checks agree; --verbose shows them with every figure", result.checks.len()));
+    }
+    lines.join("\n") + "\n"
 }
 
 /// The result as text: the verdict and its reasons first, then every figure.
@@ -361,7 +410,7 @@ mod tests {
 
     #[test]
     fn replicas_tolerances_and_display_reach_the_request() {
-        let words = "diff --ours a.exr --reference b.exr c.exr --channel-mean 0.01 --out run --view AgX \
+        let words = "diff --ours a.exr --reference b.exr c.exr --channel-mean 0.01 -o run --view AgX \
                      --exposure -1.5 --background 0,0.5,1";
         let request = parse(words).expect("a complete line");
         assert_eq!((request.ours.len(), request.reference.len()), (1, 2));
@@ -379,9 +428,9 @@ mod tests {
         assert!(statistics("diff --ours a b --reference c d --statistics off").is_none());
         // The script refuses what are no replicas; what was asked for is not left out silently.
         assert!(statistics("diff --ours a --reference c --statistics on").is_some());
-        let asked = statistics("diff --ours a --reference c --sub-pixels 4 --systematic-allowance 0").unwrap();
+        let asked = statistics("diff --ours a --reference c --pixels-as-replicas 4 --systematic-allowance 0").unwrap();
         assert_eq!((asked.sub_pixels, asked.systematic_allowance), (Some(4), Some(0.0)));
-        for wrong in ["--sub-pixels 1", "--significance 0", "--significance 0.6", "--debiased-relmse -1"] {
+        for wrong in ["--pixels-as-replicas 1", "--significance 0", "--significance 0.6", "--debiased-relmse -1"] {
             assert!(parse(&format!("diff --ours a --reference c {wrong}")).is_err(), "{wrong}");
         }
     }

@@ -1,4 +1,4 @@
-//! `cloudparity display`: a scene-linear picture as Blender shows it.
+//! A scene-linear picture as Blender shows it: a PNG through Blender's own colour management.
 
 use crate::base::error::Result;
 use crate::bridge;
@@ -7,25 +7,19 @@ use crate::measure::pictures::SCRIPT;
 use crate::scene::Display;
 use serde_json::{Value as Json, json};
 use std::path::{Path, PathBuf};
-use std::process::ExitCode;
 
-/// Make a PNG of an EXR through Blender's own colour management, equal to the PNG that Blender saves without dither.
+/// How a picture is shown.
 #[derive(clap::Args)]
-pub(super) struct Arguments {
-    /// Scene-linear EXR; several are averaged.
-    #[arg(required = true, num_args = 1..)]
-    pictures: Vec<PathBuf>,
-    /// The PNG to write.
-    #[arg(short, long)]
-    output: PathBuf,
+#[command(next_help_heading = "Of a picture")]
+pub(super) struct DisplayArguments {
     /// View transform: AgX, Standard, Filmic, Khronos PBR Neutral or Raw.
-    #[arg(long, default_value = "AgX")]
+    #[arg(long, default_value = "AgX", value_name = "NAME")]
     view: String,
     /// Look: "AgX - Punchy"; those of Filmic have no prefix.
-    #[arg(long, default_value = "None")]
+    #[arg(long, default_value = "None", value_name = "NAME")]
     look: String,
     /// Stops: values are multiplied by 2^exposure first.
-    #[arg(long, default_value_t = 0.0, allow_negative_numbers = true)]
+    #[arg(long, default_value_t = 0.0, allow_negative_numbers = true, value_name = "STOPS")]
     exposure: f64,
     /// The display value is raised to 1 / gamma last.
     #[arg(long, default_value_t = 1.0)]
@@ -37,7 +31,7 @@ pub(super) struct Arguments {
     #[arg(long)]
     rgb: bool,
     /// Part (render pass) of a file with several.
-    #[arg(long)]
+    #[arg(long, value_name = "PART")]
     part: Option<String>,
 }
 
@@ -58,19 +52,12 @@ fn make(picture: &Json) -> Result<String> {
     Ok(result["images"][0]["view_used"].as_str().unwrap_or_default().to_owned())
 }
 
-pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
+/// Makes a PNG of one picture or of the mean of several.
+pub(super) fn convert(pictures: &[PathBuf], png: &Path, arguments: &DisplayArguments) -> Result<String> {
+    let DisplayArguments { view, look, exposure, gamma, background, rgb, part } = arguments;
     let picture = json!({
-        "exr": arguments.pictures,
-        "png": arguments.output,
-        "part": arguments.part,
-        "view": arguments.view,
-        "look": arguments.look,
-        "exposure": arguments.exposure,
-        "gamma": arguments.gamma,
-        "background": arguments.background,
-        "channels": if arguments.rgb { "rgb" } else { "rgba" },
+        "exr": pictures, "png": png, "part": part, "view": view, "look": look, "exposure": exposure, "gamma": gamma,
+        "background": background, "channels": if *rgb { "rgb" } else { "rgba" },
     });
-    let view = make(&picture)?;
-    super::print(&format!("{} ({view})\n", arguments.output.display()))?;
-    Ok(ExitCode::SUCCESS)
+    make(&picture)
 }

@@ -11,6 +11,7 @@ use std::process::ExitCode;
 
 /// Check the adapter, the Python interpreter and its packages: exit status 0 all there, 1 something is missing.
 #[derive(clap::Args)]
+#[command(after_help = "Example: cloudparity doctor")]
 pub(super) struct Arguments {
     /// JSON instead of text.
     #[arg(long)]

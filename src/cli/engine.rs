@@ -1,10 +1,8 @@
-//! `cloudparity engine`: a picture as a published cloud engine makes it.
+//! The options of engines, for every command that has one, and the pictures that engines make.
 
-use super::choice::choice;
 use crate::base::error::{Error, Result};
 use crate::base::identity;
 use crate::base::identity::Identity;
-use crate::cli::picture::PictureArguments;
 use crate::engines;
 use crate::engines::defects::Defects;
 use crate::engines::domain::Domain;
@@ -15,52 +13,22 @@ use crate::engines::{Engine, parameters};
 use crate::gpu::Backend;
 use crate::measure::tuning::preset::Preset;
 use crate::scene::Scene;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::ExitCode;
-
-/// Render a cloud system as its engine does in a scene: with the scene's camera, suns and world.
-#[derive(clap::Args)]
-pub(super) struct Arguments {
-    #[command(flatten)]
-    picture: PictureArguments,
-    #[command(flatten)]
-    engine: EngineArguments,
-    /// A light model in the place of the engine's; `cloudparity lights` lists them.
-    #[arg(long)]
-    light: Option<String>,
-    /// Engine, light model, quality and parameters of a tuned preset (*.preset.json).
-    #[arg(
-        long,
-        value_name = "FILE",
-        conflicts_with_all = [
-            "model", "defects", "quality", "engine_parameters", "light", "light_parameters", "seconds", "sub_pixels", "domain"
-        ]
-    )]
-    preset: Option<PathBuf>,
-    /// Where in its steps a ray takes its samples.
-    #[arg(long, value_parser = choice::<EngineJitter>(), default_value_t = EngineJitter::None)]
-    jitter: EngineJitter,
-    /// Rays per pixel and axis.
-    #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=64))]
-    sub_pixels: u32,
-    /// Run on the adapter instead of all cores.
-    #[arg(long)]
-    gpu: bool,
-    /// Write pixels that are NaN or infinite, too.
-    #[arg(long)]
-    allow_nonfinite: bool,
-}
 
 /// What says which engine it is.
 #[derive(clap::Args)]
 pub(super) struct EngineArguments {
-    /// engine: the cloud system; `cloudparity models` lists them [default of engine: perlin-fbm, of render: graph].
-    #[arg(long)]
+    /// engine: the cloud system; `cloudparity models` lists them [default of render: graph, the scene's own; of bench-voxels: perlin-fbm].
+    #[arg(long, value_name = "MODEL")]
     model: Option<String>,
+    /// engine: a light model in the place of the system's; `cloudparity lights` lists them.
+    #[arg(long, value_name = "MODEL")]
+    light: Option<String>,
     #[command(flatten)]
     defects: DefectsArgument,
     /// engine: a level of quality of the system.
-    #[arg(long)]
+    #[arg(long, value_name = "LEVEL")]
     quality: Option<String>,
     /// engine: a parameter of the system. May be given several times.
     #[arg(short = 'p', long = "parameter", id = "engine_parameters", value_name = "NAME=VALUE")]
@@ -69,14 +37,14 @@ pub(super) struct EngineArguments {
     #[arg(long = "light-parameter", value_name = "NAME=VALUE")]
     light_parameters: Vec<String>,
     /// engine: seconds of animation; of a scene's own graph every number called Time is moved by them [default: 0].
-    #[arg(long)]
+    #[arg(long, value_name = "SECONDS")]
     seconds: Option<f64>,
     /// engine: where the density is: object (the scene's box), slab:BOTTOM,TOP, or shell:X,Y,Z,INNER,OUTER, in metres [default: the system's].
-    #[arg(long)]
+    #[arg(long, value_name = "DOMAIN")]
     domain: Option<String>,
     /// engine: frame of the jitter [default: 0].
-    #[arg(long)]
-    frame: Option<u32>,
+    #[arg(long, value_name = "N")]
+    jitter_frame: Option<u32>,
     /// engine: add the system's god rays.
     #[arg(long)]
     god_rays: bool,
@@ -84,22 +52,23 @@ pub(super) struct EngineArguments {
 
 impl EngineArguments {
     /// Options by name, and whether each is given.
-    pub(super) fn given(&self) -> [(&'static str, bool); 9] {
+    pub(super) fn given(&self) -> [(&'static str, bool); 10] {
         [
             ("--model", self.model.is_some()),
+            ("--light", self.light.is_some()),
             ("--defects", self.defects.given()),
             ("--quality", self.quality.is_some()),
             ("--parameter", !self.parameters.is_empty()),
             ("--light-parameter", !self.light_parameters.is_empty()),
             ("--seconds", self.seconds.is_some()),
             ("--domain", self.domain.is_some()),
-            ("--frame", self.frame.is_some()),
+            ("--jitter-frame", self.jitter_frame.is_some()),
             ("--god-rays", self.god_rays),
         ]
     }
 
-    /// The engine under a light model, of `model` where no other is given.
-    pub(super) fn engine(&self, scene: &Scene, model: &str, light: Option<&str>) -> Result<Engine> {
+    /// The engine, of `model` where no other is given.
+    pub(super) fn engine(&self, scene: &Scene, model: &str) -> Result<Engine> {
         let domain = self.domain.as_deref().map(str::parse::<Domain>).transpose();
         let domain = domain.map_err(|error| Error { place: "--domain".into(), ..error })?;
         let model = engines::find(self.model.as_deref().unwrap_or(model))?;
@@ -109,7 +78,7 @@ impl EngineArguments {
             return Err(Error::new("--seconds", seconds.to_string(), "a finite number", "Correct the option."));
         }
         let mut engine = warned(model.engine_in(domain, scene, &values, &self.defects.read()?, seconds)?);
-        if let Some(light) = light {
+        if let Some(light) = &self.light {
             models::find(light)?.apply(&mut engine.light)?;
         }
         for text in &self.light_parameters {
@@ -121,7 +90,7 @@ impl EngineArguments {
 
     /// How its picture is made.
     pub(super) fn settings(&self, jitter: EngineJitter, sub_pixels: u32) -> EngineSettings {
-        EngineSettings { jitter, frame: self.frame.unwrap_or(0), sub_pixels, god_rays: self.god_rays }
+        EngineSettings { jitter, frame: self.jitter_frame.unwrap_or(0), sub_pixels, god_rays: self.god_rays }
     }
 }
 
@@ -130,7 +99,7 @@ impl EngineArguments {
 pub(super) struct DefectsArgument {
     /// Defects of the original that are kept: all (as published), none (corrected), or some, such as PF-4,PF-6; `cloudparity models` says
     /// what each is [default: none].
-    #[arg(long)]
+    #[arg(long, value_name = "NAMES")]
     defects: Option<String>,
     /// The option that `--defects` took the place of.
     #[arg(long, hide = true)]
@@ -157,24 +126,6 @@ impl DefectsArgument {
     }
 }
 
-pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
-    let scene = arguments.picture.load()?;
-    let output = &arguments.picture.output;
-    if let Some(path) = &arguments.preset {
-        let preset = preset(path)?;
-        let (scene, engine, combination) = preset.build(&scene)?;
-        let settings = combination.picture_settings();
-        let settings = EngineSettings {
-            sub_pixels: settings.sub_pixels,
-            ..arguments.engine.settings(arguments.jitter, arguments.sub_pixels)
-        };
-        return write((&scene, &engine), &settings, arguments.gpu, Some(&preset), output, arguments.allow_nonfinite);
-    }
-    let engine = arguments.engine.engine(&scene, "perlin-fbm", arguments.light.as_deref())?;
-    let settings = arguments.engine.settings(arguments.jitter, arguments.sub_pixels);
-    write((&scene, &engine), &settings, arguments.gpu, None, output, arguments.allow_nonfinite)
-}
-
 /// A preset; says so where another build found it.
 pub(super) fn preset(path: &Path) -> Result<Preset> {
     let preset = Preset::load(path)?;
@@ -193,12 +144,11 @@ pub(super) fn preset(path: &Path) -> Result<Preset> {
 pub(super) fn write(
     (scene, engine): (&Scene, &Engine),
     settings: &EngineSettings,
-    gpu: bool,
+    backend: Backend,
     preset: Option<&Preset>,
     output: &Path,
     allow_nonfinite: bool,
 ) -> Result<ExitCode> {
-    let backend = if gpu { Backend::Gpu } else { Backend::Cpu };
     let bar = super::progress_bar(1000);
     let report = |done: f64, what: &str| {
         bar.set_position((done * 1000.0) as u64);

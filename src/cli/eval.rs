@@ -13,19 +13,20 @@ use std::process::ExitCode;
 
 /// Evaluate the density, or an inner output, at points of the object's frame.
 #[derive(clap::Args)]
+#[command(after_help = "Example: cloudparity eval CLOUD.scene.json --points POINTS.npy -o VALUES.npy --backend gpu")]
 pub(super) struct Arguments {
     /// The scene file.
     scene: PathBuf,
-    /// float32 .npy of shape [n, 3].
-    #[arg(long)]
+    /// Points: float32 .npy of shape [n, 3].
+    #[arg(long, value_name = "FILE")]
     points: PathBuf,
     /// float32 .npy to write: [n], or [n, 3] for vectors and colours.
-    #[arg(short, long)]
-    output_file: PathBuf,
-    /// The arithmetic.
-    #[arg(long, value_parser = choice::<Evaluator>(), default_value_t = Evaluator::Cpu)]
-    evaluator: Evaluator,
-    /// With --evaluator oracle: f64 throughout, without the f32 coordinates that define the field.
+    #[arg(short, long, value_name = "FILE")]
+    output: PathBuf,
+    /// The arithmetic, and where it runs.
+    #[arg(long, alias = "evaluator", value_parser = choice::<Evaluator>(), default_value_t = Evaluator::Cpu)]
+    backend: Evaluator,
+    /// With --backend oracle: f64 throughout, without the f32 coordinates that define the field.
     #[arg(long)]
     unrounded: bool,
     /// Change a stored value: "Large Noise/Scale=2". May be given several times.
@@ -33,21 +34,21 @@ pub(super) struct Arguments {
     set: Vec<String>,
     /// NODE.SOCKET to evaluate instead of the density.
     #[arg(long, value_name = "NODE.SOCKET")]
-    output: Option<String>,
+    target: Option<String>,
 }
 
 pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
     let scene = Scene::load_with(&arguments.scene, &arguments.set)?;
-    let target = match &arguments.output {
+    let target = match &arguments.target {
         Some(name) => Target::parse(name, scene.graph())?,
         None => target::density(&scene)?,
     };
-    if arguments.unrounded && arguments.evaluator != Evaluator::Oracle {
+    if arguments.unrounded && arguments.backend != Evaluator::Oracle {
         return Err(Error::new(
             "--unrounded",
-            "another evaluator than the oracle",
-            "--evaluator oracle",
-            "Add --evaluator oracle, or leave --unrounded out.",
+            "another backend than the oracle",
+            "--backend oracle",
+            "Add --backend oracle, or leave --unrounded out.",
         ));
     }
     let program = Program::compile(&scene, &[target])?;
@@ -56,8 +57,8 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
     let values: Vec<f32> = if arguments.unrounded {
         program.evaluate(points, Arithmetic::Unrounded)?.into_iter().map(|value| value as f32).collect()
     } else {
-        fields::evaluate(&program, points, arguments.evaluator, None)?.0
+        fields::evaluate(&program, points, arguments.backend, None)?.0
     };
-    files::write_values(&arguments.output_file, &values, program.output_components())?;
+    files::write_values(&arguments.output, &values, program.output_components())?;
     Ok(ExitCode::SUCCESS)
 }

@@ -13,6 +13,7 @@ use std::process::ExitCode;
 
 /// Show the specialised graph: what is evaluated, what was left out, and why.
 #[derive(clap::Args)]
+#[command(after_help = "Example: cloudparity explain CLOUD.scene.json")]
 pub(super) struct Arguments {
     /// The scene file.
     scene: PathBuf,

@@ -1,32 +1,66 @@
-//! `cloudparity export`: a .blend to a scene file.
+//! `cloudparity export`: a .blend as a scene file, a scene file as a .blend, a picture as a PNG.
 
 use crate::base::error::{Error, Result};
 use crate::base::files;
 use crate::base::kinds::{self, FileKind};
 use crate::bridge;
 use crate::bridge::CyclesKernel;
+use crate::cli::display::DisplayArguments;
+use crate::cli::{build, display};
 use crate::graph::closures::ClosureSum;
 use crate::scene::Scene;
 use serde_json::json;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-/// Read a .blend and write its volume, camera, lights and node graph as a scene file.
+/// Convert a file: a .blend to a scene file, a scene file to a .blend, an EXR to a PNG.
+///
+/// Of a .blend: its volumes, camera, film, lights, world and node graphs; scripts in it never run. A scene file becomes a .blend that
+/// exports to the same bytes. Of a picture: a PNG through Blender's own colour management, equal to the one that Blender saves
+/// without dither.
 #[derive(clap::Args)]
+#[command(after_help = "Examples:
+  cloudparity export CLOUD.blend -o CLOUD.scene.json
+  cloudparity export CLOUD.scene.json -o CLOUD.blend
+  cloudparity export CLOUD.exr -o CLOUD.png --view Filmic")]
 pub(super) struct Arguments {
-    /// The .blend; scripts in it are never run.
-    blend: PathBuf,
-    /// An object with a volume material, repeatable; without it all that render are exported.
-    #[arg(long)]
+    /// The .blend, the scene file (*.scene.json), or the scene-linear EXR; several pictures are averaged.
+    #[arg(required = true, num_args = 1.., value_name = "FILE")]
+    inputs: Vec<PathBuf>,
+    /// Of a .blend: an object with a volume material, repeatable; without it all that render are exported.
+    #[arg(long, value_name = "NAME")]
     object: Vec<String>,
-    /// The scene file to write.
-    #[arg(short, long)]
+    /// The file to write.
+    #[arg(short, long, value_name = "FILE")]
     output: PathBuf,
+    #[command(flatten)]
+    display: DisplayArguments,
 }
 
 pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
-    let scene = export(&arguments.blend, &arguments.object, &arguments.output)?;
-    super::print(&format!("{}: {}\n", arguments.output.display(), describe(&scene)))?;
+    let [first, others @ ..] = arguments.inputs.as_slice() else { unreachable!("one is required") };
+    let output = &arguments.output;
+    let extension = output.extension().map(|extension| extension.to_string_lossy().to_lowercase());
+    let kind = FileKind::of(first);
+    let is_picture = kind == Some(FileKind::Exr) || extension.as_deref() == Some("png");
+    if let (false, [second, ..]) = (is_picture, others) {
+        return Err(Error::new(
+            second.display().to_string(),
+            "a second file",
+            "one .blend or one scene file; of pictures several",
+            "Convert them one by one.",
+        ));
+    }
+    if is_picture {
+        let view = display::convert(&arguments.inputs, output, &arguments.display)?;
+        super::print(&format!("{}: as Blender shows it ({view})\n", output.display()))?;
+    } else if kind == Some(FileKind::Scene) || extension.as_deref() == Some("blend") {
+        build::build(first, output)?;
+        super::print(&format!("{}\n", output.display()))?;
+    } else {
+        let scene = export(first, &arguments.object, output)?;
+        super::print(&format!("{}: {}\n", output.display(), describe(&scene)))?;
+    }
     Ok(ExitCode::SUCCESS)
 }
 

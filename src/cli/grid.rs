@@ -17,20 +17,21 @@ use std::process::ExitCode;
 /// The grid lies in the frame of the scene's volume object. Voxels stand on the faces of its box and between them; negative densities
 /// are written as 0.
 #[derive(clap::Args)]
+#[command(after_help = "Examples:\n  cloudparity grid CLOUD.scene.json -o CLOUD.vdb --voxels 256\n  cloudparity grid CLOUD.vdb -o VALUES.npy")]
 pub(super) struct Arguments {
     /// A scene file, or a .vdb to read.
     input: PathBuf,
     /// The .vdb to write; with a .vdb as input, the .npy for its values [x, y, z].
-    #[arg(short, long)]
+    #[arg(short, long, value_name = "FILE")]
     output: PathBuf,
     /// Voxels along the longest side.
-    #[arg(long, default_value_t = 128, value_parser = clap::value_parser!(u32).range(2..=4096))]
+    #[arg(long, value_name = "N", default_value_t = 128, value_parser = clap::value_parser!(u32).range(2..=4096))]
     voxels: u32,
     /// Store 16 instead of 32 bits.
     #[arg(long)]
     half: bool,
     /// A density model instead of the scene's graph.
-    #[arg(long)]
+    #[arg(long, value_name = "MODEL")]
     model: Option<String>,
     #[command(flatten)]
     defects: DefectsArgument,

@@ -15,10 +15,10 @@ pub(super) struct Arguments {
     /// The .blend, or a scene file that is there already.
     file: PathBuf,
     /// An object with a volume material, repeatable; without it all that render are exported.
-    #[arg(long)]
+    #[arg(long, value_name = "NAME")]
     object: Vec<String>,
     /// The folder to write; without it one beside the .blend that is named after it.
-    #[arg(short, long)]
+    #[arg(short, long, value_name = "DIR")]
     output: Option<PathBuf>,
 }
 
@@ -78,26 +78,19 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
 
 /// Prints what comes next.
 fn go_on(scene: &Path, engine_files: Option<(&Path, &Path)>, folder: &Path) -> Result<()> {
-    let in_folder = |name: &str| quoted(&folder.join(name));
-    let scene = quoted(scene);
+    let in_folder = |name: &str| super::quoted(&folder.join(name));
+    let scene = super::quoted(scene);
     let mut lines = vec![
         (format!("cloudparity render {scene} -o {}", in_folder("picture.png")), "the picture"),
         (format!("cloudparity params {scene}"), "what --set changes"),
     ];
     if let Some((study, tuning)) = engine_files {
         let [runs, tuned] = ["study", "tuning"].map(in_folder);
-        lines.push((format!("cloudparity study {} -o {runs}", quoted(study)), "error against time"));
+        lines.push((format!("cloudparity study {} -o {runs}", super::quoted(study)), "error against time"));
         lines.push((format!("cloudparity report {runs}"), "one page of it"));
-        lines.push((format!("cloudparity tune {} -o {tuned}", quoted(tuning)), "a preset that looks most alike"));
+        lines.push((format!("cloudparity tune {} -o {tuned}", super::quoted(tuning)), "a preset that looks most alike"));
     }
     let width = lines.iter().map(|(command, _)| command.chars().count()).max().unwrap_or(0);
     let text: String = lines.iter().map(|(command, what)| format!("  {command:<width$}  # {what}\n")).collect();
     super::print(&format!("\nGo on with\n{text}"))
-}
-
-/// As a shell reads it.
-fn quoted(path: &Path) -> String {
-    let text = path.display().to_string();
-    let is_plain = |c: char| c.is_alphanumeric() || "-_./+:,@%".contains(c);
-    if text.chars().all(is_plain) { text } else { format!("'{}'", text.replace('\'', "'\\''")) }
 }

@@ -7,6 +7,7 @@ use std::process::ExitCode;
 
 /// List the light models that stand in for light transport in engines, with their parameters, ranges and defaults.
 #[derive(clap::Args)]
+#[command(after_help = "Example: cloudparity lights")]
 pub(super) struct Arguments {
     /// JSON instead of text.
     #[arg(long)]

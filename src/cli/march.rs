@@ -3,7 +3,7 @@
 use super::choice::choice;
 use crate::base::choice::Choice;
 use crate::base::error::{Error, Result};
-use crate::integrators::{Jitter, MarchSettings};
+use crate::integrators::{Jitter, LightMode, MarchSettings};
 use crate::media::density_cache::{CacheFilter, CacheFormat, CacheSettings};
 use crate::media::transfer::Integration;
 
@@ -11,37 +11,36 @@ use crate::media::transfer::Integration;
 #[derive(clap::Args)]
 pub(super) struct MarchArguments {
     /// march: longest step of a view ray in metres; 0: 1/192 of the medium's mean side [default: 0].
-    #[arg(long)]
+    #[arg(long, value_name = "METRES")]
     view_step: Option<f64>,
-    /// march: longest step of a shadow ray in metres, with --light exact; 0: the view step [default: 0].
-    #[arg(long)]
+    /// march: longest step of a shadow ray in metres, with --shadows exact; 0: the view step [default: 0].
+    #[arg(long, value_name = "METRES")]
     shadow_step: Option<f64>,
     /// march: how a step adds up [default: energy-conserving].
     #[arg(long, value_parser = choice::<Integration>())]
     integration: Option<Integration>,
     /// march: where within its steps a ray evaluates the medium, none or pixel, with --seed; engine: none, table or blue-noise
     /// [default: none].
-    #[arg(long)]
+    #[arg(long, value_name = "NAME")]
     pub(super) jitter: Option<String>,
     /// march: directions of the quadrature over the world [default: 64].
-    #[arg(long)]
+    #[arg(long, value_name = "N")]
     world_directions: Option<u32>,
-    /// march: bands of spherical harmonics for the world in anisotropic media, with --light grid [default: 2].
-    #[arg(long)]
+    /// march: bands of spherical harmonics for the world in anisotropic media, with --shadows grid [default: 2].
+    #[arg(long, value_name = "N")]
     world_bands: Option<u32>,
     /// march, engine: rays per pixel and axis [default: 3; of engine: 1].
-    #[arg(long)]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=64))]
     pub(super) sub_pixels: Option<u32>,
     /// march: view rays end below this transmittance [default: 0.0001].
-    #[arg(long)]
+    #[arg(long, value_name = "TRANSMITTANCE")]
     exit_transmittance: Option<f64>,
-    /// march: how light reaches the samples, grid or exact [default: grid]; engine: a light model in the place of the system's
-    /// (`cloudparity lights` lists them).
-    #[arg(long)]
-    pub(super) light: Option<String>,
-    /// march: cells along the longest side of the light grid [default: 192].
-    #[arg(long)]
-    grid_cells: Option<u32>,
+    /// march: how light reaches the samples: by a shadow ray from each, or by a grid of them [default: grid].
+    #[arg(long, value_parser = choice::<LightMode>())]
+    shadows: Option<LightMode>,
+    /// march: cells along the longest side of the grid of --shadows grid [default: 192].
+    #[arg(long, value_name = "CELLS")]
+    shadow_cells: Option<u32>,
     /// march: view and shadow densities from a grid with so many cells along its longest side, instead of the graph.
     #[arg(long, value_name = "CELLS")]
     density_cache: Option<u32>,
@@ -82,8 +81,8 @@ impl MarchArguments {
             ("--world-bands", self.world_bands.is_some()),
             ("--sub-pixels", self.sub_pixels.is_some()),
             ("--exit-transmittance", self.exit_transmittance.is_some()),
-            ("--light", self.light.is_some()),
-            ("--grid-cells", self.grid_cells.is_some()),
+            ("--shadows", self.shadows.is_some()),
+            ("--shadow-cells", self.shadow_cells.is_some()),
             ("--density-cache", self.density_cache.is_some()),
             ("--cache-format", self.cache_format.is_some()),
             ("--cache-filter", self.cache_filter.is_some()),
@@ -110,8 +109,8 @@ impl MarchArguments {
             world_bands: self.world_bands.unwrap_or(default.world_bands),
             sub_pixels: self.sub_pixels.unwrap_or(default.sub_pixels),
             exit_transmittance: self.exit_transmittance.unwrap_or(default.exit_transmittance),
-            light: named("--light", self.light.as_deref())?.unwrap_or(default.light),
-            grid_cells: self.grid_cells.unwrap_or(default.grid_cells),
+            light: self.shadows.unwrap_or(default.light),
+            grid_cells: self.shadow_cells.unwrap_or(default.grid_cells),
             integration: self.integration.unwrap_or(default.integration),
             jitter,
             seed: seed.unwrap_or(default.seed),

@@ -12,7 +12,9 @@ mod bounds;
 mod build;
 mod choice;
 mod compare_models;
+mod completions;
 mod convergence;
+mod cycles;
 mod demo;
 pub mod demonstration;
 mod diff;
@@ -26,7 +28,9 @@ mod first_files;
 mod grid;
 mod init;
 mod lights;
+mod man;
 mod march;
+mod measure;
 mod models;
 mod modes;
 mod nodes;
@@ -36,25 +40,28 @@ mod params;
 mod parity;
 mod picture;
 mod probe;
-mod reference;
 mod render;
 mod report;
 mod resume;
 mod schema;
 mod shader;
+mod show;
 mod stability;
 mod study;
 mod time_to_error;
 mod tune;
+#[cfg(test)]
+mod vocabulary;
 
 use crate::base::error::Result;
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
+use std::ffi::OsString;
 use std::io::IsTerminal;
 use std::process::ExitCode;
 
-/// Blender-parity research harness for procedural volumes.
+/// Blender's volume materials, exact and fast: values, pictures, error and time.
 #[derive(Parser)]
-#[command(version, about)]
+#[command(version)]
 struct CommandLine {
     #[command(subcommand)]
     command: Command,
@@ -62,42 +69,106 @@ struct CommandLine {
 
 #[derive(Subcommand)]
 enum Command {
-    Bench(bench::Arguments),
-    BenchBake(bench_bake::Arguments),
-    BenchCompile(bench_compile::Arguments),
-    BenchNodes(bench_nodes::Arguments),
-    BenchVoxels(Box<bench_voxels::Arguments>),
-    Bounds(bounds::Arguments),
-    Build(build::Arguments),
-    CompareModels(Box<compare_models::Arguments>),
-    Convergence(Box<convergence::Arguments>),
-    Demo(demo::Arguments),
-    Diff(Box<diff::Arguments>),
-    Display(display::Arguments),
-    Doctor(doctor::Arguments),
-    Engine(Box<engine::Arguments>),
-    Eval(eval::Arguments),
-    Explain(explain::Arguments),
-    Export(export::Arguments),
-    Grid(grid::Arguments),
     Init(init::Arguments),
-    Lights(lights::Arguments),
-    Models(models::Arguments),
-    Modes(modes::Arguments),
-    Nodes(nodes::Arguments),
-    Params(params::Arguments),
-    Parity(parity::Arguments),
-    Probe(probe::Arguments),
-    Recommend(study::RecommendArguments),
-    Reference(reference::Arguments),
+    Export(Box<export::Arguments>),
+    Show(show::Arguments),
     Render(Box<render::Arguments>),
+    Diff(Box<diff::Arguments>),
     Report(report::Arguments),
-    Schema(schema::Arguments),
+    Measure(Box<measure::Arguments>),
+    Explain(explain::Arguments),
+    Eval(eval::Arguments),
+    Probe(probe::Arguments),
     Shader(shader::Arguments),
-    Stability(stability::Arguments),
-    Study(study::Arguments),
-    TimeToError(time_to_error::Arguments),
-    Tune(tune::Arguments),
+    Grid(grid::Arguments),
+}
+
+/// The commands by what one wants to do, as the help shows them: each in a line of a terminal of 80 columns.
+const TASKS: [(&str, &[(&str, &str)]); 4] = [
+    (
+        "A cloud of your own",
+        &[
+            ("init", "begin with a .blend: its scene, a study, a tuning, what to do next"),
+            ("export", "convert: .blend to scene file and back, EXR to PNG"),
+            ("show", "parameters of a scene, nodes, models, lights, this machine"),
+        ],
+    ),
+    (
+        "Pictures",
+        &[
+            ("render", "render a scene: march, path, engine, or Cycles"),
+            ("diff", "compare pictures, by tolerances or by statistics"),
+            ("report", "one page of what a folder of results holds"),
+        ],
+    ),
+    (
+        "Values of the field",
+        &[
+            ("explain", "what of the node graph is evaluated, what is left out, and why"),
+            ("eval", "density, or any inner output, at points"),
+            ("probe", "our values against live Cycles at the same points"),
+            ("shader", "the density as WGSL, SPIR-V, GLSL, HLSL or MSL"),
+            ("grid", "the density as an OpenVDB grid"),
+        ],
+    ),
+    ("Experiments", &[("measure", "study, tune, recommend, parity, bounds, stability, speed ...")]),
+];
+
+/// Commands whose subcommands may be called without them.
+const GROUPS: [&str; 2] = ["show", "measure"];
+
+/// The command line with its help.
+fn command_line() -> clap::Command {
+    let mut all = CommandLine::command();
+    let text = overview(&all);
+    all = all.help_template("{about}\n\n{usage-heading} {usage}{after-help}").after_help(text);
+    for group in GROUPS {
+        all = all.mut_subcommand(group, |group| {
+            let note = format!("A subcommand may be called without {}: cloudparity {}", group.get_name(), example_of(&group));
+            group.after_help(note).disable_help_subcommand(true)
+        });
+    }
+    all.disable_help_subcommand(true)
+}
+
+/// A subcommand's example, as it stands in its help, without the program's and the group's names.
+fn example_of(group: &clap::Command) -> String {
+    let of = |command: &clap::Command| {
+        let text = command.get_after_help()?.to_string();
+        let line = text.lines().find_map(|line| line.trim().strip_prefix("cloudparity "))?.to_owned();
+        Some(line)
+    };
+    group.get_subcommands().find_map(of).unwrap_or_default()
+}
+
+/// All commands in the order of tasks, one line each.
+fn overview(all: &clap::Command) -> clap::builder::StyledStr {
+    use std::fmt::Write;
+    let styles = all.get_styles();
+    let (header, literal) = (styles.get_header(), styles.get_literal());
+    let mut text = clap::builder::StyledStr::new();
+    for (task, names) in TASKS {
+        writeln!(text, "{header}{task}:{header:#}").expect("writing to a string cannot fail");
+        for (name, what) in names {
+            writeln!(text, "  {literal}{name:<8}{literal:#} {what}").expect("writing to a string cannot fail");
+        }
+    }
+    write!(text, "Begin with: cloudparity init CLOUD.blend. COMMAND --help says more.")
+        .expect("writing to a string cannot fail");
+    text
+}
+
+/// The words of the command line, with the name of its group before a subcommand that is called without it.
+fn with_group(all: &clap::Command, mut words: Vec<OsString>) -> Vec<OsString> {
+    let Some(first) = words.get(1).and_then(|word| word.to_str()) else { return words };
+    if all.find_subcommand(first).is_some() {
+        return words;
+    }
+    let has_it = |group: &str| all.find_subcommand(group).is_some_and(|group| group.find_subcommand(first).is_some());
+    if let Some(group) = GROUPS.into_iter().find(|group| has_it(group)) {
+        words.insert(1, OsString::from(group));
+    }
+    words
 }
 
 /// Exit status of a command that could not do its work.
@@ -107,53 +178,35 @@ const COULD_NOT: u8 = 2;
 pub fn run() -> ExitCode {
     crate::bridge::install();
     notices::install();
-    let mut all = CommandLine::command();
-    let matches = all.get_matches_mut();
+    let mut all = command_line();
+    let words = with_group(&all, std::env::args_os().collect());
+    let matches = all.try_get_matches_from_mut(words).unwrap_or_else(|error| error.exit());
     let command_line = match CommandLine::from_arg_matches(&matches) {
         Ok(command_line) => command_line,
         Err(error) => error.format(&mut all).exit(),
     };
     let result = match command_line.command {
-        Command::Bench(arguments) => bench::run(&arguments),
-        Command::BenchBake(arguments) => bench_bake::run(&arguments),
-        Command::BenchCompile(arguments) => bench_compile::run(&arguments),
-        Command::BenchNodes(arguments) => bench_nodes::run(&arguments),
-        Command::BenchVoxels(arguments) => bench_voxels::run(&arguments),
-        Command::Bounds(arguments) => bounds::run(&arguments),
-        Command::Build(arguments) => build::run(&arguments),
-        Command::CompareModels(arguments) => compare_models::run(&arguments),
-        Command::Convergence(arguments) => convergence::run(&arguments),
-        Command::Demo(arguments) => demo::run(&arguments),
-        Command::Diff(arguments) => diff::run(&arguments),
-        Command::Display(arguments) => display::run(&arguments),
-        Command::Doctor(arguments) => doctor::run(&arguments),
-        Command::Engine(arguments) => engine::run(&arguments),
-        Command::Eval(arguments) => eval::run(&arguments),
-        Command::Explain(arguments) => explain::run(&arguments),
-        Command::Export(arguments) => export::run(&arguments),
-        Command::Grid(arguments) => grid::run(&arguments),
         Command::Init(arguments) => init::run(&arguments),
-        Command::Lights(arguments) => lights::run(&arguments),
-        Command::Models(arguments) => models::run(&arguments),
-        Command::Modes(arguments) => modes::run(&arguments),
-        Command::Nodes(arguments) => nodes::run(&arguments),
-        Command::Params(arguments) => params::run(&arguments),
-        Command::Parity(arguments) => parity::run(&arguments),
-        Command::Probe(arguments) => probe::run(&arguments),
-        Command::Recommend(arguments) => study::recommend(&arguments),
-        Command::Reference(arguments) => reference::run(&arguments),
+        Command::Export(arguments) => export::run(&arguments),
+        Command::Show(arguments) => show::run(&arguments),
         Command::Render(arguments) => render::run(&arguments),
+        Command::Diff(arguments) => diff::run(&arguments),
         Command::Report(arguments) => report::run(&arguments),
-        Command::Schema(arguments) => schema::run(&arguments),
+        Command::Measure(arguments) => measure::run(&arguments),
+        Command::Explain(arguments) => explain::run(&arguments),
+        Command::Eval(arguments) => eval::run(&arguments),
+        Command::Probe(arguments) => probe::run(&arguments),
         Command::Shader(arguments) => shader::run(&arguments),
-        Command::Stability(arguments) => stability::run(&arguments),
-        Command::Study(arguments) => study::run(&arguments),
-        Command::TimeToError(arguments) => time_to_error::run(&arguments),
-        Command::Tune(arguments) => tune::run(&arguments),
+        Command::Grid(arguments) => grid::run(&arguments),
     };
     result.unwrap_or_else(|error| {
-        let command = matches.subcommand_name().and_then(|name| all.find_subcommand(name));
-        eprintln!("error: {}", options::message(&error, command));
+        let mut command = &all;
+        let mut matched = &matches;
+        while let Some((name, below)) = matched.subcommand() {
+            command = command.find_subcommand(name).expect("a command that was matched");
+            matched = below;
+        }
+        eprintln!("error: {}", options::message(&error, Some(command)));
         ExitCode::from(COULD_NOT)
     })
 }
@@ -168,6 +221,14 @@ pub(crate) fn progress_bar(length: u64) -> indicatif::ProgressBar {
     let bar = indicatif::ProgressBar::new(length).with_style(style);
     notices::print_above(&bar);
     bar
+}
+
+/// Shows the progress of a computation.
+pub(crate) fn progress_on(bar: &indicatif::ProgressBar) -> impl Fn(f64, &str) + '_ {
+    |done, what| {
+        bar.set_position((done * 1000.0) as u64);
+        bar.set_message(what.to_owned());
+    }
 }
 
 /// Shows a script's progress.
@@ -196,6 +257,13 @@ pub(crate) fn need_bpy(what: &str) -> Result<()> {
 pub(crate) fn beside(output: &std::path::Path, what: &str) -> std::path::PathBuf {
     let extension = output.extension().map_or("exr".into(), |extension| extension.to_string_lossy().into_owned());
     output.with_extension(format!("{what}.{extension}"))
+}
+
+/// As a shell reads it.
+pub(crate) fn quoted(path: &std::path::Path) -> String {
+    let text = path.display().to_string();
+    let is_plain = |c: char| c.is_alphanumeric() || "-_./+:,@%".contains(c);
+    if text.chars().all(is_plain) { text } else { format!("'{}'", text.replace('\'', "'\\''")) }
 }
 
 /// Prints to stdout; a reader that closed the pipe early is no error.

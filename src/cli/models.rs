@@ -9,6 +9,7 @@ use std::process::ExitCode;
 
 /// List the density models of published engines, with parameters, units, ranges and defaults.
 #[derive(clap::Args)]
+#[command(after_help = "Example: cloudparity models perlin-fbm")]
 pub(super) struct Arguments {
     /// Only this model.
     model: Option<String>,

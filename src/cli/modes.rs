@@ -18,15 +18,16 @@ use std::process::ExitCode;
 ///
 /// Exit status 0: all within their limits; 1: not so; 2: could not tell.
 #[derive(clap::Args)]
+#[command(after_help = "Examples:\n  cloudparity modes --node \"Voronoi Texture\"\n  cloudparity modes --graphs 500 -o GRAPHS")]
 pub(super) struct Arguments {
     /// Points per mode (Voronoi Texture: two ninths of it).
-    #[arg(long, default_value_t = suite::POINTS)]
+    #[arg(long, value_name = "N", default_value_t = suite::POINTS)]
     points: usize,
     /// Seed of the values.
-    #[arg(long, default_value_t = 1)]
+    #[arg(long, value_name = "SEED", default_value_t = 1)]
     seed: u64,
     /// Only this node, by Blender's label: "Math", "Voronoi Texture".
-    #[arg(long, value_name = "NAME")]
+    #[arg(long, value_name = "LABEL")]
     node: Option<String>,
     /// Only modes with outputs that jump (Voronoi Color and Position, Snap), at ordinary points.
     #[arg(long)]
@@ -34,9 +35,9 @@ pub(super) struct Arguments {
     /// Also measure how far Cycles' own AVX2 kernel is from its SSE4.2 kernel at the same points.
     #[arg(long)]
     avx2: bool,
-    /// Leave the WGSL out.
+    /// Leave the adapter, and with it the WGSL, out.
     #[arg(long)]
-    cpu_only: bool,
+    without_gpu: bool,
     /// Instead compare every mode with constant inputs alone, this many sets of them: what Blender and Cycles fold.
     #[arg(long, value_name = "N", conflicts_with_all = ["graphs", "jumping", "avx2", "summary"])]
     constants: Option<usize>,
@@ -70,7 +71,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
     }
     let selection = if arguments.jumping { Selection::Jumping } else { Selection::Everything };
     let cases = suite::cases(arguments.points, arguments.seed, arguments.node.as_deref(), selection)?;
-    let gpu = if arguments.cpu_only { None } else { Some(Gpu::open()) };
+    let gpu = if arguments.without_gpu { None } else { Some(Gpu::open()) };
     let opened = gpu.as_ref().and_then(|found| found.as_ref().ok());
     let bar = super::progress_bar(1000);
     let mut outcome = suite::ModeComparisons { rows: Vec::new(), blender: String::new() };

@@ -6,8 +6,9 @@ use std::process::ExitCode;
 
 /// List every supported node with its modes, measured errors and costs, and every refused one with what to do instead.
 #[derive(clap::Args)]
+#[command(after_help = "Example: cloudparity nodes")]
 pub(super) struct Arguments {
-    /// Everything that is known of each node, as JSON.
+    /// JSON instead of text: everything that is known of each node.
     #[arg(long)]
     json: bool,
     /// Everything that is known of each node, as the text of docs/nodes.md.

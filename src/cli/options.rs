@@ -8,8 +8,12 @@ use clap::Command;
 
 /// Settings with the options of other names that give them, of which a command has at most one. An option that means something else in
 /// other commands has its value's name behind it.
-const OTHERWISE_CALLED: &[(&str, &[&str])] =
-    &[("backend", &["backend", "gpu", "evaluator"]), ("target", &["output NODE.SOCKET"])];
+const OTHERWISE_CALLED: &[(&str, &[&str])] = &[
+    ("backend", &["backend", "without-gpu"]),
+    ("light", &["shadows"]),
+    ("steps", &["steps-per-side"]),
+    ("points", &["points N"]),
+];
 
 /// The option of a command that gives a setting, as it is typed.
 fn option_of(command: &Command, setting: &str) -> Option<String> {
@@ -42,15 +46,9 @@ pub(super) fn message(error: &Error, command: Option<&Command>) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use clap::CommandFactory;
+    use crate::cli::vocabulary::all_commands;
     use std::collections::BTreeSet;
     use std::path::Path;
-
-    fn commands() -> Command {
-        let mut all = crate::cli::CommandLine::command();
-        all.build();
-        all
-    }
 
     /// Texts of all sources below a folder, without the command line's.
     fn sources(folder: &Path, found: &mut Vec<String>) {
@@ -66,7 +64,7 @@ mod tests {
 
     #[test]
     fn every_setting_that_an_error_names_is_an_option_of_some_command() {
-        let all = commands();
+        let all = all_commands();
         let mut texts = Vec::new();
         sources(&Path::new(env!("CARGO_MANIFEST_DIR")).join("src"), &mut texts);
         let begin = ".with_setting(\"";
@@ -77,23 +75,24 @@ mod tests {
             .collect();
         assert!(names.len() > 10 && names.contains("backend") && names.contains("density_cache"), "{names:?}");
         for name in names {
-            let known = all.get_subcommands().any(|command| option_of(command, name).is_some());
+            let known = all.iter().any(|(_, command)| option_of(command, name).is_some());
             assert!(known, "no command has an option for the setting {name}");
         }
     }
 
     #[test]
     fn an_error_shows_the_options_of_the_command_that_met_it() {
-        let all = commands();
+        let all = all_commands();
+        let command = |name: &str| all.iter().find(|(full, _)| full == &format!("cloudparity {name}")).map(|(_, command)| command);
         let error = Error::new("a node", "one", "another", "Evaluate on the CPU.").with_setting("backend");
-        let shown = |name: &str| message(&error, all.find_subcommand(name));
+        let shown = |name: &str| message(&error, command(name));
         assert!(shown("render").ends_with("Evaluate on the CPU (--backend)."), "{}", shown("render"));
-        assert!(shown("engine").ends_with("Evaluate on the CPU (--gpu)."), "{}", shown("engine"));
-        assert!(shown("eval").ends_with("Evaluate on the CPU (--evaluator)."), "{}", shown("eval"));
+        assert!(shown("measure modes").ends_with("Evaluate on the CPU (--without-gpu)."), "{}", shown("measure modes"));
+        assert!(shown("eval").ends_with("Evaluate on the CPU (--backend)."), "{}", shown("eval"));
         assert_eq!(shown("export"), error.to_string());
-        // Of other commands --output is a file.
-        let target = Error::new("a node", "one", "another", "Name the value.").with_setting("target");
-        assert!(message(&target, all.find_subcommand("eval")).ends_with("(--output)."));
-        assert_eq!(message(&target, all.find_subcommand("render")), target.to_string());
+        // The points of eval are a file: more of them are not asked for by a number.
+        let points = Error::new("points", "0", "some", "Ask for more points.").with_setting("points");
+        assert!(message(&points, command("probe")).ends_with("(--points)."));
+        assert_eq!(message(&points, command("eval")), points.to_string());
     }
 }

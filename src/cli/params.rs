@@ -9,6 +9,7 @@ use std::process::ExitCode;
 
 /// List everything of a scene that `--set` changes: names, values, limits, units.
 #[derive(clap::Args)]
+#[command(after_help = "Example: cloudparity params CLOUD.scene.json")]
 pub(super) struct Arguments {
     /// The scene file.
     scene: PathBuf,

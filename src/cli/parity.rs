@@ -13,11 +13,12 @@ use std::process::ExitCode;
 /// OUTPUT/parity.md and parity.json sum up; OUTPUT/NAME holds the pictures of an entry. Exit status 0: all agree; 1: one
 /// differs; 2: could not tell.
 #[derive(clap::Args)]
+#[command(after_help = "Example: cloudparity parity --only linear-ramp -o PARITY")]
 pub(super) struct Arguments {
     #[command(flatten)]
     suite: SuiteArguments,
     /// The folder for the results.
-    #[arg(short, long, default_value = "out/parity")]
+    #[arg(short, long, value_name = "DIR", default_value = "out/parity")]
     output: PathBuf,
     #[command(flatten)]
     experiment: ExperimentArguments,

@@ -1,7 +1,7 @@
 //! What commands that make pictures share: the scene with overrides, so that both sides of a comparison
 //! take the same arguments for the same picture.
 
-use crate::base::error::{Error, Result};
+use crate::base::error::Result;
 use crate::scene::{PixelFilter, Scene};
 use std::path::PathBuf;
 
@@ -10,8 +10,8 @@ use std::path::PathBuf;
 pub(super) struct PictureArguments {
     #[command(flatten)]
     scene: SceneArguments,
-    /// The EXR to write.
-    #[arg(short, long)]
+    /// The picture to write: an EXR, or a PNG with the EXR beside it.
+    #[arg(short, long, value_name = "FILE")]
     pub(super) output: PathBuf,
 }
 
@@ -21,13 +21,13 @@ pub(super) struct SceneArguments {
     /// The scene file.
     scene: PathBuf,
     /// Pixels, WIDTHxHEIGHT, instead of the scene's.
-    #[arg(long, value_name = "WxH")]
-    resolution: Option<String>,
+    #[arg(long, value_name = "WxH", value_parser = parse_resolution)]
+    resolution: Option<[u32; 2]>,
     /// Leave the world out of what the camera sees directly.
     #[arg(long, value_name = "true|false")]
     film_transparent: Option<bool>,
     /// Scattering events beyond the first.
-    #[arg(long)]
+    #[arg(long, value_name = "N")]
     volume_bounces: Option<u32>,
     /// Change a stored value: "Large Noise/Scale=2". May be given several times.
     #[arg(long = "set", value_name = "NAME=VALUE")]
@@ -45,8 +45,8 @@ impl SceneArguments {
     /// Loads the scene and applies the changes.
     pub(super) fn load(&self) -> Result<Scene> {
         let mut scene = Scene::load_with(&self.scene, &self.set)?;
-        if let Some(text) = &self.resolution {
-            scene.film.resolution = parse_resolution(text)?;
+        if let Some(resolution) = self.resolution {
+            scene.film.resolution = resolution;
             scene.film.resolution_percentage = 100;
         }
         if let Some(transparent) = self.film_transparent {
@@ -80,14 +80,9 @@ impl From<Filter> for PixelFilter {
     }
 }
 
-fn parse_resolution(text: &str) -> Result<[u32; 2]> {
+/// WIDTHxHEIGHT, 1 to 16384 pixels per side.
+pub(super) fn parse_resolution(text: &str) -> std::result::Result<[u32; 2], String> {
     let sides = text.split_once('x').and_then(|(width, height)| Some([width.parse().ok()?, height.parse().ok()?]));
-    sides.filter(|sides| sides.iter().all(|side| (1..=16384).contains(side))).ok_or_else(|| {
-        Error::new(
-            format!("--resolution {text}"),
-            format!("\"{text}\""),
-            "WIDTHxHEIGHT with 1 to 16384 pixels per side",
-            "Write for example --resolution 320x180.",
-        )
-    })
+    let fits = |sides: &[u32; 2]| sides.iter().all(|side| (1..=16384).contains(side));
+    sides.filter(fits).ok_or("expected WIDTHxHEIGHT with 1 to 16384 pixels per side, such as 320x180".into())
 }

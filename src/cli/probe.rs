@@ -24,21 +24,22 @@ use std::process::ExitCode;
 /// --rounding-bound, within its bound at every point); 1: not so; 2: could not
 /// tell.
 #[derive(clap::Args)]
+#[command(after_help = "Examples:\n  cloudparity probe CLOUD.scene.json --points 1000000\n  cloudparity probe CLOUD.scene.json --target \"Noise Texture.Fac\" --backend all")]
 pub(super) struct Arguments {
     /// The scene file.
     scene: PathBuf,
     /// Number of points (per setting with --random-settings).
-    #[arg(long, default_value_t = 100_000)]
+    #[arg(long, value_name = "N", default_value_t = 100_000)]
     points: usize,
     /// Seed of the points and settings.
-    #[arg(long, default_value_t = 1)]
+    #[arg(long, value_name = "SEED", default_value_t = 1)]
     seed: u64,
     /// Where the points lie.
     #[arg(long, value_parser = choice::<Domain>(), default_value_t = Domain::Box)]
-    domain: Domain,
-    /// Which of our evaluators.
-    #[arg(long, value_enum, default_value_t = Choice::Cpu)]
-    evaluator: Choice,
+    points_in: Domain,
+    /// Which of our evaluators: all cores, the adapter, the oracle in f64, or all of them.
+    #[arg(long, alias = "evaluator", value_enum, default_value_t = Choice::Cpu)]
+    backend: Choice,
     /// Also compare the WGSL with its own rounding bound at every point (running error analysis), which is what an
     /// adapter that fuses is judged by.
     #[arg(long)]
@@ -48,7 +49,7 @@ pub(super) struct Arguments {
     set: Vec<String>,
     /// NODE.SOCKET to compare instead of the density.
     #[arg(long, value_name = "NODE.SOCKET")]
-    output: Option<String>,
+    target: Option<String>,
     /// Compare with this many random settings of the material's group nodes.
     #[arg(long, value_name = "N")]
     random_settings: Option<usize>,
@@ -57,7 +58,7 @@ pub(super) struct Arguments {
     json: bool,
     /// Also write the JSON to this file.
     #[arg(short, long, value_name = "FILE")]
-    output_file: Option<PathBuf>,
+    output: Option<PathBuf>,
 }
 
 /// One evaluator or all.
@@ -101,17 +102,17 @@ struct Settings {
 
 pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
     let scene = Scene::load_with(&arguments.scene, &arguments.set)?;
-    let target = match &arguments.output {
+    let target = match &arguments.target {
         Some(name) => Target::parse(name, scene.graph())?,
         None => target::density(&scene)?,
     };
     super::need_bpy("the field is")?;
-    let (evaluators, left_out) = arguments.evaluator.available()?;
+    let (evaluators, left_out) = arguments.backend.available()?;
     let bar = super::progress_bar(1000);
     let (text, json, found) = match arguments.random_settings {
         None => {
             let sampling = Sampling {
-                domain: arguments.domain,
+                domain: arguments.points_in,
                 points: arguments.points,
                 seed: arguments.seed,
                 rounding_bound: arguments.rounding_bound,
@@ -130,7 +131,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
         }
     };
     bar.finish_and_clear();
-    if let Some(path) = &arguments.output_file {
+    if let Some(path) = &arguments.output {
         files::write_atomically(path, json.as_bytes())?;
     }
     super::print(if arguments.json { &json } else { &text })?;
@@ -207,7 +208,7 @@ fn random_settings(
         scene: scene.name.clone(),
         target: target.name(),
         points: drawn.iter().map(|(_, _, positions)| positions.len()).sum(),
-        domain: arguments.domain.name(),
+        domain: arguments.points_in.name(),
         seed: arguments.seed,
         reference,
         evaluators: fields::figures(totals.into_iter().collect()),
@@ -224,13 +225,13 @@ fn draw(arguments: &Arguments, scene: &Scene, target: &Target, random: &mut ChaC
         let mut changed = scene.clone();
         let values = settings::draw(&mut changed, random)?;
         let density = Program::density(&changed)?;
-        let trial = domain::points(arguments.domain, &changed, &density, TRIAL_POINTS, seed)?;
+        let trial = domain::points(arguments.points_in, &changed, &density, TRIAL_POINTS, seed)?;
         let program = Program::compile(&changed, std::slice::from_ref(target))?;
         let (found, _) = fields::evaluate(&program, Points::new(&trial), Evaluator::Cpu, None)?;
         let width = program.output_components().max(1);
         let nonzero = found.chunks(width).filter(|values| values.iter().any(|value| *value != 0.0)).count();
         if nonzero as f64 >= NONZERO_SHARE * trial.len() as f64 {
-            let positions = domain::points(arguments.domain, &changed, &density, arguments.points, seed)?;
+            let positions = domain::points(arguments.points_in, &changed, &density, arguments.points, seed)?;
             return Ok((changed, values, positions));
         }
     }

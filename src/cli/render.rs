@@ -2,11 +2,12 @@
 
 use super::choice::choice;
 use crate::base::error::{Error, Result};
+use crate::cli::cycles::CyclesArguments;
 use crate::cli::engine::EngineArguments;
 use crate::cli::march::{MarchArguments, named};
 use crate::cli::picture::{Filter, PictureArguments};
 use crate::cli::resume::ResumeArguments;
-use crate::engines::render::EngineJitter;
+use crate::engines::render::{EngineJitter, EngineSettings};
 use crate::gpu::Backend;
 use crate::integrators;
 use crate::integrators::MarchSettings;
@@ -19,9 +20,16 @@ use crate::scene::image::Image;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-/// Render a scene: a scene-linear EXR, or a PNG with the EXR beside it.
+/// Render a scene, by our own methods or by Cycles: a scene-linear EXR, or a PNG with the EXR beside it.
+///
+/// Options that begin with the name of a method are of that method. With --replicas, OUTPUT is the mean; beside it lies every replica as
+/// OUTPUT.seed-N.exr, which `cloudparity diff` takes, and of Cycles OUTPUT.variance.exr (of one replica, per pixel). What Cycles
+/// rendered is kept: the same request is rendered once.
 #[derive(clap::Args)]
-#[command(after_help = "Example: cloudparity render CLOUD.scene.json -o CLOUD.png")]
+#[command(after_help = "Examples:
+  cloudparity render CLOUD.scene.json -o CLOUD.png
+  cloudparity render CLOUD.scene.json -o CYCLES.exr --integrator cycles --effort ci
+  cloudparity render CLOUD.scene.json -o GAME.png --integrator engine --light octaves --backend gpu")]
 pub(super) struct Arguments {
     #[command(flatten)]
     picture: PictureArguments,
@@ -30,24 +38,32 @@ pub(super) struct Arguments {
     #[arg(long, value_enum)]
     integrator: Option<Integrator>,
     /// Instead of a method, an engine as a tuned preset (*.preset.json) has it.
-    #[arg(long, value_name = "FILE", conflicts_with_all = ["integrator", "seed"])]
+    #[arg(long, value_name = "FILE", conflicts_with = "integrator")]
     preset: Option<PathBuf>,
     /// Where it runs.
-    #[arg(long, value_enum, default_value_t = BackendName::Cpu)]
-    backend: BackendName,
+    #[arg(long, value_parser = choice::<Backend>(), default_value_t = Backend::Cpu)]
+    backend: Backend,
     /// Pixel filter instead of the scene's.
     #[arg(long, value_enum)]
     pixel_filter: Option<Filter>,
-    /// Chooses the random numbers of path, and of march with --jitter; pictures of different seeds are independent
-    /// [default: 0].
-    #[arg(long)]
+    /// march with --jitter, path, cycles: chooses the random numbers; pictures of different seeds are independent [default: 0; of
+    /// cycles 101, of several replicas 5000].
+    #[arg(long, value_name = "SEED")]
     seed: Option<u32>,
+    /// path, cycles: samples per pixel [default: path 64, cycles 256].
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=16_777_216))]
+    samples: Option<u32>,
+    /// path, cycles: as many pictures with seeds that count on from --seed.
+    #[arg(long, value_name = "N", conflicts_with_all = ["max_seconds", "max_relmse"], value_parser = clap::value_parser!(u32).range(1..=1024))]
+    replicas: Option<u32>,
     #[command(flatten)]
     march: MarchArguments,
     #[command(flatten)]
     path: PathArguments,
     #[command(flatten)]
     engine: EngineArguments,
+    #[command(flatten)]
+    cycles: CyclesArguments,
     /// Write pixels that are NaN or infinite, too.
     #[arg(long)]
     allow_nonfinite: bool,
@@ -56,19 +72,12 @@ pub(super) struct Arguments {
 /// What only `--integrator path` takes.
 #[derive(clap::Args)]
 struct PathArguments {
-    /// path: paths per pixel [default: 64].
-    #[arg(long)]
-    samples: Option<u32>,
-    /// path: as many pictures with seeds that count on from --seed. OUTPUT is their mean, each is OUTPUT.seed-N.exr,
-    /// which `cloudparity diff --ours` takes.
-    #[arg(long, conflicts_with_all = ["time", "error"], value_parser = clap::value_parser!(u32).range(2..=1024))]
-    replicas: Option<u32>,
     /// path: stop after so many seconds, preparation not counted; --samples is the most then [default: 16777216].
     #[arg(long, value_name = "SECONDS")]
-    time: Option<f64>,
-    /// path: stop where the estimated relative mean squared error is this small; --samples as with --time.
-    #[arg(long, value_name = "RELMSE")]
-    error: Option<f64>,
+    max_seconds: Option<f64>,
+    /// path: stop where the estimated relative mean squared error is this small; --samples as with --max-seconds.
+    #[arg(long, value_name = "ERROR")]
+    max_relmse: Option<f64>,
     /// path: how rays find their collisions [default: proven].
     #[arg(long, value_parser = choice::<Tracking>())]
     tracking: Option<Tracking>,
@@ -84,14 +93,19 @@ enum Integrator {
     Path,
     /// The march of a cloud system's engine: the scene's own graph, or a published system.
     Engine,
+    /// Blender's own renderer, under the settings of a comparison.
+    Cycles,
 }
 
-#[derive(Debug, Clone, Copy, clap::ValueEnum)]
-enum BackendName {
-    /// All cores.
-    Cpu,
-    /// The adapter.
-    Gpu,
+impl Integrator {
+    fn name(self) -> &'static str {
+        match self {
+            Self::March => "march",
+            Self::Path => "path",
+            Self::Engine => "engine",
+            Self::Cycles => "cycles",
+        }
+    }
 }
 
 pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
@@ -102,84 +116,72 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
         scene.film.pixel_filter = filter.into();
     }
     if let Some(path) = &arguments.preset {
-        refuse("path", &arguments.path.given())?;
-        refuse("march", &arguments.march.given())?;
-        refuse("engine", &arguments.engine.given())?;
-        let is_gpu = matches!(arguments.backend, BackendName::Gpu);
+        arguments.refuse_beside_preset()?;
         let preset = super::engine::preset(path)?;
         let (scene, engine, combination) = preset.build(&scene)?;
-        let settings = combination.picture_settings();
-        super::engine::write(
-            (&scene, &engine),
-            &settings,
-            is_gpu,
-            Some(&preset),
-            &output.exr,
-            arguments.allow_nonfinite,
-        )?;
+        let settings = arguments.engine_settings(combination.picture_settings().sub_pixels)?;
+        let made = (&scene, &engine);
+        let (backend, nonfinite) = (arguments.backend, arguments.allow_nonfinite);
+        super::engine::write(made, &settings, backend, Some(&preset), &output.exr, nonfinite)?;
         return output.finish(&scene, &format!("engine {}, preset {}", engine.model, preset.title), begin);
     }
     let (integrator, why) = arguments.chosen(&scene);
-    if integrator == Integrator::Engine {
-        let what = engine(arguments, &scene, &output.exr)?;
-        return output.finish(&scene, &what, begin);
-    }
-    refuse("engine", &arguments.engine.given())?;
-    let bar = super::progress_bar(1000);
-    let report = |done: f64, what: &str| {
-        bar.set_position((done * 1000.0) as u64);
-        bar.set_message(what.to_owned());
-    };
-    let backend = match arguments.backend {
-        BackendName::Cpu => Backend::Cpu,
-        BackendName::Gpu => Backend::Gpu,
-    };
-    let image = match integrator {
-        Integrator::March => {
-            refuse("path", &arguments.path.given())?;
-            let settings = arguments.march.settings(MarchSettings::default(), arguments.seed)?;
-            integrators::render(&scene, &settings, backend, &report)?
-        }
-        Integrator::Path => {
-            refuse("march", &arguments.march.given())?;
-            if let Some(count) = arguments.path.replicas {
-                return replicas(arguments, &scene, backend, count, &report);
-            }
-            let mut state = output.exr.clone().into_os_string();
-            state.push(".state");
-            let state = State { path: state.as_ref(), resume: arguments.path.resume.resume() };
-            path::render(&scene, &arguments.path.settings(arguments.seed), backend, Some(&state), &report)?
-        }
-        Integrator::Engine => unreachable!("it has returned"),
-    };
-    bar.finish_and_clear();
-    image.write_exr(&output.exr, arguments.allow_nonfinite)?;
-    if let Some(report) = CacheReport::of(&image) {
-        super::print(&format!("{report}\n"))?;
-    }
+    arguments.refuse_of_others(integrator)?;
     let what = match integrator {
-        Integrator::Path => {
-            format!("path tracing, {} samples{why}", image.provenance.get("samples").map_or("?", |s| s))
+        Integrator::March => arguments.by_march(&scene, &output.exr)?,
+        Integrator::Path => arguments.by_path(&scene, &output.exr)?,
+        Integrator::Engine => {
+            let engine = arguments.engine.engine(&scene, "graph")?;
+            let settings = arguments.engine_settings(arguments.march.sub_pixels.unwrap_or(1))?;
+            let made = (&scene, &engine);
+            super::engine::write(made, &settings, arguments.backend, None, &output.exr, arguments.allow_nonfinite)?;
+            format!("engine {}", engine.model)
         }
-        _ => format!("ray marching of single scattering{why}"),
+        Integrator::Cycles => {
+            let drawn = (arguments.samples, arguments.replicas, arguments.seed);
+            arguments.cycles.render(&scene, drawn, &output.exr)?
+        }
     };
-    output.finish(&scene, &what, begin)
+    output.finish(&scene, &format!("{what}{why}"), begin)
 }
 
 impl Arguments {
+    /// Options that only some methods have: name, whether it is given, the methods.
+    fn given(&self) -> Vec<(&'static str, bool, Vec<Integrator>)> {
+        use Integrator::{Cycles, Engine, March, Path};
+        let march = self.march.given().into_iter().map(|(name, given)| match name {
+            "--jitter" | "--sub-pixels" => (name, given, vec![March, Engine]),
+            _ => (name, given, vec![March]),
+        });
+        let path = self.path.given().into_iter().map(|(name, given)| (name, given, vec![Path]));
+        let engine = self.engine.given().into_iter().map(|(name, given)| (name, given, vec![Engine]));
+        let cycles = self.cycles.given().into_iter().map(|(name, given)| (name, given, vec![Cycles]));
+        let shared = [
+            ("--samples", self.samples.is_some(), vec![Path, Cycles]),
+            ("--replicas", self.replicas.is_some(), vec![Path, Cycles]),
+            ("--seed", self.seed.is_some(), vec![March, Path, Cycles]),
+            ("--backend", !self.backend.is_cpu(), vec![March, Path, Engine]),
+            ("--allow-nonfinite", self.allow_nonfinite, vec![March, Path, Engine]),
+        ];
+        march.chain(engine).chain(path).chain(cycles).chain(shared).collect()
+    }
+
     /// The method, and why it was taken where nobody named it.
     fn chosen(&self, scene: &Scene) -> (Integrator, String) {
-        let is_given = |options: &[(&str, bool)]| options.iter().any(|(_, given)| *given);
         if let Some(named) = self.integrator {
             return (named, String::new());
         }
-        if is_given(&self.engine.given()) {
-            return (Integrator::Engine, String::new());
+        // Of an option that several have, the first: nobody means Cycles who does not say so.
+        let of_options = [Integrator::Engine, Integrator::Path, Integrator::March, Integrator::Cycles];
+        let only: Vec<Integrator> =
+            self.given().into_iter().filter(|(_, given, of)| *given && of.len() == 1).map(|(_, _, of)| of[0]).collect();
+        if let Some(found) = of_options.into_iter().find(|one| only.contains(one)) {
+            return (found, String::new());
         }
-        if is_given(&self.path.given()) {
+        if self.samples.is_some() || self.replicas.is_some() {
             return (Integrator::Path, String::new());
         }
-        if is_given(&self.march.given()) {
+        if self.march.jitter.is_some() || self.march.sub_pixels.is_some() {
             return (Integrator::March, String::new());
         }
         if scene.integrator.volume_bounces.min(scene.integrator.max_bounces) > 0 {
@@ -189,6 +191,77 @@ impl Arguments {
             Ok(_) => (Integrator::March, ", as the scene scatters once".into()),
             Err(error) => (Integrator::Path, format!(", as ray marching cannot: {error}")),
         }
+    }
+
+    /// An error where an option of other methods is given, which would otherwise do nothing.
+    fn refuse_of_others(&self, integrator: Integrator) -> Result<()> {
+        let other = self.given().into_iter().find(|(_, given, of)| *given && !of.contains(&integrator));
+        let Some((name, _, of)) = other else { return Ok(()) };
+        let names: Vec<&str> = of.iter().map(|one| one.name()).collect();
+        let names = names.join(" or ");
+        Err(Error::new(
+            name,
+            format!("an option of {names}, where {} renders", integrator.name()),
+            format!("{name} only with --integrator {names}"),
+            format!("Leave {name} out, or give --integrator {}.", of[0].name()),
+        ))
+    }
+
+    /// An error where an option is given that a preset decides.
+    fn refuse_beside_preset(&self) -> Result<()> {
+        let free = ["--jitter", "--jitter-frame", "--god-rays", "--backend", "--allow-nonfinite"];
+        let other = self.given().into_iter().find(|(name, given, _)| *given && !free.contains(name));
+        let Some((name, ..)) = other else { return Ok(()) };
+        Err(Error::new(
+            name,
+            "an option beside --preset",
+            format!("a preset alone, which says all of the engine; beside it {}", free.join(", ")),
+            format!("Leave {name} or --preset out."),
+        ))
+    }
+
+    fn engine_settings(&self, sub_pixels: u32) -> Result<EngineSettings> {
+        let jitter = named("--jitter", self.march.jitter.as_deref())?.unwrap_or(EngineJitter::None);
+        Ok(self.engine.settings(jitter, sub_pixels))
+    }
+
+    /// Ray marching; returns what it was.
+    fn by_march(&self, scene: &Scene, exr: &Path) -> Result<String> {
+        let settings = self.march.settings(MarchSettings::default(), self.seed)?;
+        let bar = super::progress_bar(1000);
+        let image = integrators::render(scene, &settings, self.backend, &super::progress_on(&bar))?;
+        bar.finish_and_clear();
+        image.write_exr(exr, self.allow_nonfinite)?;
+        if let Some(report) = CacheReport::of(&image) {
+            super::print(&format!("{report}\n"))?;
+        }
+        Ok("ray marching of single scattering".into())
+    }
+
+    /// Path tracing, of one picture or of several and their mean; returns what it was.
+    fn by_path(&self, scene: &Scene, exr: &Path) -> Result<String> {
+        let settings = self.path.settings(self.samples, self.seed);
+        let bar = super::progress_bar(1000);
+        let report = super::progress_on(&bar);
+        let Some(count) = self.replicas else {
+            let mut state = exr.to_owned().into_os_string();
+            state.push(".state");
+            let state = State { path: state.as_ref(), resume: self.path.resume.resume() };
+            let image = path::render(scene, &settings, self.backend, Some(&state), &report)?;
+            bar.finish_and_clear();
+            image.write_exr(exr, self.allow_nonfinite)?;
+            return Ok(format!("path tracing, {} samples", image.provenance.get("samples").map_or("?", |s| s)));
+        };
+        let seeds: Vec<u32> = (0..count).map(|number| settings.seed.wrapping_add(number)).collect();
+        let images = path::render_replicas(scene, &settings, self.backend, &seeds, &report)?;
+        bar.finish_and_clear();
+        for (image, seed) in images.iter().zip(&seeds) {
+            let file = super::beside(exr, &format!("seed-{seed}"));
+            image.write_exr(&file, self.allow_nonfinite)?;
+            super::print(&format!("{}\n", file.display()))?;
+        }
+        Image::mean_of(&images)?.write_exr(exr, self.allow_nonfinite)?;
+        Ok(format!("mean of {count} replicas: path tracing, {} samples", settings.samples))
     }
 }
 
@@ -221,82 +294,26 @@ impl Output {
     }
 }
 
-/// Renders by the march of an engine; returns what it is.
-fn engine(arguments: &Arguments, scene: &Scene, output: &Path) -> Result<String> {
-    refuse("path", &arguments.path.given())?;
-    let shared = ["--jitter", "--sub-pixels", "--light"];
-    let of_march: Vec<(&str, bool)> =
-        arguments.march.given().into_iter().filter(|(name, _)| !shared.contains(name)).collect();
-    refuse("march", &of_march)?;
-    refuse("path", &[("--seed", arguments.seed.is_some())])?;
-    let engine = arguments.engine.engine(scene, "graph", arguments.march.light.as_deref())?;
-    let jitter = named("--jitter", arguments.march.jitter.as_deref())?.unwrap_or(EngineJitter::None);
-    let sub_pixels = arguments.march.sub_pixels.unwrap_or(1);
-    if !(1..=64).contains(&sub_pixels) {
-        return Err(Error::new("--sub-pixels", sub_pixels.to_string(), "1 to 64", "Correct the option."));
-    }
-    let settings = arguments.engine.settings(jitter, sub_pixels);
-    let is_gpu = matches!(arguments.backend, BackendName::Gpu);
-    super::engine::write((scene, &engine), &settings, is_gpu, None, output, arguments.allow_nonfinite)?;
-    Ok(format!("engine {}", engine.model))
-}
-
-/// Renders and writes several pictures and their mean.
-fn replicas(
-    arguments: &Arguments,
-    scene: &Scene,
-    backend: Backend,
-    count: u32,
-    report: crate::base::progress::Progress<'_>,
-) -> Result<ExitCode> {
-    let settings = arguments.path.settings(arguments.seed);
-    let seeds: Vec<u32> = (0..count).map(|number| settings.seed.wrapping_add(number)).collect();
-    let images = path::render_replicas(scene, &settings, backend, &seeds, report)?;
-    let output = &arguments.picture.output;
-    for (image, seed) in images.iter().zip(&seeds) {
-        let file = super::beside(output, &format!("seed-{seed}"));
-        image.write_exr(&file, arguments.allow_nonfinite)?;
-        super::print(&format!("{}\n", file.display()))?;
-    }
-    Image::mean_of(&images)?.write_exr(output, arguments.allow_nonfinite)?;
-    super::print(&format!("{} mean\n", output.display()))?;
-    Ok(ExitCode::SUCCESS)
-}
-
-/// An error where an option of the other integrator is given, which would otherwise do nothing.
-fn refuse(integrator: &str, options: &[(&str, bool)]) -> Result<()> {
-    match options.iter().find(|(_, given)| *given) {
-        None => Ok(()),
-        Some((name, _)) => Err(Error::new(
-            *name,
-            "an option of the other integrator",
-            format!("{name} only with --integrator {integrator}"),
-            format!("Leave {name} out, or give --integrator {integrator}."),
-        )),
-    }
-}
-
 impl PathArguments {
-    fn given(&self) -> [(&'static str, bool); 6] {
+    /// Options by name, and whether each is given.
+    fn given(&self) -> [(&'static str, bool); 4] {
         [
-            ("--replicas", self.replicas.is_some()),
-            ("--samples", self.samples.is_some()),
-            ("--time", self.time.is_some()),
-            ("--error", self.error.is_some()),
+            ("--max-seconds", self.max_seconds.is_some()),
+            ("--max-relmse", self.max_relmse.is_some()),
             ("--tracking", self.tracking.is_some()),
             ("--mix-builds", self.resume.given()),
         ]
     }
 
-    fn settings(&self, seed: Option<u32>) -> PathSettings {
+    fn settings(&self, samples: Option<u32>, seed: Option<u32>) -> PathSettings {
         let default = PathSettings::default();
-        let otherwise_stopped = self.time.is_some() || self.error.is_some();
+        let otherwise_stopped = self.max_seconds.is_some() || self.max_relmse.is_some();
         let most = if otherwise_stopped { path::MOST_SAMPLES } else { default.samples };
         PathSettings {
-            samples: self.samples.unwrap_or(most),
+            samples: samples.unwrap_or(most),
             seed: seed.unwrap_or(default.seed),
-            time: self.time,
-            error: self.error,
+            time: self.max_seconds,
+            error: self.max_relmse,
             tracking: self.tracking.unwrap_or_default(),
         }
     }

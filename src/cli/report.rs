@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 /// What makes the pictures and figures of a comparison.
-const DIFF: &str = "cloudparity diff --ours OURS.exr --reference REFERENCE.exr --view AgX --out RUN";
+const DIFF: &str = "cloudparity diff --ours OURS.exr --reference REFERENCE.exr -o RUN";
 
 /// The command that makes each file of a run directory.
 pub(super) const MAKERS: Makers<'static> = &[
@@ -30,8 +30,10 @@ pub(super) const MAKERS: Makers<'static> = &[
 
 /// Write index.html, report.md and figures.csv from what a run directory holds; print the page's path.
 #[derive(clap::Args)]
+#[command(after_help = "Example: cloudparity report FOLDER")]
 pub(super) struct Arguments {
-    /// The run directory.
+    /// The run directory, or the folder of a study or a tuning.
+    #[arg(value_name = "DIR")]
     directory: PathBuf,
 }
 

@@ -5,6 +5,7 @@ use std::process::ExitCode;
 
 /// Print the JSON Schema of scene files.
 #[derive(clap::Args)]
+#[command(after_help = "Example: cloudparity schema > scene.schema.json")]
 pub(super) struct Arguments {}
 
 pub(super) fn run(_: &Arguments) -> Result<ExitCode> {

@@ -15,6 +15,7 @@ use std::process::ExitCode;
 /// Optical depths of 1e-6 to 1e6 per step, densities of 0 to 1e8, eccentricities to 1 - 1e-6, coordinates and Time to 1e6, scales to 0,
 /// cameras inside and on the boundary, rays in faces, suns below the horizon, 1 and 10,000 steps. Exit status 1: a row fails; 2: no adapter.
 #[derive(clap::Args)]
+#[command(after_help = "Example: cloudparity stability CLOUD.scene.json -o STABILITY")]
 pub(super) struct Arguments {
     #[command(flatten)]
     scene: SceneArguments,
@@ -27,7 +28,7 @@ pub(super) struct Arguments {
     /// Ask live Cycles for the fields' values, too.
     #[arg(long)]
     cycles: bool,
-    /// Print the document instead of a table.
+    /// JSON instead of text.
     #[arg(long)]
     json: bool,
     #[command(flatten)]

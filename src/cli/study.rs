@@ -1,15 +1,19 @@
 //! `cloudparity study` and `cloudparity recommend`: error against time.
 
 use super::choice::choice;
-use crate::base::error::Result;
+use crate::base::error::{Error, Result};
 use crate::base::files;
 use crate::base::identity::{Identity, listed};
 use crate::cli::resume::{ExperimentArguments, whole};
 use crate::measure::study::pareto_front::{self, Budget, Metric};
-use crate::measure::study::{Results, Study};
+use crate::engines::render::EngineJitter;
+use crate::measure::combination::Combination;
+use crate::measure::study::{Group, Measured, Results, Study};
+use crate::measure::timing::Clock;
+use crate::measure::tuning::preset::Preset;
 use serde_json::json;
 use std::fmt::Write as _;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 /// Render every combination of a study file's axes, and measure its error against path tracing and its time.
@@ -18,6 +22,7 @@ use std::process::ExitCode;
 /// figure error against time (study.svg, .png, .pdf). With --verify the Pareto fronts of an earlier run are measured again from scratch;
 /// exit status 1 where an error does not come out the same within its uncertainty.
 #[derive(clap::Args)]
+#[command(after_help = "Examples:\n  cloudparity study CLOUD.study.toml -o STUDY\n  cloudparity study CLOUD.study.toml -o STUDY --list")]
 pub(super) struct Arguments {
     /// The study file (*.study.toml).
     file: PathBuf,
@@ -146,28 +151,38 @@ fn line(text: &mut String, parts: std::fmt::Arguments<'_>) {
 
 /// Recommend a setting from a study: the least error in a time, or the shortest time for an error.
 #[derive(clap::Args)]
-#[command(group = clap::ArgGroup::new("budget").required(true).multiple(false))]
+#[command(
+    group = clap::ArgGroup::new("budget").required(true).multiple(false),
+    after_help = "Example: cloudparity recommend STUDY --max-ms 50"
+)]
 pub(super) struct RecommendArguments {
     /// The folder of the study.
+    #[arg(value_name = "DIR")]
     directory: PathBuf,
-    /// Milliseconds of processor time that a picture may take.
-    #[arg(long, group = "budget")]
+    /// Milliseconds that a picture may take, by the study's clock.
+    #[arg(long, group = "budget", value_name = "MS")]
     max_ms: Option<f64>,
-    /// Largest relMSE.
-    #[arg(long, group = "budget")]
+    /// The largest relative mean squared error.
+    #[arg(long, group = "budget", value_name = "ERROR")]
     max_relmse: Option<f64>,
     /// Largest HDR-FLIP.
-    #[arg(long, group = "budget")]
+    #[arg(long, group = "budget", value_name = "FLIP")]
     max_flip: Option<f64>,
     /// With --max-ms: the error that is to be least.
     #[arg(long, value_parser = choice::<Metric>(), default_value_t = Metric::Relmse)]
     metric: Metric,
     /// Only this scene.
-    #[arg(long)]
+    #[arg(long, value_name = "NAME")]
     scene: Option<String>,
     /// Only this density model.
-    #[arg(long)]
+    #[arg(long, value_name = "MODEL")]
     density: Option<String>,
+    /// Pixels of the picture that is wanted, WIDTHxHEIGHT. Times are then those of the study in proportion to pixels: an estimate.
+    #[arg(long, value_name = "WxH", value_parser = super::picture::parse_resolution)]
+    resolution: Option<[u32; 2]>,
+    /// Also write the setting as a preset (*.preset.json), which `cloudparity render --preset` takes; of one scene and density.
+    #[arg(short, long, value_name = "FILE")]
+    output: Option<PathBuf>,
     /// JSON instead of text.
     #[arg(long)]
     json: bool,
@@ -179,8 +194,12 @@ pub(super) fn recommend(arguments: &RecommendArguments) -> Result<ExitCode> {
         let builds = listed(&results.builds, ToString::to_string);
         eprintln!("note: measured by another build ({builds}) than this one, {}", Identity::current());
     }
+    let measured = results.study.resolution;
+    let pixels = |[width, height]: [u32; 2]| f64::from(width) * f64::from(height);
+    // A picture's time over that of the study's.
+    let scale = arguments.resolution.map_or(1.0, |wanted| pixels(wanted) / pixels(measured));
     let (metric, budget) = match (arguments.max_ms, arguments.max_relmse, arguments.max_flip) {
-        (Some(time), ..) => (arguments.metric, Budget::Seconds(time / 1e3)),
+        (Some(time), ..) => (arguments.metric, Budget::Seconds(time / 1e3 / scale)),
         (_, Some(error), _) => (Metric::Relmse, Budget::Error(error)),
         (.., error) => (Metric::Flip, Budget::Error(error.expect("one of the three is required"))),
     };
@@ -190,29 +209,99 @@ pub(super) fn recommend(arguments: &RecommendArguments) -> Result<ExitCode> {
         .into_iter()
         .filter(|(scene, density, _)| wanted(&arguments.scene, scene) && wanted(&arguments.density, density))
         .collect();
+    let of_study = |groups: Vec<Group<'_>>| {
+        let names: Vec<String> = groups.iter().map(|(scene, density, _)| format!("{density} in {scene}")).collect();
+        if names.is_empty() { "a study with runs".to_owned() } else { names.join(", ") }
+    };
     if groups.is_empty() {
-        let known: Vec<String> =
-            results.groups().iter().map(|(scene, density, _)| format!("{density} in {scene}")).collect();
-        return Err(crate::base::error::Error::new(
+        return Err(Error::new(
             "--scene, --density",
             "nothing of that name in the study",
-            if known.is_empty() { "a study with runs".to_owned() } else { known.join(", ") },
+            of_study(results.groups()),
             "Correct the names.",
+        ));
+    }
+    if arguments.output.is_some() && groups.len() > 1 {
+        return Err(Error::new(
+            "--output",
+            format!("settings of {}", of_study(groups)),
+            "one scene and one density: a preset is one setting",
+            "Name them (--scene, --density).",
         ));
     }
     let mut text = String::new();
     let mut documents = Vec::new();
     for (scene, density, runs) in groups {
-        let run =
-            pareto_front::recommend(&pareto_front::pareto_front(runs, metric), metric, budget).map_err(|error| {
-                crate::base::error::Error { place: format!("{density} in {scene}: {}", error.place), ..error }
-            })?;
+        let run = pareto_front::recommend(&pareto_front::pareto_front(runs, metric), metric, budget)
+            .map_err(|error| Error { place: format!("{density} in {scene}: {}", error.place), ..error })?;
+        let preset = preset_of(&results, run)?;
+        if let Some(path) = &arguments.output {
+            preset.write(path)?;
+        }
         line(&mut text, format_args!("{density} in {scene}: {}", run.describe().trim_start()));
-        documents.push(run);
+        if let Some([width, height]) = arguments.resolution {
+            let estimate = 1e3 * run.seconds.median * scale;
+            line(&mut text, format_args!("  about {estimate:.1} ms at {width} x {height}, in proportion to pixels (an estimate)"));
+        }
+        let file = arguments.output.as_deref().unwrap_or(Path::new("RECOMMENDED.preset.json"));
+        line(&mut text, format_args!("  {}", command(&results, run, arguments.resolution.unwrap_or(measured), file)));
+        documents.push(json!({
+            "resolution": measured, "clock": results.clock, "machine": results.machine, "run": run, "preset": preset,
+            "estimated_seconds": arguments.resolution.map(|_| run.seconds.median * scale),
+        }));
+    }
+    let [width, height] = measured;
+    line(
+        &mut text,
+        format_args!("measured at {width} x {height} pixels, {}, on {}", results.clock.label(), results.machine),
+    );
+    if let Some(path) = &arguments.output {
+        line(&mut text, format_args!("{}: the preset", path.display()));
+    } else {
+        line(&mut text, format_args!("add -o RECOMMENDED.preset.json for the preset"));
     }
     if arguments.json {
         text = serde_json::to_string_pretty(&documents).expect("runs serialise") + "\n";
     }
     super::print(&text)?;
     Ok(ExitCode::SUCCESS)
+}
+
+/// The settings of a run as a preset.
+fn preset_of(results: &Results, run: &Measured) -> Result<Preset> {
+    let Combination { scene, density, .. } = &run.combination;
+    let provenance = json!({
+        "study": results.study.title, "scene": scene, "resolution": results.study.resolution, "clock": results.clock,
+        "machine": results.machine, "seconds": run.seconds, "errors": run.errors, "flip": run.flip,
+    });
+    let title = format!("{density} in {scene}: {}", run.combination.describe());
+    Preset::of_combination(&run.combination, title, results.builds.clone(), provenance)
+}
+
+/// The command that makes a run's picture with its preset.
+fn command(results: &Results, run: &Measured, [width, height]: [u32; 2], preset: &Path) -> String {
+    let Combination { scene, jitter, god_rays, .. } = &run.combination;
+    let scenes = results.study.axes.scenes.as_slice();
+    let named = scenes.iter().find(|axis| axis.name.as_deref() == Some(scene));
+    let axis = named.or(if let [only] = scenes { Some(only) } else { None });
+    // Studies name scenes as they see them from their own folder.
+    let file = axis.map_or_else(|| "SCENE".to_owned(), |axis| super::quoted(Path::new(&axis.file)));
+    let mut text = format!("cloudparity render {file} -o PICTURE.png --preset {}", super::quoted(preset));
+    for set in axis.iter().flat_map(|axis| &axis.set) {
+        text += &format!(" --set {}", super::quoted(Path::new(set)));
+    }
+    if *jitter != EngineJitter::None {
+        text += &format!(" --jitter {jitter}");
+    }
+    if *god_rays {
+        text += " --god-rays";
+    }
+    if results.clock == Clock::Timestamps {
+        text += " --backend gpu";
+    }
+    text += &format!(" --resolution {width}x{height}");
+    if axis.is_some_and(|axis| axis.sun.is_some() || axis.camera.is_some()) {
+        text += "  # the study turned the scene's sun or camera, which this does not";
+    }
+    text
 }

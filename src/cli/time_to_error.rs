@@ -14,11 +14,12 @@ use std::process::ExitCode;
 /// For the entries of a suite with sub-pixel replicas. References come from the cache, else Cycles renders for hours. Times are
 /// of the processor, so nothing else should run. Writes OUTPUT/time_to_error.json and .md.
 #[derive(clap::Args)]
+#[command(after_help = "Example: cloudparity time-to-error --only linear-ramp -o TIMES")]
 pub(super) struct Arguments {
     #[command(flatten)]
     suite: SuiteArguments,
-    /// Samples of Cycles whose error is to be reached.
-    #[arg(long, value_delimiter = ',', default_values_t = TimeSettings::default().levels,
+    /// Samples per pixel of Cycles, whose error is to be reached.
+    #[arg(long, value_name = "N", value_delimiter = ',', default_values_t = TimeSettings::default().levels,
         value_parser = clap::value_parser!(u32).range(1..=1_048_576))]
     samples: Vec<u32>,
     /// Step rate of Cycles' ray marching, which is a second mode to compare with.
@@ -26,7 +27,7 @@ pub(super) struct Arguments {
     marching_rate: f64,
     /// Leave Cycles' ray marching out.
     #[arg(long, conflicts_with = "marching_rate")]
-    no_marching: bool,
+    without_marching: bool,
     /// How our rays find their collisions.
     #[arg(long, value_parser = choice::<Tracking>(), value_delimiter = ',', default_values_t = TimeSettings::default().trackings)]
     tracking: Vec<Tracking>,
@@ -34,7 +35,7 @@ pub(super) struct Arguments {
     #[arg(long, value_name = "SECONDS", default_value_t = TimeSettings::default().longest, value_parser = rate)]
     longest: f64,
     /// The folder for the results.
-    #[arg(short, long, default_value = "out/time-to-error")]
+    #[arg(short, long, value_name = "DIR", default_value = "out/time-to-error")]
     output: PathBuf,
     #[command(flatten)]
     experiment: ExperimentArguments,
@@ -48,7 +49,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
     super::need_bpy("the pictures are")?;
     let what = TimeSettings {
         levels: arguments.samples.clone(),
-        marching_rate: (!arguments.no_marching).then_some(arguments.marching_rate),
+        marching_rate: (!arguments.without_marching).then_some(arguments.marching_rate),
         trackings: arguments.tracking.clone(),
         longest: arguments.longest,
     };

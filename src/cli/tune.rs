@@ -10,9 +10,10 @@ use std::process::ExitCode;
 /// Fit an engine's free parameters to path tracing on some views, and judge them on others.
 ///
 /// CMA-ES lowers the error of the training views of a tuning file. Published light models, their exposure matched to the same views, are what
-/// the result is compared with. Writes tuning.json, tuned.preset.json (for `engine --preset` and `render --preset`) and the figure
+/// the result is compared with. Writes tuning.json, tuned.preset.json (for `render --preset`) and the figure
 /// before and after (tuning.svg, .png, .pdf). An interrupted search goes on where it stopped.
 #[derive(clap::Args)]
+#[command(after_help = "Example: cloudparity tune CLOUD.tune.toml -o TUNING")]
 pub(super) struct Arguments {
     /// The tuning file (*.tune.toml).
     file: PathBuf,

@@ -21,9 +21,10 @@ pub use field::FieldKernel;
 pub use layout::Layout;
 pub use slices::Slices;
 
+use crate::base::choice::choice;
 use crate::base::error::{Error, Result};
 use futures_channel::oneshot;
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// An open device.
@@ -56,17 +57,24 @@ pub struct Adapter {
 /// 4D Voronoi texture alone takes up to 625 iterations per octave, so kernels split their work below it.
 pub const SOFTWARE_LOOPS: u32 = 65_535;
 
+choice! { "lowercase",
 /// Where the work runs.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
+#[derive(Default)]
 pub enum Backend {
-    /// f64 with the f32 density, on all cores.
+    /// All cores: f64 with the f32 density.
+    #[default]
     Cpu,
-    /// f32 on the adapter.
+    /// The adapter: f32.
     Gpu,
+}
 }
 
 impl Backend {
+    /// Whether it is all cores.
+    pub fn is_cpu(&self) -> bool {
+        *self == Self::Cpu
+    }
+
     /// The adapter, where one is asked for.
     pub fn open(self) -> Result<Option<Gpu>> {
         match self {

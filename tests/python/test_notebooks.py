@@ -130,7 +130,7 @@ def test_field_parity_is_shown_with_and_without_blender(execute, tmp_path):
     if HAS_BPY:
         scene = ROOT / "parity" / "scenes" / "procedural-clouds.scene.json"
         run("probe", scene, "--points", "500", "-o", tmp_path / "probe.json")
-        run("modes", "--node", "Clamp", "--cpu-only", "-o", tmp_path / "modes.json")
+        run("modes", "--node", "Clamp", "--without-gpu", "-o", tmp_path / "modes.json")
     figures, tables, text = execute("field-parity.ipynb", CLOUDPARITY_POINTS=4000, CLOUDPARITY_RUN=tmp_path)
     # Texture values, the box, a slice, Cycles' slices; another where there is an adapter.
     assert len(figures) >= 4 and len(tables) == (4 if HAS_BPY else 2)

@@ -25,7 +25,7 @@ const TOGETHER: u64 = 32;
 const FOLDER: &str = "failed-graphs";
 
 pub(super) fn run(arguments: &Arguments, count: u64) -> Result<ExitCode> {
-    let gpu = if arguments.cpu_only { None } else { Some(Gpu::open()) };
+    let gpu = if arguments.without_gpu { None } else { Some(Gpu::open()) };
     let opened = gpu.as_ref().and_then(|found| found.as_ref().ok());
     let judge = Judge { gpu: opened, compile: &random_graphs::compile };
     let folder = arguments.output.clone().unwrap_or_else(|| PathBuf::from(FOLDER));

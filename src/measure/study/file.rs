@@ -8,6 +8,7 @@ use crate::engines::defects::Defects;
 use crate::engines::light::models;
 use crate::engines::parameters::Parameter;
 use crate::engines::render::EngineJitter;
+use crate::gpu::Backend;
 use crate::measure::combination::{CacheAxis, Combination, Quality, no_cache};
 use crate::measure::scenes::{SceneAxis, check_resolution, load_scenes};
 use crate::measure::study::curve_points::PARTS;
@@ -69,31 +70,15 @@ impl Curves {
 pub struct Timing {
     /// Timed renders after one that does not count; their median counts.
     pub repeats: u32,
-    /// What renders the runs.
-    #[serde(skip_serializing_if = "Worker::is_cpu")]
-    pub on: Worker,
+    /// What renders the runs: all cores, timed by processor time, or the adapter, timed by its timestamps (by processor time where
+    /// it is software).
+    #[serde(skip_serializing_if = "Backend::is_cpu")]
+    pub backend: Backend,
 }
 
 impl Default for Timing {
     fn default() -> Self {
-        Self { repeats: 3, on: Worker::Cpu }
-    }
-}
-
-/// What renders a study's runs.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Worker {
-    /// All cores, timed by processor time.
-    #[default]
-    Cpu,
-    /// The adapter: timed by its timestamps, or by processor time where it is software.
-    Adapter,
-}
-
-impl Worker {
-    fn is_cpu(&self) -> bool {
-        *self == Self::Cpu
+        Self { repeats: 3, backend: Backend::Cpu }
     }
 }
 

@@ -28,7 +28,7 @@ use crate::measure::combination::Combination;
 use crate::measure::timing::machine;
 use crate::scene::Scene;
 use cpu_time::ProcessTime;
-use file::{Skipped, StudyFile, Worker};
+use file::{Skipped, StudyFile};
 use std::path::Path;
 
 /// Format of a study's results.
@@ -94,10 +94,7 @@ impl Study {
 
     /// The adapter, where the runs are rendered on it.
     fn adapter(&self) -> Result<Option<Gpu>> {
-        match self.file.timing.on {
-            Worker::Cpu => Ok(None),
-            Worker::Adapter => Gpu::open().map(Some),
-        }
+        self.file.timing.backend.open()
     }
 
     /// What does the work.

@@ -7,8 +7,10 @@ use crate::base::error::{Error, Result};
 use crate::base::files;
 use crate::base::identity::Identity;
 use crate::base::kinds::{self, FileKind};
+use crate::base::ledger::to_json;
 use crate::engines::Engine;
 use crate::engines::light::{LightModel, models};
+use crate::engines::parameters::assignment;
 use crate::measure::combination::Combination;
 use crate::measure::toml_files::remedy;
 use crate::measure::tuning::file::{Owner, TunedEngine, owner};
@@ -61,6 +63,38 @@ impl Preset {
                 "best_published_held_out_flip": Scored::mean_flip(&best.held_out),
             }),
         }
+    }
+
+    /// The preset of settings that were measured; their jitter and god rays are settings of a picture, which presets do not hold.
+    pub fn of_combination(
+        combination: &Combination,
+        title: String,
+        builds: Vec<Identity>,
+        provenance: serde_json::Value,
+    ) -> Result<Self> {
+        let Combination { density, light, steps, light_steps, cache, sub_pixels, defects, .. } = combination;
+        let mut words = light.split_whitespace();
+        let light = words.next().unwrap_or_default().to_owned();
+        let mut parameters = IndexMap::new();
+        for word in words {
+            let (name, value) = assignment(word)?;
+            parameters.insert(name.to_owned(), value);
+        }
+        let engine = TunedEngine {
+            density: density.clone(),
+            light,
+            steps: *steps,
+            light_steps: *light_steps,
+            cache: *cache,
+            sub_pixels: *sub_pixels,
+            defects: defects.clone(),
+        };
+        Ok(Self { format: FORMAT.into(), builds, title, engine, parameters, provenance })
+    }
+
+    /// Writes the preset.
+    pub fn write(&self, path: &Path) -> Result<()> {
+        files::write_atomically(path, to_json(self).as_bytes())
     }
 
     /// Reads a preset.

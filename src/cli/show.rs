@@ -1,0 +1,37 @@
+//! `cloudparity show`: what there is.
+
+use super::{completions, doctor, lights, man, models, nodes, params, schema};
+use crate::base::error::Result;
+use std::process::ExitCode;
+
+/// Show what there is: a scene's parameters, nodes, engines, light models, this machine.
+#[derive(clap::Args)]
+pub(super) struct Arguments {
+    #[command(subcommand)]
+    what: What,
+}
+
+#[derive(clap::Subcommand)]
+enum What {
+    Params(params::Arguments),
+    Models(models::Arguments),
+    Lights(lights::Arguments),
+    Nodes(nodes::Arguments),
+    Schema(schema::Arguments),
+    Doctor(doctor::Arguments),
+    Completions(completions::Arguments),
+    Man(man::Arguments),
+}
+
+pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
+    match &arguments.what {
+        What::Params(arguments) => params::run(arguments),
+        What::Models(arguments) => models::run(arguments),
+        What::Lights(arguments) => lights::run(arguments),
+        What::Nodes(arguments) => nodes::run(arguments),
+        What::Schema(arguments) => schema::run(arguments),
+        What::Doctor(arguments) => doctor::run(arguments),
+        What::Completions(arguments) => completions::run(arguments),
+        What::Man(arguments) => man::run(arguments),
+    }
+}
