@@ -244,7 +244,10 @@ fn the_command_takes_names_of_defects() {
     let path = folder.path().join("out.exr");
     let run = |arguments: &[&str]| {
         let mut command = cargo_bin_cmd!("cloudparity");
-        command.arg("render").arg(support::project("parity/scenes/linear-ramp.scene.json")).args(["--model", "perlin-fbm"]);
+        command
+            .arg("render")
+            .arg(support::project("parity/scenes/linear-ramp.scene.json"))
+            .args(["--model", "perlin-fbm"]);
         command.args(["--resolution", "8x8", "-p", "texture_size=32", "-o"]).arg(&path).args(arguments);
         let output = command.output().expect("it runs");
         (output.status.code(), String::from_utf8_lossy(&output.stderr).into_owned())

@@ -12,8 +12,11 @@ fn read(path: &str) -> String {
 
 /// The names in the lists that a help shows, with what stands before them.
 fn listed(command: &[&str]) -> Vec<String> {
-    let output =
-        assert_cmd::cargo::cargo_bin_cmd!("cloudparity").args(command).arg("--help").output().expect("the program runs");
+    let output = assert_cmd::cargo::cargo_bin_cmd!("cloudparity")
+        .args(command)
+        .arg("--help")
+        .output()
+        .expect("the program runs");
     let text = String::from_utf8(output.stdout).expect("help is UTF-8");
     let names = text.lines().take_while(|line| !line.starts_with("Options:"));
     let names = names.filter_map(|line| line.strip_prefix("  ")?.split(' ').next()).filter(|name| !name.is_empty());
@@ -26,7 +29,10 @@ fn the_table_of_commands_lists_every_command_and_no_other() {
     let rows: BTreeSet<String> = text
         .lines()
         .filter_map(|line| Some(line.strip_prefix("| `cloudparity ")?.split('`').next()?))
-        .map(|row| row.split(' ').take_while(|word| word.chars().all(|c| c.is_lowercase() || c == '-') && !word.starts_with('-')))
+        .map(|row| {
+            row.split(' ')
+                .take_while(|word| word.chars().all(|c| c.is_lowercase() || c == '-') && !word.starts_with('-'))
+        })
         .map(|words| words.collect::<Vec<_>>().join(" "))
         .collect();
     let mut known = BTreeSet::new();

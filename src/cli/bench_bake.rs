@@ -24,10 +24,7 @@ pub(super) struct Arguments {
 pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
     let gpu = Gpu::open().ok();
     let bar = super::progress_bar(1000);
-    let progress = |done: f64, what: &str| {
-        bar.set_position((done * 1000.0) as u64);
-        bar.set_message(what.to_owned());
-    };
+    let progress = super::progress_on(&bar);
     let rows = perlin_fbm::run(arguments.texels as usize, arguments.repeats as usize, gpu.as_ref(), &progress)?;
     bar.finish_and_clear();
     let adapter = gpu.as_ref().map_or("none", |gpu| gpu.adapter().name.as_str());

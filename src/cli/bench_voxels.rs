@@ -36,10 +36,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
     let settings = PathSettings { samples: arguments.samples, ..PathSettings::default() };
     let counts: Vec<usize> = arguments.voxels.iter().map(|&count| count as usize).collect();
     let bar = super::progress_bar(1000);
-    let report = |done: f64, what: &str| {
-        bar.set_position((done * 1000.0) as u64);
-        bar.set_message(what.to_owned());
-    };
+    let report = super::progress_on(&bar);
     let rows = voxels::run(&scene, &engine, &counts, &settings, arguments.replicas, &report)?;
     bar.finish_and_clear();
     if arguments.json {

@@ -64,10 +64,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
         timed_points: arguments.timed_points,
     };
     let bar = super::progress_bar(1000);
-    let progress = |done: f64, what: &str| {
-        bar.set_position((done * 1000.0) as u64);
-        bar.set_message(what.to_owned());
-    };
+    let progress = super::progress_on(&bar);
     let begin = Instant::now();
     let mut found = comparison::run(&scene, model, &values, &settings, &arguments.output, &progress)?;
     bar.finish_and_clear();

@@ -6,7 +6,9 @@ use std::process::ExitCode;
 
 /// Print the completions of a shell.
 #[derive(clap::Args)]
-#[command(after_help = "Example: cloudparity completions bash > ~/.local/share/bash-completion/completions/cloudparity")]
+#[command(
+    after_help = "Example: cloudparity completions bash > ~/.local/share/bash-completion/completions/cloudparity"
+)]
 pub(super) struct Arguments {
     /// The shell.
     #[arg(value_enum)]

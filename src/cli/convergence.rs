@@ -64,10 +64,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
         march: arguments.march.settings(default.march, None)?,
     };
     let bar = super::progress_bar(1000);
-    let progress = |done: f64, what: &str| {
-        bar.set_position((done * 1000.0) as u64);
-        bar.set_message(what.to_owned());
-    };
+    let progress = super::progress_on(&bar);
     let outcome = measure(&scene, &what, Some(&arguments.output), &arguments.experiment.settings(), &progress)?;
     bar.finish_and_clear();
     let Some(found) = whole(outcome) else { return Ok(ExitCode::SUCCESS) };

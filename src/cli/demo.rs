@@ -29,10 +29,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
     demonstration::check_writable(&arguments.output)?;
     let settings = Settings { output: arguments.output.clone(), live: arguments.live, modes: !arguments.without_modes };
     let bar = super::progress_bar(1000);
-    let report = |done: f64, what: &str| {
-        bar.set_position((done * 1000.0) as u64);
-        bar.set_message(what.to_owned());
-    };
+    let report = super::progress_on(&bar);
     let outcome = demonstration::run(&settings, &report)?;
     bar.finish_and_clear();
     super::print(&format!("{}\n", outcome.report.display()))?;

@@ -18,7 +18,9 @@ use std::process::ExitCode;
 /// can tell. Otherwise only tolerances that are named are judged; without any the figures are printed and the status
 /// is 2.
 #[derive(clap::Args)]
-#[command(after_help = "Examples:\n  cloudparity diff --ours OURS.exr --reference CYCLES.exr --block-relmse 0.001 -o DIFFERENCE\n  cloudparity diff --ours OURS.seed-0.exr OURS.seed-1.exr --reference CYCLES.seed-5000.exr CYCLES.seed-5001.exr")]
+#[command(
+    after_help = "Examples:\n  cloudparity diff --ours OURS.exr --reference CYCLES.exr --block-relmse 0.001 -o DIFFERENCE\n  cloudparity diff --ours OURS.seed-0.exr OURS.seed-1.exr --reference CYCLES.seed-5000.exr CYCLES.seed-5001.exr"
+)]
 pub(super) struct Arguments {
     /// Our EXR files.
     #[arg(long, required = true, num_args = 1.., value_name = "EXR")]
@@ -187,8 +189,13 @@ impl Arguments {
 
     /// The statistical verdict, where it is wanted.
     fn statistics(&self) -> Option<StatisticsSettings> {
-        let StatisticsArguments { statistics, pixels_as_replicas: sub_pixels, systematic_allowance, significance, debiased_relmse } =
-            self.statistics;
+        let StatisticsArguments {
+            statistics,
+            pixels_as_replicas: sub_pixels,
+            systematic_allowance,
+            significance,
+            debiased_relmse,
+        } = self.statistics;
         let has_replicas = sub_pixels.is_some() || (self.ours.len() > 1 && self.reference.len() > 1);
         let is_wanted = match statistics {
             WhenStatistics::Auto => has_replicas || systematic_allowance.is_some(),
@@ -226,7 +233,8 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
 fn answer(result: &DiffResult) -> String {
     let mut lines = vec![result.verdict.words().to_owned()];
     lines.extend(result.reasons.iter().map(|reason| format!("  {reason}")));
-    let unmet = result.checks.iter().filter(|check| check.outcome != result.verdict && check.outcome != Verdict::Agrees);
+    let unmet =
+        result.checks.iter().filter(|check| check.outcome != result.verdict && check.outcome != Verdict::Agrees);
     lines.extend(unmet.map(|check| format!("  {}: {}", check.outcome.words(), check.reason)));
     lines.extend(result.notes.iter().map(|note| format!("  note: {note}")));
     let means: Vec<String> = result
@@ -257,7 +265,8 @@ fn answer(result: &DiffResult) -> String {
     }
     if !result.checks.is_empty() {
         let agree = result.checks.iter().filter(|check| check.outcome == Verdict::Agrees).count();
-        lines.push(format!("  {agree} of {} checks agree; --verbose shows them with every figure", result.checks.len()));
+        lines
+            .push(format!("  {agree} of {} checks agree; --verbose shows them with every figure", result.checks.len()));
     }
     lines.join("\n") + "\n"
 }

@@ -150,10 +150,7 @@ pub(super) fn write(
     allow_nonfinite: bool,
 ) -> Result<ExitCode> {
     let bar = super::progress_bar(1000);
-    let report = |done: f64, what: &str| {
-        bar.set_position((done * 1000.0) as u64);
-        bar.set_message(what.to_owned());
-    };
+    let report = super::progress_on(&bar);
     let mut image = render::render(scene, engine, settings, backend, &report)?;
     bar.finish_and_clear();
     if let Some(preset) = preset {

@@ -17,7 +17,9 @@ use std::process::ExitCode;
 /// The grid lies in the frame of the scene's volume object. Voxels stand on the faces of its box and between them; negative densities
 /// are written as 0.
 #[derive(clap::Args)]
-#[command(after_help = "Examples:\n  cloudparity grid CLOUD.scene.json -o CLOUD.vdb --voxels 256\n  cloudparity grid CLOUD.vdb -o VALUES.npy")]
+#[command(
+    after_help = "Examples:\n  cloudparity grid CLOUD.scene.json -o CLOUD.vdb --voxels 256\n  cloudparity grid CLOUD.vdb -o VALUES.npy"
+)]
 pub(super) struct Arguments {
     /// A scene file, or a .vdb to read.
     input: PathBuf,

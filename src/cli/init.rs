@@ -88,7 +88,8 @@ fn go_on(scene: &Path, engine_files: Option<(&Path, &Path)>, folder: &Path) -> R
         let [runs, tuned] = ["study", "tuning"].map(in_folder);
         lines.push((format!("cloudparity study {} -o {runs}", super::quoted(study)), "error against time"));
         lines.push((format!("cloudparity report {runs}"), "one page of it"));
-        lines.push((format!("cloudparity tune {} -o {tuned}", super::quoted(tuning)), "a preset that looks most alike"));
+        lines
+            .push((format!("cloudparity tune {} -o {tuned}", super::quoted(tuning)), "a preset that looks most alike"));
     }
     let width = lines.iter().map(|(command, _)| command.chars().count()).max().unwrap_or(0);
     let text: String = lines.iter().map(|(command, what)| format!("  {command:<width$}  # {what}\n")).collect();

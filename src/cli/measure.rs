@@ -1,6 +1,9 @@
 //! `cloudparity measure`: experiments.
 
-use super::{bench, bench_bake, bench_compile, bench_nodes, bench_voxels, bounds, compare_models, convergence, demo, modes, parity, stability, study, time_to_error, tune};
+use super::{
+    bench, bench_bake, bench_compile, bench_nodes, bench_voxels, bounds, compare_models, convergence, demo, modes,
+    parity, stability, study, time_to_error, tune,
+};
 use crate::base::error::Result;
 use std::process::ExitCode;
 

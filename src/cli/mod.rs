@@ -124,7 +124,8 @@ fn command_line() -> clap::Command {
     all = all.help_template("{about}\n\n{usage-heading} {usage}{after-help}").after_help(text);
     for group in GROUPS {
         all = all.mut_subcommand(group, |group| {
-            let note = format!("A subcommand may be called without {}: cloudparity {}", group.get_name(), example_of(&group));
+            let note =
+                format!("A subcommand may be called without {}: cloudparity {}", group.get_name(), example_of(&group));
             group.after_help(note).disable_help_subcommand(true)
         });
     }
@@ -211,14 +212,18 @@ pub fn run() -> ExitCode {
     })
 }
 
-/// A bar on stderr with an estimate of the time left; hidden where stderr is no terminal. Warnings are printed above it.
+/// A bar on stderr that moves while it waits, with the time that passed and an estimate of what is left; hidden where stderr is no terminal. Warnings are printed above it.
 pub(crate) fn progress_bar(length: u64) -> indicatif::ProgressBar {
     if !std::io::stderr().is_terminal() {
         return indicatif::ProgressBar::hidden();
     }
-    let style = indicatif::ProgressStyle::with_template("{wide_bar} {percent:>3}% {eta:>6} {msg}")
-        .expect("the template is well formed");
+    let style = indicatif::ProgressStyle::with_template(
+        "{spinner} {wide_bar} {percent:>3}% {elapsed:>4}, {eta:>4} left  {msg}",
+    )
+    .expect("the template is well formed");
     let bar = indicatif::ProgressBar::new(length).with_style(style);
+    // Cycles says nothing for minutes while it looks at a volume: the time still passes.
+    bar.enable_steady_tick(std::time::Duration::from_millis(250));
     notices::print_above(&bar);
     bar
 }

@@ -18,7 +18,9 @@ use std::process::ExitCode;
 ///
 /// Exit status 0: all within their limits; 1: not so; 2: could not tell.
 #[derive(clap::Args)]
-#[command(after_help = "Examples:\n  cloudparity modes --node \"Voronoi Texture\"\n  cloudparity modes --graphs 500 -o GRAPHS")]
+#[command(
+    after_help = "Examples:\n  cloudparity modes --node \"Voronoi Texture\"\n  cloudparity modes --graphs 500 -o GRAPHS"
+)]
 pub(super) struct Arguments {
     /// Points per mode (Voronoi Texture: two ninths of it).
     #[arg(long, value_name = "N", default_value_t = suite::POINTS)]

@@ -83,7 +83,9 @@ mod tests {
     #[test]
     fn an_error_shows_the_options_of_the_command_that_met_it() {
         let all = all_commands();
-        let command = |name: &str| all.iter().find(|(full, _)| full == &format!("cloudparity {name}")).map(|(_, command)| command);
+        let command = |name: &str| {
+            all.iter().find(|(full, _)| full == &format!("cloudparity {name}")).map(|(_, command)| command)
+        };
         let error = Error::new("a node", "one", "another", "Evaluate on the CPU.").with_setting("backend");
         let shown = |name: &str| message(&error, command(name));
         assert!(shown("render").ends_with("Evaluate on the CPU (--backend)."), "{}", shown("render"));

@@ -38,10 +38,7 @@ pub(super) struct SuiteArguments {
 pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
     super::need_bpy("the pictures are")?;
     let bar = super::progress_bar(1000);
-    let report = |done: f64, what: &str| {
-        bar.set_position((done * 1000.0) as u64);
-        bar.set_message(what.to_owned());
-    };
+    let report = super::progress_on(&bar);
     let mut told = |result: &parity::EntryResult| {
         let mut line = format!("{}: {}", result.name, result.verdict.words());
         for reason in &result.reasons {

@@ -24,7 +24,9 @@ use std::process::ExitCode;
 /// --rounding-bound, within its bound at every point); 1: not so; 2: could not
 /// tell.
 #[derive(clap::Args)]
-#[command(after_help = "Examples:\n  cloudparity probe CLOUD.scene.json --points 1000000\n  cloudparity probe CLOUD.scene.json --target \"Noise Texture.Fac\" --backend all")]
+#[command(
+    after_help = "Examples:\n  cloudparity probe CLOUD.scene.json --points 1000000\n  cloudparity probe CLOUD.scene.json --target \"Noise Texture.Fac\" --backend all"
+)]
 pub(super) struct Arguments {
     /// The scene file.
     scene: PathBuf,

@@ -46,10 +46,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
     };
     let gpu = Gpu::open();
     let bar = super::progress_bar(1000);
-    let progress = |done: f64, what: &str| {
-        bar.set_position((done * 1000.0) as u64);
-        bar.set_message(what.to_owned());
-    };
+    let progress = super::progress_on(&bar);
     let (folder, settings) = (arguments.output.as_deref(), arguments.experiment.settings());
     let outcome = stability::run(&scene, &pictures_of, gpu.as_ref().ok(), folder, &settings, &progress)?;
     let Some(mut table) = whole(outcome) else { return Ok(ExitCode::SUCCESS) };

@@ -5,9 +5,9 @@ use crate::base::error::{Error, Result};
 use crate::base::files;
 use crate::base::identity::{Identity, listed};
 use crate::cli::resume::{ExperimentArguments, whole};
-use crate::measure::study::pareto_front::{self, Budget, Metric};
 use crate::engines::render::EngineJitter;
 use crate::measure::combination::Combination;
+use crate::measure::study::pareto_front::{self, Budget, Metric};
 use crate::measure::study::{Group, Measured, Results, Study};
 use crate::measure::timing::Clock;
 use crate::measure::tuning::preset::Preset;
@@ -22,7 +22,9 @@ use std::process::ExitCode;
 /// figure error against time (study.svg, .png, .pdf). With --verify the Pareto fronts of an earlier run are measured again from scratch;
 /// exit status 1 where an error does not come out the same within its uncertainty.
 #[derive(clap::Args)]
-#[command(after_help = "Examples:\n  cloudparity study CLOUD.study.toml -o STUDY\n  cloudparity study CLOUD.study.toml -o STUDY --list")]
+#[command(
+    after_help = "Examples:\n  cloudparity study CLOUD.study.toml -o STUDY\n  cloudparity study CLOUD.study.toml -o STUDY --list"
+)]
 pub(super) struct Arguments {
     /// The study file (*.study.toml).
     file: PathBuf,
@@ -58,10 +60,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
     }
     let settings = arguments.experiment.settings();
     let bar = super::progress_bar(1000);
-    let progress = |done: f64, what: &str| {
-        bar.set_position((done * 1000.0) as u64);
-        bar.set_message(what.to_owned());
-    };
+    let progress = super::progress_on(&bar);
     if arguments.prepare {
         let outcome = study.prepare(&arguments.output, &settings, &progress)?;
         bar.finish_and_clear();
@@ -241,7 +240,10 @@ pub(super) fn recommend(arguments: &RecommendArguments) -> Result<ExitCode> {
         line(&mut text, format_args!("{density} in {scene}: {}", run.describe().trim_start()));
         if let Some([width, height]) = arguments.resolution {
             let estimate = 1e3 * run.seconds.median * scale;
-            line(&mut text, format_args!("  about {estimate:.1} ms at {width} x {height}, in proportion to pixels (an estimate)"));
+            line(
+                &mut text,
+                format_args!("  about {estimate:.1} ms at {width} x {height}, in proportion to pixels (an estimate)"),
+            );
         }
         let file = arguments.output.as_deref().unwrap_or(Path::new("RECOMMENDED.preset.json"));
         line(&mut text, format_args!("  {}", command(&results, run, arguments.resolution.unwrap_or(measured), file)));

@@ -54,10 +54,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
         longest: arguments.longest,
     };
     let bar = super::progress_bar(1000);
-    let progress = |done: f64, what: &str| {
-        bar.set_position((done * 1000.0) as u64);
-        bar.set_message(what.to_owned());
-    };
+    let progress = super::progress_on(&bar);
     let SuiteArguments { suite, only } = &arguments.suite;
     let outcome = measure(suite, only, &arguments.output, &what, &arguments.experiment.settings(), &progress)?;
     bar.finish_and_clear();

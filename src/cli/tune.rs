@@ -27,10 +27,7 @@ pub(super) struct Arguments {
 pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
     let tuning = Tuning::load(&arguments.file)?;
     let bar = super::progress_bar(1000);
-    let progress = |done: f64, what: &str| {
-        bar.set_position((done * 1000.0) as u64);
-        bar.set_message(what.to_owned());
-    };
+    let progress = super::progress_on(&bar);
     let outcome = tuning.run(&arguments.output, &arguments.experiment.settings(), &progress)?;
     bar.finish_and_clear();
     if let Some(results) = whole(outcome) {

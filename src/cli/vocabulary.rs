@@ -64,8 +64,19 @@ const SHARED: &[(&str, &[&str], &[&str])] = &[
 ];
 
 /// Words that mean what another word means, on the command line and in files: `--backend`, `--output`, `--without-X`.
-const RETIRED: &[&str] =
-    &["adapter", "cpu-only", "device", "evaluator", "gpu", "no-caches", "no-marching", "on", "out", "output-file", "time"];
+const RETIRED: &[&str] = &[
+    "adapter",
+    "cpu-only",
+    "device",
+    "evaluator",
+    "gpu",
+    "no-caches",
+    "no-marching",
+    "on",
+    "out",
+    "output-file",
+    "time",
+];
 
 /// An option of a command, as its help shows it.
 struct Word {
@@ -125,7 +136,8 @@ fn an_option_means_one_thing_in_all_commands() {
         let Some((_, values, meanings)) = SHARED.iter().find(|(name, ..)| *name == option) else {
             if uses.len() > 1 {
                 let of: Vec<&str> = uses.iter().map(|word| word.command.as_str()).collect();
-                writeln!(faults, "--{option} of {} is not in the list of shared words", of.join(", ")).expect("a string");
+                writeln!(faults, "--{option} of {} is not in the list of shared words", of.join(", "))
+                    .expect("a string");
             }
             continue;
         };
@@ -186,8 +198,7 @@ fn every_command_has_an_example_that_it_takes() {
     let mut all = super::command_line();
     for (name, command) in all_commands() {
         let text = command.get_after_help().map(ToString::to_string).unwrap_or_default();
-        let examples: Vec<&str> =
-            text.lines().filter_map(|line| Some(&line[line.find("cloudparity ")?..])).collect();
+        let examples: Vec<&str> = text.lines().filter_map(|line| Some(&line[line.find("cloudparity ")?..])).collect();
         assert!(text.starts_with("Example") && !examples.is_empty(), "{name}: {text}");
         let own = name.rsplit(' ').next().unwrap_or_default();
         for example in examples {
@@ -216,11 +227,18 @@ fn shell_words(line: &str) -> Vec<String> {
 fn a_subcommand_is_called_with_its_group_or_without() {
     let all = super::command_line();
     let with = |line: &str| super::with_group(&all, line.split(' ').map(Into::into).collect());
-    assert_eq!(with("cloudparity study A -o B"), ["cloudparity", "measure", "study", "A", "-o", "B"].map(std::ffi::OsString::from));
-    assert_eq!(with("cloudparity measure study A"), ["cloudparity", "measure", "study", "A"].map(std::ffi::OsString::from));
+    assert_eq!(
+        with("cloudparity study A -o B"),
+        ["cloudparity", "measure", "study", "A", "-o", "B"].map(std::ffi::OsString::from)
+    );
+    assert_eq!(
+        with("cloudparity measure study A"),
+        ["cloudparity", "measure", "study", "A"].map(std::ffi::OsString::from)
+    );
     assert_eq!(with("cloudparity rendr A"), ["cloudparity", "rendr", "A"].map(std::ffi::OsString::from));
     // A name says one command: no two groups have it, and no command of its own.
-    let mut names: Vec<String> = all_commands().iter().map(|(name, _)| name.rsplit(' ').next().unwrap().to_owned()).collect();
+    let mut names: Vec<String> =
+        all_commands().iter().map(|(name, _)| name.rsplit(' ').next().unwrap().to_owned()).collect();
     let count = names.len();
     names.sort();
     names.dedup();
