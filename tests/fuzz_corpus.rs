@@ -39,7 +39,7 @@ fn every_committed_input_gives_a_result_or_an_error_within_the_limits() {
     let mut faults = Vec::new();
     for (target, entry) in entries::ENTRIES {
         let inputs = corpus(target);
-        assert!(inputs.len() >= 5, "{target} has {} inputs", inputs.len());
+        assert!(!inputs.is_empty(), "{target} has no inputs");
         for path in inputs {
             let name = format!("{target}/{}", path.file_name().expect("a file").to_string_lossy());
             let bytes = std::fs::read(&path).expect("a committed input");

@@ -20,6 +20,9 @@ programs=fuzz/target/$(rustc +nightly -vV | sed -n 's/^host: //p')/release
 
 # Inputs are files for the program, too; they need no disk.
 if [ -z "${TMPDIR:-}" ] && [ -w /dev/shm ]; then export TMPDIR=/dev/shm; fi
+TMPDIR=$(mktemp -d)
+export TMPDIR
+trap 'rm -rf "$TMPDIR"' EXIT
 # One thread for each process: inputs are small.
 export RAYON_NUM_THREADS=1
 
@@ -29,8 +32,8 @@ for target in "$@"; do
     mkdir -p "fuzz/work/$target" "fuzz/artifacts/$target"
     echo "fuzzing $target: $runs inputs, fuzz/work/$target.log"
     nice -n 10 "$programs/$target" -runs="$runs" -max_len=20000 -timeout=10 -rss_limit_mb=2048 -print_final_stats=1 \
-        -artifact_prefix="fuzz/artifacts/$target/" -dict=fuzz/words.dict \
-        "fuzz/work/$target" "fuzz/corpus/$target" "fuzz/work/seeds/$target" >"fuzz/work/$target.log" 2>&1 || failed+=" $target"
+        -artifact_prefix="fuzz/artifacts/$target/" -dict=fuzz/words.dict "fuzz/work/$target" "fuzz/corpus/$target" \
+        "fuzz/work/seeds/$target" >"fuzz/work/$target.log" 2>&1 || failed+=" $target"
     grep -E "^stat::number|^stat::average|DONE" "fuzz/work/$target.log" || true
 done
 if [ -n "$failed" ]; then
