@@ -14,7 +14,7 @@ SCENE := parity/scenes/procedural-clouds.scene.json
 # Newer than the requirements when .venv holds what they name.
 ENVIRONMENT := .venv/requirements.stamp
 
-.PHONY: help setup system demo demo-live test lint bench build clean
+.PHONY: help setup system demo demo-live test lint bench fuzz build clean
 
 help: ## list the targets
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/make \1\t\2/p' $(MAKEFILE_LIST) | expand -t 18
@@ -59,6 +59,13 @@ lint: setup ## format, clippy, the core alone, documentation, ruff; warnings are
 	RUSTDOCFLAGS="-D warnings" cargo doc $(CARGO_FLAGS) --no-deps
 	.venv/bin/python -m ruff check .
 	.venv/bin/python -m ruff format --check .
+
+# Needs a nightly compiler and cargo-fuzz (docs/fuzzing.md); nothing else of the project does.
+RUNS := 1000000
+TARGETS := npy tuning study preset records graph scene
+
+fuzz: ## RUNS=1000000 inputs for each of TARGETS, coverage-guided; stops at what it finds
+	tools/fuzz.sh $(RUNS) $(TARGETS)
 
 clean: ## remove what was built and written; .venv stays
 	cargo clean

@@ -2,9 +2,7 @@
 
 use crate::base::error::{Error, Result};
 use sha2::{Digest, Sha256};
-#[cfg(feature = "tools")]
-use std::io::Read;
-use std::io::Write;
+use std::io::{Read, Write};
 use std::path::Path;
 
 /// Writes `bytes` to `path` through a temporary file in the same folder and a rename, so that a
@@ -72,9 +70,27 @@ pub fn remove_temporary(folder: &Path) -> Result<()> {
     Ok(())
 }
 
+/// Bytes of a text file at most, in MiB. Files name each other, and a name may lead to a device that never ends; a scene with a mesh of
+/// three million vertices is as long.
+const LONGEST_TEXT: u64 = 256;
+
 /// Reads a text file.
 pub fn read_text(path: &Path, expected: &str) -> Result<String> {
-    std::fs::read_to_string(path).map_err(|cause| Error::io(path, expected, &cause))
+    let fail = |cause: &std::io::Error| Error::io(path, expected, cause);
+    let file = std::fs::File::open(path).map_err(|cause| fail(&cause))?;
+    let most = LONGEST_TEXT << 20;
+    let mut bytes = Vec::new();
+    file.take(most + 1).read_to_end(&mut bytes).map_err(|cause| fail(&cause))?;
+    if bytes.len() as u64 > most {
+        return Err(Error::new(
+            path.display().to_string(),
+            format!("more than {LONGEST_TEXT} MiB"),
+            format!("{expected}, of at most {LONGEST_TEXT} MiB"),
+            "Name the right file, or split what it holds.",
+        ));
+    }
+    String::from_utf8(bytes)
+        .map_err(|_| fail(&std::io::Error::new(std::io::ErrorKind::InvalidData, "stream did not contain valid UTF-8")))
 }
 
 /// SHA-256 of `bytes` as 64 hexadecimal digits.
@@ -82,36 +98,61 @@ pub fn sha256(bytes: &[u8]) -> String {
     Sha256::digest(bytes).iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
-/// Refuses a `.npy` file whose header announces more values than the file has bytes for: the reader
-/// would ask for the memory first, and not getting it ends the program.
+/// Bytes of the header of a float32 `.npy` file at most; `numpy.save` writes 118.
 #[cfg(feature = "tools")]
-fn check_announced_size(path: &Path) -> Result<()> {
+const LONGEST_HEADER: u64 = 4096;
+
+/// Refuses a `.npy` file whose header would take the reader more than the file is worth: it asks for the memory of the header and of the
+/// values that are announced before it reads them, and not getting it ends the program; it parses brackets within brackets by recursion.
+/// What is refused here `numpy.save` never writes for numbers.
+#[cfg(feature = "tools")]
+fn check_header(path: &Path) -> Result<()> {
     let fail = |cause: &std::io::Error| Error::io(path, "a float32 .npy file", cause);
+    let refused = |found: String, expected: String| {
+        let remedy = "Write the file again with numpy.save; it is cut short or damaged.";
+        Err(Error::new(path.display().to_string(), found, expected, remedy))
+    };
     let mut file = std::fs::File::open(path).map_err(|cause| fail(&cause))?;
     let size = file.metadata().map_err(|cause| fail(&cause))?.len();
-    // Longer headers than this belong to structured types, which the reader refuses.
     let mut start = Vec::new();
-    std::io::Read::take(&mut file, 4096).read_to_end(&mut start).map_err(|cause| fail(&cause))?;
-    let header = String::from_utf8_lossy(&start);
-    let shape = header.split_once("shape").and_then(|(_, rest)| rest.split_once('(')?.1.split_once(')'));
-    let Some((shape, _)) = shape else { return Ok(()) };
-    let lengths = shape.split(',').map(str::trim).filter(|length| !length.is_empty());
-    let values = lengths.map(|length| length.parse::<u64>().unwrap_or(0)).fold(1_u64, u64::saturating_mul);
-    if values.saturating_mul(4) > size {
-        return Err(Error::new(
-            path.display().to_string(),
-            format!("{size} bytes for an array of shape ({shape})"),
-            "as many float32 values as the header announces",
-            "Write the file again; it is cut short or damaged.",
-        ));
+    (&mut file).take(LONGEST_HEADER + 12).read_to_end(&mut start).map_err(|cause| fail(&cause))?;
+    // Six bytes of a mark, two of a version, two or four of the header's length.
+    let (length, begin) = match start.as_slice() {
+        [_, _, _, _, _, _, 1, _, a, b, ..] => (u64::from(u16::from_le_bytes([*a, *b])), 10),
+        [_, _, _, _, _, _, 2 | 3, _, a, b, c, d, ..] => (u64::from(u32::from_le_bytes([*a, *b, *c, *d])), 12),
+        // The reader says what is wrong with it.
+        _ => return Ok(()),
+    };
+    if length > LONGEST_HEADER {
+        return refused(format!("a header of {length} bytes"), format!("one of at most {LONGEST_HEADER}"));
     }
-    Ok(())
+    let header = String::from_utf8_lossy(&start[begin..start.len().min(begin + length as usize)]).into_owned();
+    // A name that is spelled with escapes, or a second shape, would be another one than is checked here.
+    let shape = match header.split_once("shape").and_then(|(_, rest)| rest.split_once('(')?.1.split_once(')')) {
+        Some((shape, rest)) if !header.contains('\\') && !rest.contains("shape") => shape,
+        _ => return refused("a header without one shape".into(), "what numpy.save writes".into()),
+    };
+    if header.matches(['(', '[', '{']).count() > 8 {
+        return refused("a header with more than 8 brackets".into(), "what numpy.save writes for numbers".into());
+    }
+    let lengths = shape.split(',').map(str::trim).filter(|length| !length.is_empty());
+    let lengths: Option<Vec<u64>> = lengths.map(|length| length.parse().ok()).collect();
+    let product = |lengths: &[u64]| lengths.iter().fold(4, |product: u64, length| product.saturating_mul(*length));
+    match lengths {
+        // Beside a length of 0 the others may be anything, and yet no array has them.
+        Some(lengths) if product(&lengths) <= size && lengths.iter().all(|length| *length <= size) => Ok(()),
+        Some(_) => refused(
+            format!("{size} bytes for an array of shape ({shape})"),
+            "as many float32 values as the header announces".into(),
+        ),
+        None => refused(format!("an array of shape ({shape})"), "whole numbers in decimal digits".into()),
+    }
 }
 
 /// Reads a float32 `.npy` file of shape `[n, 3]`.
 #[cfg(feature = "tools")]
 pub fn read_points(path: &Path) -> Result<Vec<[f32; 3]>> {
-    check_announced_size(path)?;
+    check_header(path)?;
     let array: ndarray::Array2<f32> = ndarray_npy::read_npy(path).map_err(|cause| {
         Error::new(
             path.display().to_string(),
@@ -150,7 +191,7 @@ pub fn write_array<D: ndarray::Dimension>(path: &Path, array: &ndarray::Array<f3
 /// Reads any float32 `.npy` file as its flat values and shape.
 #[cfg(feature = "tools")]
 pub fn read_values(path: &Path) -> Result<(Vec<f32>, Vec<usize>)> {
-    check_announced_size(path)?;
+    check_header(path)?;
     let array: ndarray::ArrayD<f32> = ndarray_npy::read_npy(path).map_err(|cause| {
         Error::new(path.display().to_string(), cause.to_string(), "a float32 .npy file", "Run the step again.")
     })?;

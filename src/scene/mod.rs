@@ -471,7 +471,17 @@ pub struct TextureSpace {
 
 /// Refuses a file beside the scene that is not the one the scene was made with. `what` it is, and where the hash `wanted` stands.
 fn check_hash(path: &Path, what: &str, wanted_at: &str, wanted: &str) -> Result<()> {
-    let bytes = std::fs::read(path).map_err(|cause| Error::io(path, what, &cause))?;
+    let fail = |cause: &std::io::Error| Error::io(path, what, cause);
+    // A device has no end.
+    if !std::fs::metadata(path).map_err(|cause| fail(&cause))?.is_file() {
+        return Err(Error::new(
+            path.display().to_string(),
+            "a folder or a device",
+            what,
+            "Name the file beside the scene; export the scene again if it is not there.",
+        ));
+    }
+    let bytes = std::fs::read(path).map_err(|cause| fail(&cause))?;
     let found = files::sha256(&bytes);
     if found == wanted {
         return Ok(());

@@ -1,16 +1,18 @@
 //! All that a scene file does wrong at once, by its schema: a reader stops at the first.
 
 use crate::base::error::Error;
-use jsonschema::ValidationError;
 use jsonschema::error::ValidationErrorKind;
+use jsonschema::{ValidationError, Validator};
 use serde_json::Value as Json;
+use std::sync::LazyLock;
 
 /// As many as are listed.
 const MOST: usize = 40;
 
 /// The error that lists what the schema refuses in a document; none where that is not more than one thing, which the reader says better.
 pub(super) fn all(document: &Json, place: &str) -> Option<Error> {
-    let validator = jsonschema::validator_for(&super::schema()).ok()?;
+    static VALIDATOR: LazyLock<Option<Validator>> = LazyLock::new(|| jsonschema::validator_for(&super::schema()).ok());
+    let validator = VALIDATOR.as_ref()?;
     let mut found: Vec<String> = validator.iter_errors(document).flat_map(|error| lines(&error)).collect();
     found.dedup();
     if found.len() < 2 {

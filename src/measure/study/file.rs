@@ -22,6 +22,9 @@ use std::path::Path;
 /// Most samples of a curve.
 const MOST_SAMPLES: u32 = 1 << 16;
 
+/// Most combinations of the axes: at a second each, more than a day. A file of a few lines can ask for billions.
+const MOST_COMBINATIONS: u64 = 100_000;
+
 /// The format that this version reads.
 pub const FORMAT: &str = "cloudparity-study/1";
 
@@ -183,6 +186,14 @@ impl StudyFile {
         if let Some(samples) = self.curves.path.iter().find(|samples| !(1..=MOST_SAMPLES).contains(*samples)) {
             return wrong("curves.path", samples.to_string(), format!("1 to {MOST_SAMPLES} samples"));
         }
+        let combinations = self.combinations();
+        if combinations > MOST_COMBINATIONS {
+            return wrong(
+                "axes",
+                format!("{combinations} combinations"),
+                format!("at most {MOST_COMBINATIONS}: axes of fewer values, or fewer axes"),
+            );
+        }
         for (density, &samples) in &self.curves.cycles {
             let name = format!("curves.cycles.{density}");
             if !self.densities().contains(density) {
@@ -253,6 +264,31 @@ impl StudyFile {
         Ok(())
     }
 
+    /// Number of combinations of the axes, those that mean nothing included; the largest number where there are more.
+    fn combinations(&self) -> u64 {
+        let axes = &self.axes;
+        let product = |lengths: &mut dyn Iterator<Item = usize>| {
+            lengths.fold(1_u64, |product, length| product.saturating_mul(length as u64))
+        };
+        let densities = axes.densities.iter().map(|density| {
+            let own = axes.parameters.iter().filter(|(name, _)| has_parameter(density, name));
+            product(&mut own.map(|(_, values)| values.len()))
+        });
+        let others = [
+            axes.scenes.len(),
+            axes.lights.len(),
+            axes.steps.len(),
+            axes.light_steps.len(),
+            axes.caches.len(),
+            axes.sub_pixels.len(),
+            axes.jitter.len(),
+            axes.defects.len(),
+            axes.god_rays.len(),
+        ];
+        let of_lights = axes.light_parameters.values().map(Vec::len);
+        densities.fold(0, u64::saturating_add).saturating_mul(product(&mut others.into_iter().chain(of_lights)))
+    }
+
     /// The scenes, at the resolution of the study.
     pub fn scenes(&self, folder: &Path) -> Result<Vec<Scene>> {
         load_scenes(&self.axes.scenes, folder, self.resolution, "axes.scenes")
@@ -260,10 +296,7 @@ impl StudyFile {
 
     /// The densities, each with the values of the parameters that it has.
     pub fn densities(&self) -> Vec<String> {
-        let has = |density: &str, name: &str| {
-            Selection::parse(density).is_ok_and(|selection| selection.model.has_parameter(name))
-        };
-        with_parameters(&self.axes.densities, &self.axes.parameters, has)
+        with_parameters(&self.axes.densities, &self.axes.parameters, has_parameter)
     }
 
     /// The lights with the values of their parameters.
@@ -343,6 +376,11 @@ impl StudyFile {
     }
 }
 
+/// Whether a density has a parameter of this name.
+fn has_parameter(density: &str, name: &str) -> bool {
+    Selection::parse(density).is_ok_and(|selection| selection.model.has_parameter(name))
+}
+
 /// Names with every combination of the values of the parameters that each `has`.
 fn with_parameters(
     names: &[String],
@@ -380,7 +418,8 @@ mod tests {
         assert_eq!((densities[0].as_str(), densities[4].as_str()), ("graph", "perlin-fbm coverage=0.6 octaves=5"));
         assert_eq!(study.lights()[3], "octaves exposure=2");
         let scene = Scene::load(Path::new("parity/scenes/linear-ramp.scene.json")).expect("a scene");
-        let (wanted, _) = study.expand(&[scene]);
+        let (wanted, skipped) = study.expand(&[scene]);
+        assert_eq!(study.combinations(), (wanted.len() + skipped.len()) as u64);
         assert_eq!(wanted.len(), 5 * 4 * 2 * 2 * 2);
         let wrong =
             |from: &str, to: &str| StudyFile::parse(&text.replace(from, to), "a.study.toml").expect_err("refused");

@@ -37,7 +37,7 @@ use crate::scene::image::Image;
 use file::{Objective, TuningFile};
 use indexmap::IndexMap;
 use preset::Preset;
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Deserializer, Serialize};
 use serde_json::{Value as Json, json};
 use std::path::{Path, PathBuf};
 
@@ -171,7 +171,8 @@ pub struct TuningResults {
     pub truths: Vec<TruthRecord>,
     /// Mean HDR-FLIP of two halves of the truth's replicas: what noise alone makes, at half the samples.
     pub noise_flip: f64,
-    /// Published light models, exposure matched to the training views, best first by held-out HDR-FLIP.
+    /// Published light models, exposure matched to the training views, best first by held-out HDR-FLIP; at least one.
+    #[serde(deserialize_with = "at_least_one")]
     pub published: Vec<Scored>,
     /// The tuned engine.
     pub tuned: Scored,
@@ -180,6 +181,17 @@ pub struct TuningResults {
     pub finer: Scored,
     /// Its parameters.
     pub parameters: IndexMap<String, f64>,
+}
+
+/// A list that is not empty: what is compared with its first has one.
+fn at_least_one<'de, D: Deserializer<'de>, T: Deserialize<'de>>(
+    deserializer: D,
+) -> std::result::Result<Vec<T>, D::Error> {
+    let list = Vec::deserialize(deserializer)?;
+    if list.is_empty() {
+        return Err(serde::de::Error::invalid_length(0, &"a list of at least one"));
+    }
+    Ok(list)
 }
 
 impl TuningResults {

@@ -1,0 +1,3 @@
+#![no_main]
+
+cloudparity_fuzz::target!("scene", Json);
