@@ -4,6 +4,7 @@ Colours are those of Okabe and Ito, which differ for every kind of sight; figure
 besides, so that they survive print in grey.
 """
 
+import itertools
 import os
 import pathlib
 import tempfile
@@ -15,7 +16,10 @@ BLUE = "#0072B2"
 GREEN = "#009E73"
 ORANGE = "#D55E00"
 PURPLE = "#CC79A7"
-WIDTH = 3.5  # inches of one panel: a column of a paper
+WIDTH = 3.33  # inches: a column of a paper of two columns
+TEXT_WIDTH = 7.0  # inches: both columns
+SMALLEST = 6  # points: the smallest letters that are read in print
+RESOLUTION = 300  # dots per inch of what is drawn as pixels, which print asks for
 # Keys of requests that hold names which the user chose.
 NAMES = ("title", "scene", "density", "light", "view")
 
@@ -68,6 +72,69 @@ def pyplot():
     return found
 
 
+def label_points(axis, labels, lines=()):
+    """Write `labels` (text, x, y) beside their points, each where it covers no point, line, label or frame.
+
+    Of eight places around a point, near and far, the first free one is taken; a label without is left out.
+    Points are those of the axis' markers; `lines` are polylines of data places. The figure must be laid out.
+    """
+    from matplotlib.transforms import Bbox
+
+    figure = axis.figure
+    renderer = figure.canvas.get_renderer()
+    inside = axis.get_window_extent(renderer)
+    scale = figure.dpi / 72
+    taken = [
+        Bbox.from_bounds(x - 2.5 * scale, y - 2.5 * scale, 5 * scale, 5 * scale) for x, y in _markers(axis)
+    ]
+    taken += [Bbox.from_extents(x, y, x, y) for line in lines for x, y in _along(axis, line, 2 * scale)]
+    written = []
+    for text, x, y in labels:
+        note = axis.annotate(
+            text, (x, y), xytext=(0, 0), textcoords="offset points", fontsize=SMALLEST, zorder=5
+        )
+        for distance in (4, 7, 11, 16):
+            for side, up in PLACES:
+                note.set(ha=SIDES[side], va=HEIGHTS[up])
+                note.xyann = (distance * side, distance * up)
+                box = note.get_window_extent(renderer).padded(0.5 * scale)
+                fits = inside.x0 <= box.x0 and box.x1 <= inside.x1
+                fits = fits and inside.y0 <= box.y0 and box.y1 <= inside.y1
+                if fits and not any(box.overlaps(other) for other in taken):
+                    break
+            else:
+                continue
+            taken.append(box)
+            written.append(note)
+            break
+        else:
+            note.remove()
+    return written
+
+
+# Around a point: left and below first, where a Pareto front has nothing; up is positive.
+PLACES = ((-1, -1), (-1, 0), (0, -1), (1, 1), (1, 0), (-1, 1), (1, -1), (0, 1))
+SIDES = {-1: "right", 0: "center", 1: "left"}
+HEIGHTS = {-1: "top", 0: "center", 1: "bottom"}
+
+
+def _markers(axis):
+    """The places of all markers of an axis, in pixels."""
+    for line in axis.lines:
+        if line.get_marker() not in ("None", "", " ", None):
+            yield from axis.transData.transform(line.get_xydata())
+
+
+def _along(axis, line, step):
+    """Places along a polyline of data places, so many pixels apart."""
+    import numpy as np
+
+    pixels = axis.transData.transform(line) if len(line) else []
+    for (x0, y0), (x1, y1) in itertools.pairwise(pixels):
+        count = max(2, int(np.hypot(x1 - x0, y1 - y0) / step))
+        yield from zip(np.linspace(x0, x1, count), np.linspace(y0, y1, count), strict=True)
+
+
 def plain_ticks(axis):
     """Plain numbers along a logarithmic axis, at 1, 2 and 5 times powers of ten where these alone are few."""
     from matplotlib import ticker
@@ -84,7 +151,7 @@ def plain_ticks(axis):
 def save(figure, request, kinds=("svg", "png")):
     """Write the figure to the file that the request names for each kind; return the names."""
     for kind in kinds:
-        _save(figure, request[kind], kind, 200 if kind == "png" else None)
+        _save(figure, request[kind], kind, RESOLUTION)
     return {kind: request[kind] for kind in kinds}
 
 

@@ -298,6 +298,7 @@ impl PathArguments {
             time: self.time,
             error: self.error,
             tracking: self.tracking.unwrap_or_default(),
+            ..default
         }
     }
 }

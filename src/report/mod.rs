@@ -7,7 +7,10 @@
 pub mod certificate;
 mod document;
 pub mod inputs;
+mod measured;
+mod sections;
 pub mod summary;
+mod table;
 mod tables;
 
 use crate::base::error::{Error, Result};
@@ -28,9 +31,11 @@ pub fn write_report(directory: &Path, makers: inputs::Makers<'_>) -> Result<Path
     let summary = summary::Summary::of(&inputs);
     let page = render(&inputs, &summary)?;
     write_atomically(&directory.join("figures.csv"), tables::csv(&inputs).as_bytes())?;
-    let document = tables::document(&inputs, &summary);
+    let document = sections::document(&inputs, &summary);
     write_atomically(&directory.join("report.md"), document.markdown().as_bytes())?;
-    write_atomically(&directory.join("tables.tex"), document.latex().as_bytes())?;
+    write_atomically(&directory.join("tables.tex"), document.latex_tables(false).as_bytes())?;
+    write_atomically(&directory.join("tables-long.tex"), document.latex_tables(true).as_bytes())?;
+    write_atomically(&directory.join("figures.tex"), document.latex_figures().as_bytes())?;
     let certificate = certificate::of(directory, &inputs, &summary)?;
     let text = serde_json::to_string_pretty(&certificate).expect("JSON serialises") + "\n";
     write_atomically(&directory.join("certificate.json"), text.as_bytes())?;

@@ -363,8 +363,8 @@ pub fn show(comparison: &mut Comparison, display: &Display, folder: &Path) -> Re
     bridge::run_script(images::SCRIPT, &json!({"op": "display", "images": images}), CyclesKernel::Default, |_| ())?;
     comparison.pictures.iter_mut().for_each(|picture| picture.png = Some(png_of(picture)));
     write(comparison, folder)?;
-    let [svg, png] = [FIGURE, "models.png"].map(|name| folder.join(name));
-    let request = json!({"sides": comparison.sides, "svg": svg, "png": png});
+    let [svg, png, pdf] = [FIGURE, "models.png", "models.pdf"].map(|name| folder.join(name));
+    let request = json!({"sides": comparison.sides, "svg": svg, "png": png, "pdf": pdf});
     bridge::run_script("model_comparison_plot.py", &request, CyclesKernel::Default, |_| ()).map(|_| ())
 }
 

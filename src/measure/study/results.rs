@@ -4,6 +4,7 @@ use crate::base::error::{Error, Result};
 use crate::base::files;
 use crate::base::identity::Identity;
 use crate::base::ledger::{Ledger, read_record, to_json};
+use crate::base::numbers::uncertain;
 use crate::base::plain_text::csv_cell;
 use crate::bridge;
 use crate::bridge::CyclesKernel;
@@ -57,10 +58,9 @@ impl Measured {
     /// Time, errors and settings in a line.
     pub fn describe(&self) -> String {
         format!(
-            "{:8.2} ms, relMSE {:.4} ({:.4}), bias {:+.2} %{}: {}",
+            "{:8.2} ms, relMSE {}, bias {:+.2} %{}: {}",
             1e3 * self.seconds.median,
-            self.errors.relmse.value,
-            self.errors.relmse.standard_error,
+            uncertain(self.errors.relmse.value, self.errors.relmse.standard_error),
             100.0 * self.errors.bias.value,
             self.flip.map_or(String::new(), |flip| format!(", FLIP {flip:.4}")),
             self.combination.describe(),

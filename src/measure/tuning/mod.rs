@@ -31,7 +31,7 @@ use crate::measure::experiment::{Desk, Done, Experiment, Outcome, Settings};
 use crate::measure::scenes::load_scenes;
 use crate::measure::timing::{machine, repeated};
 use crate::measure::truth;
-use crate::measure::truth::TruthRecord;
+use crate::measure::truth::{PixelRays, TruthRecord};
 use crate::scene::Scene;
 use crate::scene::image::Image;
 use file::{Objective, TuningFile};
@@ -235,7 +235,7 @@ impl Tuning {
     fn view(&self, scene: &Scene, desk: &Desk<'_>) -> Result<View> {
         let density = &self.file.engine.density;
         let report = |done: f64, what: &str| desk.report(done, what);
-        let record = self.file.truth.obtain(scene, density, TRUTHS, desk.ledger, &report)?;
+        let record = self.file.truth.obtain(scene, density, TRUTHS, PixelRays::Filtered, desk.ledger, &report)?;
         let truth = record.read(desk.folder()?)?;
         let engine = self.combination(scene).engine(scene, &[])?;
         let own_light = engine.light.clone();
@@ -340,7 +340,7 @@ impl Tuning {
     /// All that the error of a candidate depends on, but for the build.
     fn evaluation_inputs(&self, values: &IndexMap<String, f64>) -> Json {
         let engine = &self.file.engine;
-        let truth = |scene: &Scene| self.file.truth.inputs(scene, &engine.density, TRUTHS);
+        let truth = |scene: &Scene| self.file.truth.inputs(scene, &engine.density, TRUTHS, PixelRays::Filtered);
         let truths: Vec<Json> = self.train.iter().map(truth).collect();
         json!({"engine": engine, "values": values, "objective": self.file.search.objective, "truths": truths})
     }
@@ -484,7 +484,7 @@ impl Experiment for Running<'_> {
 
     fn inputs(&self, job: &Job) -> Result<Json> {
         let Tuning { file, .. } = self.tuning;
-        let truth = |scene: &Scene| file.truth.inputs(scene, &file.engine.density, TRUTHS);
+        let truth = |scene: &Scene| file.truth.inputs(scene, &file.engine.density, TRUTHS, PixelRays::Filtered);
         if let Job::Truth(view) = job {
             return Ok(truth(self.tuning.scenes().nth(*view).expect("a view of the plan")));
         }
