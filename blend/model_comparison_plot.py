@@ -1,8 +1,8 @@
 """Figures of two density fields: histogram and power spectrum, as `cloudparity compare-models` measured them.
 
-Request: `sides` (title and statistics of each), `svg`, `png` and `pdf` (files to write). Left: the density of those
-places that hold something, over their mean; the legend says how many these are. Right: power of the density
-over its mean, per wave number.
+Request: `sides` (title and statistics of each), `svg`, `png` and `pdf` (files to write). Left: the density of
+those places that hold something, over their mean; the legend says how many these are. Right: power of the
+density over its mean, per wave number.
 """
 
 import plots

@@ -48,7 +48,8 @@ class Grid:
 
     def _draw(self, row, shown):
         for axis, (values, options) in zip(row, shown, strict=True):
-            self.image = axis.imshow(values, interpolation="nearest", **options)
+            image = axis.imshow(values, interpolation="nearest", **options)
+            self.image = image if options else self.image
             axis.set_xticks([])
             axis.set_yticks([])
 

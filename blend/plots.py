@@ -151,11 +151,11 @@ def plain_ticks(axis):
 def save(figure, request, kinds=("svg", "png")):
     """Write the figure to the file that the request names for each kind; return the names."""
     for kind in kinds:
-        _save(figure, request[kind], kind, RESOLUTION)
+        _save(figure, request[kind], kind, RESOLUTION, request.get("made_by"))
     return {kind: request[kind] for kind in kinds}
 
 
-def _save(figure, path, kind, resolution):
+def _save(figure, path, kind, resolution, made_by=None):
     folder = os.path.dirname(os.path.abspath(path))
     temporary = None
     try:
@@ -163,7 +163,9 @@ def _save(figure, path, kind, resolution):
         handle, temporary = tempfile.mkstemp(prefix=".cloudparity-", suffix=f".{kind}", dir=folder)
         os.close(handle)
         # Without the date equal figures are equal files.
-        metadata = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}.get(kind)
+        metadata = {"svg": {"Date": None}, "pdf": {"CreationDate": None}, "png": {}}[kind]
+        if made_by:
+            metadata[{"svg": "Description", "pdf": "Subject", "png": "Description"}[kind]] = made_by
         figure.savefig(temporary, format=kind, dpi=resolution or "figure", metadata=metadata)
         os.chmod(temporary, 0o644)
         os.replace(temporary, path)

@@ -47,7 +47,11 @@ def draw(request, messages):
         "pictures": lambda: _pictures(request["title"], groups, request["folder"]),
     }
     kinds = ("svg", "png", "pdf")
-    return {name: plots.save(makers[name](), files, kinds) for name, files in request["figures"].items()}
+    made_by = {"made_by": request.get("made_by")}
+    return {
+        name: plots.save(makers[name](), {**files, **made_by}, kinds)
+        for name, files in request["figures"].items()
+    }
 
 
 def _figure(title, groups, clock):

@@ -38,7 +38,7 @@ pub struct Gpu {
 }
 
 /// Which adapter and driver did the work.
-#[derive(Debug, Clone, Serialize)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Adapter {
     /// Marketing name.
     pub name: String,

@@ -10,6 +10,12 @@ const LONG: usize = 40;
 /// Characters of a cell from which on it is a sentence, whose lines LaTeX breaks.
 const SENTENCE: usize = 34;
 
+/// The same in a table over pages.
+const LONG_SENTENCE: usize = 20;
+
+/// Characters in a row of small letters across a page.
+const PAGE: usize = 105;
+
 /// Characters in a row of a LaTeX table that fit one column of a paper of two.
 const ONE_COLUMN: usize = 52;
 
@@ -73,10 +79,10 @@ impl Document {
 
     /// The captions of all tables and figures.
     #[cfg(test)]
-    pub fn captions(&self) -> Vec<&str> {
-        let caption = |block| match block {
-            Block::Figure(figure) => Some(figure.caption.as_str()),
-            Block::Table(table) => Some(table.caption.as_str()),
+    pub fn captions(&self) -> Vec<String> {
+        let caption = |block: &Block| match block {
+            Block::Figure(figure) => Some(figure.caption.clone()),
+            Block::Table(table) => Some(table.caption.clone()),
             Block::Heading(_) | Block::Text(_) => None,
         };
         self.blocks.iter().filter_map(caption).collect()
@@ -154,15 +160,25 @@ fn latex_table(table: &Table, number: usize) -> String {
     let width =
         |index: usize| rows.iter().filter_map(|row| row.get(index)).map(|cell| cell.chars().count()).max().unwrap_or(0);
     let widths: Vec<usize> = (0..columns.len()).map(width).collect();
-    let is_sentence = |index: usize| widths[index] > SENTENCE && !columns[index].is_number;
+    // Over pages lines are broken earlier, so that all columns find room.
+    let sentence = if is_long { LONG_SENTENCE } else { SENTENCE };
+    let is_sentence = |index: usize| widths[index] > sentence && !columns[index].is_number;
     let sentences = (0..columns.len()).filter(|&index| is_sentence(index)).count();
     let is_wide =
         widths.iter().zip(columns).map(|(width, column)| 2 + (*width).max(column.name.chars().count())).sum::<usize>()
             > ONE_COLUMN;
+    // What the other columns leave of the page, by the length of the sentences.
+    let others: usize = (0..columns.len())
+        .filter(|&index| !is_sentence(index))
+        .map(|index| widths[index].max(columns[index].name.len()) + 2)
+        .sum();
+    let all: usize = (0..columns.len()).filter(|&index| is_sentence(index)).map(|index| widths[index].min(60)).sum();
+    let rest = (1.0 - others as f64 / PAGE as f64).max(0.3) - 0.02 * sentences as f64;
+    let share = |index: usize| rest * widths[index].min(60) as f64 / all as f64;
     let alignment: Vec<String> = (0..columns.len())
         .map(|index| match (columns[index].is_number, is_sentence(index)) {
             (true, _) => number_column(rows.iter().map(|row| row[index].as_str())),
-            (false, true) if is_long => format!("p{{{:.2}\\linewidth}}", 0.6 / sentences as f64),
+            (false, true) if is_long => format!("p{{{:.3}\\linewidth}}", share(index)),
             (false, true) => ">{\\raggedright\\arraybackslash}X".into(),
             (false, false) => "l".into(),
         })
@@ -183,7 +199,7 @@ fn latex_table(table: &Table, number: usize) -> String {
     let alignment = format!("@{{}}{}@{{}}", alignment.concat());
     if is_long {
         return format!(
-            "\n{{\\footnotesize\n\\begin{{longtable}}{{{alignment}}}\n    \\caption{{{caption}}}{label} \\\\\n    \\toprule\n{head}    \
+            "\n{{\\footnotesize\\setlength{{\\LTcapwidth}}{{\\linewidth}}\n\\begin{{longtable}}{{{alignment}}}\n    \\caption{{{caption}}}{label} \\\\\n    \\toprule\n{head}    \
              \\midrule\n    \\endfirsthead\n    \\toprule\n{head}    \\midrule\n    \\endhead\n    \\bottomrule\n    \
              \\endfoot\n{body}\\end{{longtable}}}}\n"
         );

@@ -99,7 +99,7 @@ pub fn document(inputs: &Inputs, summary: &Summary) -> Document {
                 Cell::Count(Some(row.nonfinite as u64)),
                 Cell::text(figure(Some(row.max_error))),
                 Cell::text(figure(Some(row.limit))),
-                Cell::Number(row.share_of_bound),
+                Cell::text(figure(row.share_of_bound)),
                 Cell::text(row.verdict.word().to_lowercase()),
             ]
         });
@@ -251,7 +251,12 @@ fn fields(document: &mut Document, inputs: &Inputs) {
         let target = probe.target.as_ref().map_or("the field".into(), plain);
         let seed = probe.seed.as_ref().map_or(String::new(), |seed| format!(", seed {}", plain(seed)));
         let adapter = inputs.run.adapter.get("name").map_or(String::new(), |name| format!("; GPU: {}", plain(name)));
-        let reference = probe.reference.values().map(plain).collect::<Vec<_>>().join(" ");
+        let reference = ["renderer", "blender"]
+            .iter()
+            .filter_map(|name| probe.reference.get(*name))
+            .map(plain)
+            .collect::<Vec<_>>()
+            .join(" ");
         let caption = format!(
             "Errors of {target} against {} at {} points{domain}{seed}{scene}{adapter}.",
             if reference.is_empty() { "the reference" } else { &reference },

@@ -11,6 +11,7 @@ use crate::measure::combination::Combination;
 use crate::measure::errors;
 use crate::measure::experiment;
 use crate::measure::experiment::{Desk, Done, Experiment, Outcome, Settings};
+use crate::measure::provenance::Provenance;
 use crate::measure::study::curve_points::{CurvePoint, MissingCurve, Renderer};
 use crate::measure::study::file::Skipped;
 use crate::measure::study::{FORMAT, Measured, PURPOSE, Results, Study};
@@ -316,6 +317,7 @@ impl Experiment for Running<'_> {
             builds: Vec::<Identity>::new(),
             study: self.study.file.clone(),
             machine: Study::machine(self.gpu.as_ref()),
+            provenance: Some(Provenance::now(self.gpu.as_ref())),
             clock: Clock::of(self.gpu.as_ref()),
             truths: Vec::new(),
             runs: Vec::new(),

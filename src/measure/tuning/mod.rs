@@ -28,6 +28,7 @@ use crate::measure::errors;
 use crate::measure::errors::Errors;
 use crate::measure::experiment;
 use crate::measure::experiment::{Desk, Done, Experiment, Outcome, Settings};
+use crate::measure::provenance::Provenance;
 use crate::measure::scenes::load_scenes;
 use crate::measure::timing::{machine, repeated};
 use crate::measure::truth;
@@ -159,6 +160,9 @@ pub struct TuningResults {
     pub file: TuningFile,
     /// What did the work.
     pub machine: String,
+    /// What took part; none in a file from before it was kept.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub provenance: Option<Provenance>,
     /// The library that searched.
     pub optimiser: String,
     /// Why the search ended.
@@ -576,6 +580,7 @@ impl Experiment for Running<'_> {
             builds: desk.ledger.builds(),
             file: self.tuning.file.clone(),
             machine: machine(),
+            provenance: Some(Provenance::now(None)),
             optimiser: searched.library,
             stopped: searched.stopped,
             evaluations: searched.evaluations,
@@ -621,7 +626,7 @@ impl TuningResults {
             .collect();
         let request = json!({
             "title": self.file.title, "before": self.published[0].name, "views": views, "history": self.history,
-            "objective": self.file.search.objective,
+            "objective": self.file.search.objective, "made_by": self.provenance.as_ref().map(Provenance::line),
             "svg": file("svg"), "png": file("png"), "pdf": file("pdf"),
         });
         bridge::run_script("tuning_plot.py", &request, CyclesKernel::Default, |_| ()).map(drop)
