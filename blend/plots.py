@@ -76,8 +76,11 @@ def label_points(axis, labels, lines=()):
     """Write `labels` (text, x, y) beside their points, each where it covers no point, line, label or frame.
 
     Of eight places around a point, near and far, the first free one is taken; a label without is left out.
+    One that is not right beside its point has a line to it, so that no other point is taken for it.
+
     Points are those of the axis' markers; `lines` are polylines of data places. The figure must be laid out.
     """
+    from matplotlib.text import Text
     from matplotlib.transforms import Bbox
 
     figure = axis.figure
@@ -91,29 +94,38 @@ def label_points(axis, labels, lines=()):
     written = []
     for text, x, y in labels:
         note = axis.annotate(
-            text, (x, y), xytext=(0, 0), textcoords="offset points", fontsize=SMALLEST, zorder=5
+            text,
+            (x, y),
+            xytext=(0, 0),
+            textcoords="offset points",
+            fontsize=SMALLEST,
+            zorder=5,
+            arrowprops={"arrowstyle": "-", "linewidth": 0.4, "color": "0.5", "shrinkA": 0, "shrinkB": 2},
         )
-        for distance in (4, 7, 11, 16):
-            for side, up in PLACES:
-                note.set(ha=SIDES[side], va=HEIGHTS[up])
-                note.xyann = (distance * side, distance * up)
-                box = note.get_window_extent(renderer).padded(0.5 * scale)
-                fits = inside.x0 <= box.x0 and box.x1 <= inside.x1
-                fits = fits and inside.y0 <= box.y0 and box.y1 <= inside.y1
-                if fits and not any(box.overlaps(other) for other in taken):
-                    break
-            else:
-                continue
-            taken.append(box)
-            written.append(note)
-            break
+        note.arrow_patch.set_visible(False)
+        for distance, (side, up) in itertools.chain(
+            *(itertools.product(DISTANCES, places) for places in (PLACES[:3], PLACES[3:]))
+        ):
+            note.set(ha=SIDES[side], va=HEIGHTS[up])
+            note.xyann = (distance * side, distance * up)
+            # Of the text alone, without its line.
+            note.update_positions(renderer)
+            box = Text.get_window_extent(note, renderer).padded(0.5 * scale)
+            fits = inside.x0 <= box.x0 and box.x1 <= inside.x1
+            fits = fits and inside.y0 <= box.y0 and box.y1 <= inside.y1
+            if fits and not any(box.overlaps(other) for other in taken):
+                note.arrow_patch.set_visible(distance > DISTANCES[0])
+                taken.append(box)
+                written.append(note)
+                break
         else:
             note.remove()
     return written
 
 
+DISTANCES = (4, 8, 13, 19)  # points
 # Around a point: left and below first, where a Pareto front has nothing; up is positive.
-PLACES = ((-1, -1), (-1, 0), (0, -1), (1, 1), (1, 0), (-1, 1), (1, -1), (0, 1))
+PLACES = ((-1, 0), (-1, -1), (-1, 1), (0, -1), (1, 0), (1, 1), (1, -1), (0, 1))
 SIDES = {-1: "right", 0: "center", 1: "left"}
 HEIGHTS = {-1: "top", 0: "center", 1: "bottom"}
 

@@ -132,6 +132,8 @@ def crowded():
 
 @pytest.mark.parametrize("number", [1, 2])
 def test_labels_cover_neither_each_other_nor_points_nor_lines_nor_the_frame(number):
+    from matplotlib.text import Text
+
     figure = study_plot._figure(
         "A title that is longer than a column of a paper", [crowded()] * number, "time"
     )
@@ -140,7 +142,7 @@ def test_labels_cover_neither_each_other_nor_points_nor_lines_nor_the_frame(numb
     boxes = {figure._suptitle: figure._suptitle.get_window_extent(renderer)}
     for axis in (axis for axis in figure.axes if axis.get_title()):
         frame = axis.get_window_extent(renderer)
-        notes = {note: note.get_window_extent(renderer) for note in axis.texts}
+        notes = {note: Text.get_window_extent(note, renderer) for note in axis.texts}
         assert len(notes) > 6, "most have a place"
         texts = [note.get_text() for note in notes]
         assert texts.count("octaves 8/2") >= 2 and {"1", "4", "16"} <= set(texts)
