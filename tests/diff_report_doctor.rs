@@ -204,7 +204,7 @@ fn tables_of_a_report_compile_in_a_paper_of_two_columns_without_running_over() {
     assert!(first.status.success() && second.status.success(), "{log}");
     assert!(!log.contains("Overfull \\hbox"), "{log}");
     let tables = std::fs::read_to_string(folder.path().join("tables.tex")).expect("tables");
-    assert!(tables.contains("\\begin{table}") && tables.contains("\\begin{tabularx}"), "{tables}");
+    assert!(tables.contains("\\begin{tabular}") && tables.contains("\\begin{tabularx}"), "{tables}");
     assert!(std::fs::read_to_string(folder.path().join("tables-long.tex")).expect("tables").contains("\\endfirsthead"));
     let fonts =
         std::process::Command::new("pdffonts").arg(folder.path().join("paper.pdf")).output().expect("pdffonts runs");

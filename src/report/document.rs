@@ -298,6 +298,11 @@ fn latex(text: &str) -> String {
                 safe.push(letter);
             }
             '\u{2009}' | '\u{202f}' => safe.push_str(r"\,"),
+            // Names without spaces may break there, as lines of narrow columns have to.
+            '=' | '/' => {
+                safe.push(letter);
+                safe.push_str(r"\allowbreak{}");
+            }
             '~' => safe.push_str(r"\textasciitilde{}"),
             '^' => safe.push_str(r"\textasciicircum{}"),
             '\\' => safe.push_str(r"\textbackslash{}"),
