@@ -14,4 +14,12 @@ fn main() {
     println!("cargo:rerun-if-changed=build.rs");
     let hash = source_hash::of_tree(&root).expect("the sources of the program are readable");
     println!("cargo:rustc-env=CLOUDPARITY_SOURCES_SHA256={hash}");
+    // Provenance names the compiler; one that does not answer is not guessed.
+    let compiler = std::env::var_os("RUSTC").expect("Cargo names the compiler");
+    let answer = std::process::Command::new(compiler).arg("--version").output();
+    let version = answer
+        .ok()
+        .filter(|found| found.status.success())
+        .map_or("rustc, version unknown".into(), |found| String::from_utf8_lossy(&found.stdout).trim().to_owned());
+    println!("cargo:rustc-env=CLOUDPARITY_COMPILER={version}");
 }

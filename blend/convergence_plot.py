@@ -41,7 +41,7 @@ def _figure(document):
     pyplot = plots.pyplot()
     rows = 2 if document["caches"] else 1
     figure, axes = pyplot.subplots(
-        rows, 2, figsize=(2 * plots.WIDTH, HEIGHT * rows), squeeze=False, layout="constrained"
+        rows, 2, figsize=(plots.TEXT_WIDTH, HEIGHT * rows), squeeze=False, layout="constrained"
     )
     width, height = document["resolution"]
     figure.suptitle(

@@ -1,8 +1,8 @@
 """Figures of two density fields: histogram and power spectrum, as `cloudparity compare-models` measured them.
 
-Request: `sides` (title and statistics of each), `svg` and `png` (files to write). Left: the density of those
-places that hold something, over their mean; the legend says how many these are. Right: power of the density
-over its mean, per wave number.
+Request: `sides` (title and statistics of each), `svg`, `png` and `pdf` (files to write). Left: the density of
+those places that hold something, over their mean; the legend says how many these are. Right: power of the
+density over its mean, per wave number.
 """
 
 import plots
@@ -15,12 +15,14 @@ STYLES = ((plots.BLUE, "-", "o"), (plots.ORANGE, "--", "s"))
 
 def draw(request, messages):
     """Draw the figure and write it as SVG and PNG; return the names of the files."""
-    return plots.save(_figure(request["sides"]), request)
+    return plots.save(
+        _figure(request["sides"]), request, [kind for kind in ("svg", "png", "pdf") if kind in request]
+    )
 
 
 def _figure(sides):
     pyplot = plots.pyplot()
-    figure, axes = pyplot.subplots(1, 2, figsize=(2 * plots.WIDTH, 2.9), layout="constrained")
+    figure, axes = pyplot.subplots(1, 2, figsize=(plots.TEXT_WIDTH, 2.9), layout="constrained")
     histogram, spectrum = axes
     for side, (colour, dash, marker) in zip(sides, STYLES, strict=True):
         found = side["statistics"]

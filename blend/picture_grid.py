@@ -32,7 +32,7 @@ class Grid:
         return 1 + 2 * self._count
 
     def fill(self, row, truth, pictures, below=None):
-        """Draw a row; in the row `below` the window where the last picture errs most, framed in this one."""
+        """Draw a row; in the row `below` the window of the pictures where the last one errs most."""
         shown = [(self._display.apply(picture), {}) for picture in (truth, *pictures)]
         maps = [image_metrics.hdr_flip(picture, truth) for picture in pictures]
         scale = {"cmap": self._colours, "vmin": 0, "vmax": self._largest}
@@ -42,13 +42,14 @@ class Grid:
             axis.set_xlabel(f"mean {figures['mean']:.3f}", fontsize=6, labelpad=1)
         if below is not None:
             window = worst_window(maps[-1][1])
-            self._draw(below, [(values[window], options) for values, options in shown])
+            self._draw(below, [(values[window], options) for values, options in shown[: 1 + self._count]])
             for axis in row:
                 outline(axis, window)
 
     def _draw(self, row, shown):
         for axis, (values, options) in zip(row, shown, strict=True):
-            self.image = axis.imshow(values, interpolation="nearest", **options)
+            image = axis.imshow(values, interpolation="nearest", **options)
+            self.image = image if options else self.image
             axis.set_xticks([])
             axis.set_yticks([])
 

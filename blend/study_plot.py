@@ -12,11 +12,13 @@ every render pays; the dotted one beside it leaves it out, where the samples hav
 `convergence`: error by steps of the view ray, a line per light model, at the most light steps (solid) and
 the fewest (dotted), other settings at their first value: where a line is level, steps are not what is wrong.
 
-`pictures`: per group the truth, three runs of the Pareto front (fastest, least time x relMSE, closest), their
-HDR-FLIP maps, and below them the window where the closest one errs most.
+`pictures`: per group the truth and three runs of the Pareto front (fastest, least time x relMSE, closest),
+below them the window where the closest one errs most, and their HDR-FLIP maps. Panels fill the width of the
+text: with 525 pixels across or more they are printed at 300 dots per inch.
 """
 
 import math
+import textwrap
 
 import optimiser
 import picture_grid
@@ -28,7 +30,6 @@ MARKERS = "os^Dv<>"
 COLUMNS = 2
 SHOWN = 3  # runs of a group whose pictures are shown
 LARGEST_FLIP = 0.8  # of the maps' scale: the fastest runs are far off
-LABELS = 6  # of a Pareto front: more would cover each other
 CURVES = {
     "path": ("path tracing", "#882255", "P"),
     "cycles": ("Cycles", "#332288", "X"),
@@ -46,14 +47,19 @@ def draw(request, messages):
         "pictures": lambda: _pictures(request["title"], groups, request["folder"]),
     }
     kinds = ("svg", "png", "pdf")
-    return {name: plots.save(makers[name](), files, kinds) for name, files in request["figures"].items()}
+    made_by = {"made_by": request.get("made_by")}
+    return {
+        name: plots.save(makers[name](), {**files, **made_by}, kinds)
+        for name, files in request["figures"].items()
+    }
 
 
 def _figure(title, groups, clock):
     figure, axes, lights = _panels(groups)
     pyplot = plots.pyplot()
-    for axis, group in zip(axes, groups, strict=True):
-        _panel(axis, group, lights, clock)
+    # Of the axis, on the left for labels.
+    room = 0.35 if len(groups) > 1 else 0.4
+    labelled = [_panel(axis, group, lights, clock, room) for axis, group in zip(axes, groups, strict=True)]
     handles = _light_handles(lights)
     handles.append(pyplot.Line2D([], [], color="0.3", label="nothing is faster and closer"))
     drawn = {point["renderer"] for group in groups for point in group.get("curves", ())}
@@ -62,13 +68,25 @@ def _figure(title, groups, clock):
     if drawn:
         handles.append(pyplot.Line2D([], [], color="0.4", linestyle=":", label="without its preparation"))
     _legend(figure, handles, groups)
-    figure.suptitle(title, fontsize=9)
+    _title(figure, title, groups)
+    # Where labels are free is known when all else has its place, at the resolution of the file.
+    figure.set_dpi(plots.RESOLUTION)
+    figure.canvas.draw()
+    figure.set_layout_engine("none")
+    for axis, (labels, lines) in zip(axes, labelled, strict=True):
+        plots.label_points(axis, labels, lines)
     return figure
+
+
+def _title(figure, title, groups):
+    """A heading that breaks its lines where a figure of one column is too narrow."""
+    letters = 90 if len(groups) > 1 else 44
+    figure.suptitle("\n".join(textwrap.wrap(title, letters)), fontsize=8)
 
 
 def _legend(figure, handles, groups):
     # As wide as the panels above it.
-    columns = 4 if len(groups) > 1 else 2
+    columns = 5 if len(groups) > 1 else 2
     figure.legend(handles=handles, loc="outside lower center", ncols=columns, frameon=False, fontsize=7)
 
 
@@ -80,7 +98,7 @@ def _panels(groups):
     figure, axes = pyplot.subplots(
         rows,
         columns,
-        figsize=(1.1 * plots.WIDTH * columns, 2.9 * rows + 0.6),
+        figsize=(plots.TEXT_WIDTH if columns > 1 else plots.WIDTH, 2.6 * rows + 0.6),
         squeeze=False,
         layout="constrained",
     )
@@ -141,7 +159,7 @@ def _convergence(title, groups):
     handles.append(pyplot.Line2D([], [], color="0.3", linestyle="-", label="most light steps"))
     handles.append(pyplot.Line2D([], [], color="0.3", linestyle=":", label="fewest light steps"))
     _legend(figure, handles, groups)
-    figure.suptitle(f"{title}: convergence", fontsize=9)
+    _title(figure, f"{title}: convergence", groups)
     return figure
 
 
@@ -156,25 +174,35 @@ def _pictures(title, groups, folder):
         )
         for group in groups
     ]
+    # A row each for the pictures, their windows and their maps: panels as large as the text allows.
+    columns = 1 + SHOWN
     aspect = shown[0][1].shape[0] / shown[0][1].shape[1]
-    height = 2 * (2 * plots.WIDTH / grid.columns * aspect + 0.22)
-    figure = pyplot.figure(figsize=(2.2 * plots.WIDTH, height * len(shown) + 0.7), layout="constrained")
+    panel = plots.TEXT_WIDTH / columns * aspect
+    height = (3 * panel + 0.55) * len(shown) + 0.35
+    figure = pyplot.figure(figsize=(plots.TEXT_WIDTH, height), layout="constrained")
     figure.get_layout_engine().set(h_pad=0.01, w_pad=0.01, hspace=0, wspace=0)
-    axes = figure.subplots(2 * len(shown), grid.columns, squeeze=False)
+    axes = figure.subplots(3 * len(shown), columns, squeeze=False)
+    names = ("fastest", "least time x relMSE", "closest")
     for number, (group, truth, runs) in enumerate(shown):
         pictures = [optimiser.read_mean([f"{folder}/{run['picture']}"]) for run in runs]
-        whole, part = axes[2 * number], axes[2 * number + 1]
-        grid.fill(whole, truth, pictures, part)
-        whole[0].set_xlabel(_name(group), fontsize=5, labelpad=1)
-        for axis, run in zip(whole[1:], runs, strict=False):
+        whole, windows, maps = (axes[3 * number + row] for row in range(3))
+        grid.fill([*whole, *maps[1:]], truth, pictures, windows)
+        lines, width = truth.shape[:2]
+        whole[0].set_title(f"{_name(group)}: path tracing", fontsize=plots.SMALLEST)
+        whole[0].set_xlabel(f"{width} x {lines} pixels", fontsize=plots.SMALLEST, labelpad=1)
+        for axis, name, run in zip(whole[1:], names, runs, strict=True):
             milliseconds = 1e3 * run["seconds"]["median"]
-            axis.set_xlabel(f"{_label(run['combination'])}, {milliseconds:.3g} ms", fontsize=5, labelpad=1)
-    names = ("fastest", "least time x relMSE", "closest")
-    titles = ("path tracing", *names, *(f"FLIP, {name}" for name in names))
-    for axis, text in zip(axes[0], titles, strict=True):
-        axis.set_title(text, fontsize=6)
-    figure.colorbar(grid.image, ax=axes, shrink=0.3, aspect=40, pad=0.01).ax.tick_params(labelsize=6)
-    figure.suptitle(f"{title}: pictures of the Pareto front", fontsize=9)
+            axis.set_title(name, fontsize=plots.SMALLEST)
+            text = f"{_label(run['combination'])}, {milliseconds:.3g} ms"
+            axis.set_xlabel(text, fontsize=plots.SMALLEST, labelpad=1)
+        # Under the truth, which has no map.
+        maps[0].set_axis_off()
+        bar = figure.colorbar(
+            grid.image, cax=maps[0].inset_axes((0.08, 0.55, 0.84, 0.12)), orientation="horizontal"
+        )
+        bar.set_label("HDR-FLIP", fontsize=plots.SMALLEST)
+        bar.ax.tick_params(labelsize=plots.SMALLEST)
+    figure.suptitle("\n".join(textwrap.wrap(f"{title}: pictures of the Pareto front", 90)), fontsize=8)
     return figure
 
 
@@ -188,7 +216,7 @@ def _shown(group):
     ]
 
 
-def _panel(axis, group, lights, clock):
+def _panel(axis, group, lights, clock, room):
     runs = group["runs"]
     measured = (*runs, *group.get("curves", ()))
     positive = [error for one in measured if (error := one["errors"]["relmse"]["value"]) > 0]
@@ -214,33 +242,29 @@ def _panel(axis, group, lights, clock):
             linestyle="none",
             alpha=0.8,
         )
-    _curves(axis, group.get("curves", ()), floor)
+    samples, drawn = _curves(axis, group.get("curves", ()), floor)
     front = [run for run in runs if run["id"] in group["front"]]
     front.sort(key=lambda run: run["seconds"]["median"])
     places = [(run["seconds"]["median"] * 1e3, max(run["errors"]["relmse"]["value"], floor)) for run in front]
     axis.plot([x for x, _ in places], [y for _, y in places], "-", color="0.3", linewidth=0.9, zorder=1)
-    every = max(1, math.ceil(len(front) / LABELS))
-    for run, (x, y) in list(zip(front, places, strict=True))[::every]:
-        axis.annotate(
-            _label(run["combination"]),
-            (x, y),
-            xytext=(-3, -8),
-            textcoords="offset points",
-            fontsize=5,
-            ha="right",
-        )
+    # The ends of the front first: what is left out, where there is no room, lies between.
+    order = [0, len(front) - 1, *range(1, len(front) - 1)] if len(front) > 1 else range(len(front))
+    labels = [(_label(front[index]["combination"]), *places[index]) for index in order]
     # Room for labels on the left.
     left, right = axis.get_xlim()
-    axis.set_xlim(left / (right / left) ** 0.25, right)
+    axis.set_xlim(left / (right / left) ** room, right)
     plots.plain_ticks(axis.xaxis)
     plots.plain_ticks(axis.yaxis)
     axis.set_title(_name(group), fontsize=8)
     axis.set_xlabel(f"{clock}, ms a picture")
     axis.set_ylabel("relMSE against path tracing")
     axis.grid(True, which="major", linewidth=0.3, color="0.85")
+    return samples + labels, [places, *drawn]
 
 
 def _curves(axis, points, floor):
+    """Draw the curves; return the labels of their points, and their lines."""
+    labels, lines = [], []
     for name, (_, colour, marker) in CURVES.items():
         here = sorted(
             (point for point in points if point["renderer"] == name), key=lambda one: one["samples"]
@@ -250,9 +274,9 @@ def _curves(axis, points, floor):
         axis.plot(whole, errors, "-", color=colour, marker=marker, markersize=4, linewidth=0.9)
         if all(point["seconds"] for point in here):
             axis.plot([1e3 * point["seconds"] for point in here], errors, ":", color=colour, linewidth=0.9)
-        for point, x, y in zip(here, whole, errors, strict=True):
-            text = str(point["samples"])
-            axis.annotate(text, (x, y), xytext=(4, 3), textcoords="offset points", fontsize=5)
+        lines.append(list(zip(whole, errors, strict=True)))
+        labels += [(str(point["samples"]), x, y) for point, x, y in zip(here, whole, errors, strict=True)]
+    return labels, lines
 
 
 def _name(group):

@@ -27,8 +27,8 @@ def _figure(request):
     if not views:
         raise protocol.InputError("views", "no views", "at least one held-out view", "run the tuning")
     first = optimiser.read_mean(views[0]["truth"])
-    height = 2 * plots.WIDTH / 5 * first.shape[0] / first.shape[1] + 0.25
-    figure = pyplot.figure(figsize=(2 * plots.WIDTH, height * len(views) + 2.4), layout="constrained")
+    height = plots.TEXT_WIDTH / 5 * first.shape[0] / first.shape[1] + 0.25
+    figure = pyplot.figure(figsize=(plots.TEXT_WIDTH, height * len(views) + 2.4), layout="constrained")
     top, bottom = figure.subfigures(2, 1, height_ratios=[height * len(views) + 0.3, 2.0])
     grid = picture_grid.Grid(2, LARGEST_FLIP)
     axes = top.subplots(len(views), grid.columns, squeeze=False)

@@ -4,6 +4,7 @@ Colours and markers of light models are those of study.svg, from blend/.
 """
 
 import html
+import math
 import sys
 
 import matplotlib.pyplot as pyplot
@@ -131,6 +132,44 @@ def number(value, digits=3):
     return f"{value:.{digits}g}"
 
 
-def uncertain(found, digits=4):
-    """A figure with its standard error in brackets."""
-    return f"{found.value:.{digits}f} ({found.standard_error:.{digits}f})"
+MINUS, TIMES = "\u2212", "\u00d7"
+SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+
+
+def uncertain(found):
+    """A figure with its standard error in units of its last digit, `0.0779(9)`: as the program writes it.
+
+    The rule is that of the Particle Data Group (Review of Particle Physics, section 5.3): of the three
+    leading digits of the error 100 to 354 are rounded to two, 355 to 949 to one, 950 to 999 to 1000 with
+    two kept.
+    """
+    value, error = found.value, found.standard_error
+    if not math.isfinite(value):
+        return "NaN" if math.isnan(value) else "∞" if value > 0 else MINUS + "∞"
+    if not (math.isfinite(error) and error > 0):
+        return number(value).replace("-", MINUS) + ("" if error == 0 else "(NaN)")
+    leading, size = _digits(error, 2)
+    if leading <= 354:
+        digits, place = _digits(error, 1)
+        place -= 1
+    elif leading <= 949:
+        digits, place = _digits(error, 0)
+    else:
+        digits, place = 10, size
+    exponent = max(size, _digits(value, 2)[1]) if value else size
+    if place > 0 or exponent < -3:
+        exponent = max(exponent, place)
+        text = _without_sign_of_zero(f"{value / 10.0**exponent:.{exponent - place}f}")
+        power = str(exponent).translate(SUPERSCRIPTS)
+        return f"{text}({digits}){TIMES}10{power}".replace("-", MINUS)
+    return f"{_without_sign_of_zero(f'{value:.{-place}f}')}({digits})".replace("-", MINUS)
+
+
+def _digits(value, behind):
+    """A number rounded to so many digits behind its first: the digits, and the first one's power of ten."""
+    digits, exponent = f"{abs(value):.{behind}e}".split("e")
+    return int(digits.replace(".", "")), int(exponent)
+
+
+def _without_sign_of_zero(text):
+    return text if any(letter in "123456789" for letter in text) else text.lstrip("-")

@@ -31,7 +31,8 @@ import numpy as np
 STUDY_FORMAT = "cloudparity-study-results/1"
 SCENE_FORMAT = "cloudparity-scene/1"
 METRICS = ("relmse", "rms", "flip")
-ROOT = Path(__file__).resolve().parents[1]
+# A clone of cloudparity: the one that this file lies in, or another for a copy of it elsewhere.
+ROOT = Path(os.environ.get("CLOUDPARITY_REPOSITORY") or Path(__file__).parents[1]).resolve()
 
 # The times of two settings on a Pareto front differ by a larger share: they are stated to the nanosecond.
 _SMALLEST_DIFFERENCE = 1e-12

@@ -52,6 +52,7 @@ const SHARED: &[&str] = &[
     "evaluators",
     "experiment",
     "images",
+    "provenance",
     "scenes",
     "seeds",
     "suite",

@@ -159,3 +159,80 @@ fn doctor_finds_what_is_there() {
         .code(0)
         .stdout(predicate::str::contains("missing").not());
 }
+
+/// A run with figures of every size, names that LaTeX would obey, and a table that runs over pages.
+fn write_run(folder: &Path) {
+    let write = |name: &str, value: Value| {
+        std::fs::write(folder.join(name), value.to_string()).expect("a writable folder");
+    };
+    let evaluator = |error: f64| serde_json::json!({"points": 65536, "differing": 932, "max_error": error, "p999_error": error / 9.0, "rms_error": 0.0, "seconds": 0.047});
+    write(
+        "probe.json",
+        serde_json::json!([{"scene": "cloud", "points": 65536, "domain": "box", "seed": 1, "evaluators": {"cpu": evaluator(5.06e-7), "gpu": evaluator(0.612)}}]),
+    );
+    let row = |number: usize| serde_json::json!({"id": format!("transmittance-at-the-edge-{number}/wgsl"), "varied": "optical depth 0 and 1e-6 to 1e6 of a step, 16 octaves", "values": 70000, "nonfinite": 0, "max_error": 1e-7 * number as f64, "limit": 1.19e-6, "share_of_bound": 0.25, "verdict": "pass"});
+    let left_out: Vec<Value> = (0..60).map(|number| serde_json::json!({"what": format!("what {number}"), "why": row(number)["varied"], "remedy": "cloudparity bench SCENE --json > RUN/bench.json"})).collect();
+    write(
+        "run.json",
+        serde_json::json!({"title": "50 % of $x_1$ & more", "scene": "cloud_{1}#~^\\", "adapter": {"name": "llvmpipe"}, "left_out": left_out}),
+    );
+}
+
+#[test]
+fn tables_of_a_report_compile_in_a_paper_of_two_columns_without_running_over() {
+    if !require("pdflatex") {
+        return;
+    }
+    let folder = tempfile::tempdir().expect("a folder");
+    write_run(folder.path());
+    cloudparity::report::write_report(folder.path(), &[]).expect("a report");
+    let paper = "\\documentclass[twocolumn]{article}\n\\usepackage[T1]{fontenc}\n\\usepackage[utf8]{inputenc}\n\\usepackage{lmodern}\n\
+                 \\usepackage[letterpaper,textwidth=7in,textheight=9in,columnsep=0.33in]{geometry}\n\
+                 \\usepackage{booktabs,tabularx,longtable,siunitx,graphicx}\n\\begin{document}\nText.\n\\input{tables}\n\\input{figures}\n\
+                 \\clearpage\\onecolumn\n\\input{tables-long}\n\\end{document}\n";
+    std::fs::write(folder.path().join("paper.tex"), paper).expect("a writable folder");
+    let run = || {
+        std::process::Command::new("pdflatex")
+            .args(["-interaction=nonstopmode", "-halt-on-error", "-no-shell-escape", "paper.tex"])
+            .current_dir(folder.path())
+            .output()
+            .expect("pdflatex runs")
+    };
+    // The widths of columns are right in the second run.
+    let [first, second] = [run(), run()];
+    let log = String::from_utf8_lossy(&second.stdout).into_owned();
+    assert!(first.status.success() && second.status.success(), "{log}");
+    assert!(!log.contains("Overfull \\hbox"), "{log}");
+    let tables = std::fs::read_to_string(folder.path().join("tables.tex")).expect("tables");
+    assert!(tables.contains("\\begin{tabular}") && tables.contains("\\begin{tabularx}"), "{tables}");
+    assert!(std::fs::read_to_string(folder.path().join("tables-long.tex")).expect("tables").contains("\\endfirsthead"));
+    let fonts =
+        std::process::Command::new("pdffonts").arg(folder.path().join("paper.pdf")).output().expect("pdffonts runs");
+    let fonts = String::from_utf8_lossy(&fonts.stdout).into_owned();
+    assert!(fonts.contains("Type 1") && !fonts.contains("Type 3"), "{fonts}");
+}
+
+#[test]
+fn report_checks_a_certificate_and_says_so_by_its_exit_status() {
+    let folder = tempfile::tempdir().expect("a folder");
+    write_run(folder.path());
+    program().arg("report").arg(folder.path()).assert().code(0);
+    let certificate = folder.path().join("certificate.json");
+    let check = || {
+        let mut command = program();
+        command.arg("report").arg("--check").arg(&certificate);
+        command.assert()
+    };
+    check().code(0).stdout(predicate::str::starts_with("the same: compared "));
+    let page = folder.path().join("index.html");
+    let text = std::fs::read(&page).expect("a page");
+    std::fs::write(&page, [&text[..], b"<!-- -->"].concat()).expect("a writable folder");
+    check().code(1).stdout(predicate::str::contains("differs: index.html: SHA-256"));
+    std::fs::write(&page, &text).expect("a writable folder");
+    check().code(0);
+    std::fs::remove_file(&page).expect("a page");
+    check().code(1);
+    std::fs::write(&page, &text).expect("a writable folder");
+    std::fs::write(&certificate, "{}").expect("a writable folder");
+    check().code(2).stderr(predicate::str::contains("certificate.json"));
+}

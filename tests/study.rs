@@ -11,6 +11,7 @@ use cloudparity::measure::experiment::{Outcome, Settings, Shard};
 use cloudparity::measure::study::file::StudyFile;
 use cloudparity::measure::study::{Results, Study};
 use cloudparity::measure::timing::Clock;
+use cloudparity::measure::truth::PixelRays;
 use cloudparity::measure::tuning::Tuning;
 use rand::{Rng as _, SeedableRng as _};
 use std::collections::BTreeMap;
@@ -68,6 +69,30 @@ fn records(folder: &Path) -> Vec<(PathBuf, SystemTime)> {
         .collect();
     found.sort();
     found
+}
+
+#[test]
+fn truths_look_through_pixels_as_the_runs_do() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = study_file(folder.path(), "[64]");
+    let text = std::fs::read_to_string(&path).expect("a study");
+    let text = text.replace("[1, 32]", "[32]").replace("\"single\", \"octaves\"", "\"single\"");
+    let study = |sub_pixels: &str| {
+        std::fs::write(&path, text.replace("[4]", sub_pixels)).expect("written");
+        run(&path, &folder.path().join(sub_pixels.trim_matches(['[', ']'])))
+    };
+    let (alone, beside) = (study("[1]"), study("[1, 4]"));
+    assert_eq!((alone.truths[0].rays, beside.truths[0].rays), (PixelRays::Centres, PixelRays::Filtered));
+    assert_ne!(alone.truths[0].id, beside.truths[0].id);
+    let relmse = |results: &Results, rays: u32| {
+        let found = results.runs.iter().find(|run| run.combination.sub_pixels == rays).expect("a run");
+        found.errors.relmse
+    };
+    // The same picture: against a filtered truth the edges of the box are an error, which is not the light model's.
+    let (alike, unlike, filtered) = (relmse(&alone, 1), relmse(&beside, 1), relmse(&beside, 4));
+    let difference = unlike.value - alike.value;
+    assert!(difference > 5.0 * unlike.standard_error.hypot(alike.standard_error), "{alike:?} {unlike:?} {filtered:?}");
+    assert!(alike.value < 0.5 * unlike.value && filtered.value < unlike.value, "{alike:?} {unlike:?} {filtered:?}");
 }
 
 #[test]

@@ -15,6 +15,9 @@ use std::sync::LazyLock;
 /// Digits of the hash that readers see.
 const SHORT: usize = 12;
 
+/// The compiler of this build, by its own words.
+pub const COMPILER: &str = env!("CLOUDPARITY_COMPILER");
+
 /// Attribute of a picture: the build that rendered it, or all of them.
 pub const ATTRIBUTE: &str = "build";
 

@@ -17,6 +17,7 @@ pub fn install() {
 }
 
 use crate::base::error::{Error, Result};
+use indexmap::IndexMap;
 pub use interpreter::INTERPRETER_VARIABLE;
 use limits::Limits;
 use serde_json::Value as Json;
@@ -318,6 +319,25 @@ pub fn module_version(module: &str, expression: &str) -> std::result::Result<Str
     let output = isolated(&interpreter()).args(["-c", &code]).output().map_err(|cause| cause.to_string())?;
     let tail = |bytes: &[u8]| String::from_utf8_lossy(bytes).trim().lines().last().unwrap_or_default().to_owned();
     if output.status.success() { Ok(tail(&output.stdout)) } else { Err(tail(&output.stderr)) }
+}
+
+/// Packages whose versions belong to the provenance of a result.
+const PACKAGES: [&str; 8] =
+    ["bpy", "OpenImageIO", "numpy", "scipy", "matplotlib", "flip-evaluator", "opencolorio", "cma"];
+
+/// Versions of Python and of those packages that are installed, by name; nothing where Python does not answer. Asked once.
+pub fn package_versions() -> IndexMap<String, String> {
+    static FOUND: std::sync::OnceLock<IndexMap<String, String>> = std::sync::OnceLock::new();
+    let ask = || {
+        let names = serde_json::to_string(&PACKAGES).unwrap_or_default();
+        let expression = format!(
+            "json.dumps({{'Python': platform.python_version()}} | {{name: importlib.metadata.version(name) for name in {names} \
+             if any(True for _ in importlib.metadata.distributions(name=name))}})"
+        );
+        let text = module_version("json, platform, importlib.metadata", &expression).unwrap_or_default();
+        serde_json::from_str(&text).unwrap_or_default()
+    };
+    FOUND.get_or_init(ask).clone()
 }
 
 /// Whether live Cycles can be asked.

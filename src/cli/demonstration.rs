@@ -7,7 +7,7 @@
 
 use crate::base::error::{Error, Result};
 use crate::base::files;
-use crate::base::identity::Identity;
+use crate::base::identity::{COMPILER, Identity};
 use crate::bridge;
 use crate::bridge::reference::{ReferenceSettings, cache_folder, reference};
 use crate::bridge::{CyclesKernel, Message};
@@ -30,6 +30,7 @@ use crate::measure::stability;
 use crate::measure::study;
 use crate::measure::study::Study;
 use crate::measure::study::file::StudyFile;
+use crate::measure::timing::machine;
 use crate::report;
 use crate::report::inputs::{LeftOut, Run, Timing};
 use crate::scene::{PixelFilter, Scene};
@@ -187,6 +188,11 @@ impl Demo<'_> {
         .into_iter()
         .map(|(name, version)| (name.to_owned(), Json::from(version)))
         .collect();
+        for (name, version) in bridge::package_versions() {
+            self.run.versions.entry(name).or_insert_with(|| version.into());
+        }
+        self.run.versions.insert("Compiler".into(), COMPILER.into());
+        self.run.versions.insert("Machine".into(), machine().into());
         match Gpu::open() {
             Ok(gpu) => {
                 if let Json::Object(fields) = serde_json::to_value(gpu.adapter()).expect("an adapter serialises") {

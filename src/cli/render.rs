@@ -315,6 +315,7 @@ impl PathArguments {
             time: self.max_seconds,
             error: self.max_relmse,
             tracking: self.tracking.unwrap_or_default(),
+            ..default
         }
     }
 }

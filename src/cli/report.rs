@@ -2,7 +2,7 @@
 
 use crate::base::error::Result;
 use crate::report::inputs::Makers;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 /// What makes the pictures and figures of a comparison.
@@ -28,19 +28,45 @@ pub(super) const MAKERS: Makers<'static> = &[
     ("scene.json", "cp SCENE RUN/scene.json"),
 ];
 
-/// Write index.html, report.md and figures.csv from what a run directory holds; print the page's path.
+/// Write index.html, report.md, figures.csv, LaTeX tables and figures, and a certificate from what a run directory holds; print the page's path.
 #[derive(clap::Args)]
-#[command(after_help = "Example: cloudparity report FOLDER")]
+#[command(after_help = "Examples:\n  cloudparity report FOLDER\n  cloudparity report --check FOLDER/certificate.json")]
 pub(super) struct Arguments {
     /// The run directory, or the folder of a study or a tuning.
-    #[arg(value_name = "DIR")]
-    directory: PathBuf,
+    #[arg(value_name = "DIR", required_unless_present = "check")]
+    directory: Option<PathBuf>,
+    /// Compute again what a certificate says, from the files beside it, instead: exit status 0 the same, 1 something differs, 2 could not tell.
+    #[arg(long, value_name = "CERTIFICATE", conflicts_with = "directory")]
+    check: Option<PathBuf>,
 }
 
 pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
-    let page = crate::report::write_report(&arguments.directory, MAKERS)?;
+    if let Some(certificate) = &arguments.check {
+        return check(certificate);
+    }
+    let directory = arguments.directory.as_deref().unwrap_or(Path::new("."));
+    let page = crate::report::write_report(directory, MAKERS)?;
     super::print(&format!("{}\n", page.display()))?;
     Ok(ExitCode::SUCCESS)
+}
+
+fn check(certificate: &Path) -> Result<ExitCode> {
+    let found = crate::report::check_certificate(certificate, MAKERS)?;
+    let mut text = String::new();
+    for line in &found.differing {
+        text += &format!("differs: {line}\n");
+    }
+    for line in &found.untold {
+        text += &format!("could not tell: {line}\n");
+    }
+    let compared: Vec<String> = found.compared.iter().map(|(what, count)| format!("{count} {what}")).collect();
+    let (words, status) = match (found.differing.is_empty(), found.untold.is_empty()) {
+        (false, _) => ("differs", 1),
+        (true, false) => ("could not tell", 2),
+        (true, true) => ("the same", 0),
+    };
+    super::print(&format!("{text}{words}: compared {}\n", compared.join(", ")))?;
+    Ok(ExitCode::from(status))
 }
 
 #[cfg(test)]

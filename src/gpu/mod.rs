@@ -24,7 +24,7 @@ pub use slices::Slices;
 use crate::base::choice::choice;
 use crate::base::error::{Error, Result};
 use futures_channel::oneshot;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// An open device.
@@ -39,7 +39,7 @@ pub struct Gpu {
 }
 
 /// Which adapter and driver did the work.
-#[derive(Debug, Clone, Serialize)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Adapter {
     /// Marketing name.
     pub name: String,

@@ -23,6 +23,7 @@ pub mod densities;
 pub mod fields;
 pub mod nodes;
 pub mod pictures;
+pub mod provenance;
 pub mod speed;
 pub mod stability;
 pub mod study;

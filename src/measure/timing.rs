@@ -75,10 +75,14 @@ pub fn repeated(repeats: usize, gpu: Option<&Gpu>, mut work: impl FnMut() -> Res
     Ok((Seconds { median, smallest: times[0].0, largest: times[times.len() - 1].0 }, wall))
 }
 
-/// What does the work.
+/// What does the work: processor, operating system, threads.
 pub fn machine() -> String {
     let threads = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
-    format!("{} {}, {threads} threads", std::env::consts::OS, std::env::consts::ARCH)
+    let mut system = sysinfo::System::new();
+    system.refresh_cpu_all();
+    let processor = system.cpus().first().map_or("", |cpu| cpu.brand()).trim();
+    let processor = if processor.is_empty() { "processor without a name" } else { processor };
+    format!("{processor}, {} {}, {threads} threads", std::env::consts::OS, std::env::consts::ARCH)
 }
 
 /// Processor seconds that a picture by Cycles took before its first sample and from there on, as the render noted them; `file` is the

@@ -39,6 +39,42 @@ pub struct TruthRecord {
     pub seconds: f64,
     /// Files of the replicas, relative to the folder.
     pub replicas: Vec<String>,
+    /// Where in a pixel its rays pass.
+    #[serde(default, skip_serializing_if = "PixelRays::are_filtered")]
+    pub rays: PixelRays,
+}
+
+/// Where in a pixel the rays of a truth pass. A picture of one ray per pixel, through its centre, samples radiance at points, while the scene's
+/// pixel filter takes means over pixels and their neighbours; against a filtered truth that difference would count as an error of
+/// the light model.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum PixelRays {
+    /// Drawn by the scene's pixel filter: what pictures of several rays per pixel converge to.
+    #[default]
+    Filtered,
+    /// All through the pixel's centre: what pictures of one ray per pixel converge to.
+    Centres,
+}
+
+impl PixelRays {
+    /// Those of pictures with so many rays per pixel and axis.
+    pub fn of(sub_pixels: u32) -> Self {
+        if sub_pixels == 1 { Self::Centres } else { Self::Filtered }
+    }
+
+    /// Whether they are of the pixel filter; also what keeps the keys of truths from before there was a choice.
+    pub fn are_filtered(&self) -> bool {
+        *self == Self::Filtered
+    }
+
+    /// Name for readers.
+    pub fn label(self) -> &'static str {
+        match self {
+            Self::Filtered => "through the scene's pixel filter",
+            Self::Centres => "through pixel centres",
+        }
+    }
 }
 
 impl TruthRecord {
@@ -96,8 +132,13 @@ impl Truth {
 
     /// All that the truth of a density in a scene depends on, but for the build. `purpose` keeps truths apart that must not share their
     /// noise: what was measured or searched with one is judged by another.
-    pub fn inputs(&self, scene: &Scene, density: &str, purpose: &str) -> Json {
-        json!({"scene": scene.content_hash(), "density": density, "truth": self, "purpose": purpose})
+    pub fn inputs(&self, scene: &Scene, density: &str, purpose: &str, rays: PixelRays) -> Json {
+        let mut inputs = json!({"scene": scene.content_hash(), "density": density, "truth": self, "purpose": purpose});
+        // Truths by the filter keep the names that they had before there was a choice.
+        if !rays.are_filtered() {
+            inputs["rays"] = json!(rays);
+        }
+        inputs
     }
 
     /// The truth with these inputs: from its record in a ledger, or rendered there, the replicas that are missing.
@@ -106,10 +147,11 @@ impl Truth {
         scene: &Scene,
         density: &str,
         purpose: &str,
+        rays: PixelRays,
         ledger: &Ledger,
         progress: Progress<'_>,
     ) -> Result<TruthRecord> {
-        let inputs = self.inputs(scene, density, purpose);
+        let inputs = self.inputs(scene, density, purpose, rays);
         let key = ledger.key(&inputs);
         let make = || self.render(scene, density, &inputs, ledger, progress);
         let record: TruthRecord = ledger.obtain(PART, &key, make)?;
@@ -127,6 +169,7 @@ impl Truth {
         progress: Progress<'_>,
     ) -> Result<TruthRecord> {
         let id = ledger.key(inputs);
+        let rays: PixelRays = serde_json::from_value(inputs["rays"].clone()).unwrap_or_default();
         let folder = ledger.folder().ok_or_else(|| {
             Error::new("the truth", "no folder", "one that keeps its replicas", "Name a folder for the results.")
         })?;
@@ -139,7 +182,8 @@ impl Truth {
             report(0.0, "");
             let medium = Self::medium(scene, density)?;
             let subject = Subject { scene, medium: medium.as_ref() };
-            let settings = PathSettings { samples: self.samples, ..PathSettings::default() };
+            let settings =
+                PathSettings { samples: self.samples, pixel_centres: !rays.are_filtered(), ..PathSettings::default() };
             let mut begin = ProcessTime::now();
             path::render_each(subject, &settings, Backend::Cpu, &missing, &report, &mut |seed, mut image| {
                 image.provenance.insert(PROCESSOR_SECONDS.into(), format!("{:.3}", begin.elapsed().as_secs_f64()));
@@ -154,6 +198,7 @@ impl Truth {
             density: density.to_owned(),
             seconds: 0.0,
             replicas: seeds.map(name).collect(),
+            rays,
         };
         let seconds = |image: &Image| image.provenance.get(PROCESSOR_SECONDS).and_then(|text| text.parse::<f64>().ok());
         record.seconds = record.read(folder)?.iter().filter_map(seconds).sum();

@@ -7,11 +7,15 @@
 pub mod certificate;
 mod document;
 pub mod inputs;
+mod measured;
+mod sections;
 pub mod summary;
+mod table;
 mod tables;
 
 use crate::base::error::{Error, Result};
 use crate::base::files::write_atomically;
+use crate::base::identity::{COMPILER, Identity};
 use inputs::{Inputs, Picture};
 use minijinja::{AutoEscape, Environment, UndefinedBehavior, Value, value::Serde};
 use serde::Serialize;
@@ -26,17 +30,51 @@ const PROGRAM: &str = include_str!("report.js");
 pub fn write_report(directory: &Path, makers: inputs::Makers<'_>) -> Result<PathBuf> {
     let inputs = Inputs::read(directory, makers)?;
     let summary = summary::Summary::of(&inputs);
-    let page = render(&inputs, &summary)?;
-    write_atomically(&directory.join("figures.csv"), tables::csv(&inputs).as_bytes())?;
-    let document = tables::document(&inputs, &summary);
-    write_atomically(&directory.join("report.md"), document.markdown().as_bytes())?;
-    write_atomically(&directory.join("tables.tex"), document.latex().as_bytes())?;
+    for (name, text) in pages(&inputs, &summary)? {
+        write_atomically(&directory.join(name), text.as_bytes())?;
+    }
     let certificate = certificate::of(directory, &inputs, &summary)?;
     let text = serde_json::to_string_pretty(&certificate).expect("JSON serialises") + "\n";
     write_atomically(&directory.join("certificate.json"), text.as_bytes())?;
-    let index = directory.join("index.html");
-    write_atomically(&index, page.as_bytes())?;
-    Ok(index)
+    Ok(directory.join(INDEX))
+}
+
+/// The page that is opened.
+const INDEX: &str = "index.html";
+
+/// The files of a report but for the certificate: name and text.
+fn pages(inputs: &Inputs, summary: &summary::Summary) -> Result<Vec<(&'static str, String)>> {
+    let document = sections::document(inputs, summary);
+    Ok(vec![
+        ("figures.csv", tables::csv(inputs)),
+        ("report.md", document.markdown()),
+        ("tables.tex", document.latex_tables(false)),
+        ("tables-long.tex", document.latex_tables(true)),
+        ("figures.tex", document.latex_figures()),
+        (INDEX, render(inputs, summary)?),
+    ])
+}
+
+/// Computes again what a certificate says, from the files of its folder, and compares: hashes, verdicts and figures, a study's errors from its
+/// pictures, and, where this build wrote the report, every page.
+pub fn check_certificate(path: &Path, makers: inputs::Makers<'_>) -> Result<certificate::Findings> {
+    let claimed = certificate::read(path)?;
+    let directory = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let inputs = Inputs::read(directory, makers)?;
+    let summary = summary::Summary::of(&inputs);
+    let again = certificate::of(directory, &inputs, &summary)?;
+    let mut findings = certificate::compare(&claimed, &again, directory, &inputs);
+    if claimed["written_by"]["build"] == again["written_by"]["build"] {
+        let pages = pages(&inputs, &summary)?;
+        findings.compared.push(("pages", pages.len()));
+        for (name, text) in pages {
+            let written = std::fs::read(directory.join(name)).unwrap_or_default();
+            if written != text.as_bytes() {
+                findings.differing.push(format!("{name}: not what the files of the folder give"));
+            }
+        }
+    }
+    Ok(findings)
 }
 
 /// One picture of the viewer.
@@ -72,6 +110,8 @@ struct Page<'a> {
     stability: &'a Option<crate::measure::stability::Table>,
     scene: Option<Vec<(&'static str, String)>>,
     left_out: &'a [inputs::LeftOut],
+    made_by: Vec<(&'static str, Vec<(String, String)>)>,
+    written_by: String,
 }
 
 /// Key (file stem), label and caption of each picture of the viewer, in its order.
@@ -115,6 +155,14 @@ fn render(inputs: &Inputs, summary: &summary::Summary) -> Result<String> {
         models: inputs.models.as_ref().map(|models| tables::ModelsTable::of(models, &inputs.pictures)),
         scene: inputs.scene.as_ref().map(tables::scene_facts),
         left_out: &inputs.left_out,
+        made_by: [
+            ("study", inputs.study.as_ref().and_then(|study| study.provenance.as_ref())),
+            ("tuning", inputs.tuning.as_ref().and_then(|tuning| tuning.provenance.as_ref())),
+        ]
+        .into_iter()
+        .filter_map(|(what, found)| Some((what, found?.facts())))
+        .collect(),
+        written_by: format!("cloudparity {}, {}", Identity::current(), COMPILER),
     };
     let mut environment = Environment::new();
     environment.set_undefined_behavior(UndefinedBehavior::Strict);
@@ -211,7 +259,79 @@ mod tests {
         let gpu = certificate["field"].as_array().unwrap().iter().find(|one| one["evaluator"] == "gpu").unwrap();
         assert_eq!((&gpu["verdict"], &gpu["differing"]), (&json!("differs"), &json!(3)));
         let hash = crate::base::files::sha256(probe.to_string().as_bytes());
-        assert_eq!(certificate["sha256"], json!({"probe.json": hash}));
+        assert_eq!(certificate["sha256"]["probe.json"], json!(hash));
+        assert_eq!(certificate["written_by"]["compiler"], crate::base::identity::COMPILER);
+    }
+
+    #[test]
+    fn a_certificate_is_computed_again_and_every_altered_file_is_found() {
+        let probe = |error: f64| {
+            json!({"points": 10, "domain": "wide", "evaluators": {
+                "gpu": {"points": 10, "differing": 3, "max_error": error, "limit": 0.1}}})
+            .to_string()
+        };
+        let folder = directory(&[("probe.json", probe(0.05)), ("explain.txt", "density".into())]);
+        write_report(folder.path(), MAKERS).unwrap();
+        let certificate = folder.path().join("certificate.json");
+        let check = || check_certificate(&certificate, MAKERS);
+        let sound = check().unwrap();
+        assert_eq!((&sound.differing, &sound.untold), (&vec![], &vec![]));
+        assert!(sound.compared.iter().any(|(what, count)| *what == "statements" && *count > 10), "{sound:?}");
+        // Every file that it stands on, and the certificate itself.
+        let names = [
+            "probe.json",
+            "explain.txt",
+            "index.html",
+            "report.md",
+            "figures.csv",
+            "tables.tex",
+            "figures.tex",
+            "tables-long.tex",
+        ];
+        for name in names {
+            let before = read(&folder, name);
+            std::fs::write(folder.path().join(name), before.clone() + " ").unwrap();
+            let found = check().unwrap();
+            assert!(found.differing.iter().any(|line| line.starts_with(name)), "{name}: {found:?}");
+            std::fs::write(folder.path().join(name), before).unwrap();
+        }
+        std::fs::write(folder.path().join("probe.json"), probe(0.5)).unwrap();
+        let found = check().unwrap().differing.join("\n");
+        assert!(
+            found.contains("$.field[0].max_error: 0.5 now, certified 0.05") && found.contains("$.verdict"),
+            "{found}"
+        );
+        std::fs::write(folder.path().join("probe.json"), probe(0.05)).unwrap();
+        let text = read(&folder, "certificate.json");
+        std::fs::write(&certificate, text.replace("\"agrees\"", "\"differs\"")).unwrap();
+        assert!(check().unwrap().differing.iter().any(|line| line.starts_with("$.verdict")));
+        std::fs::write(&certificate, &text).unwrap();
+        std::fs::remove_file(folder.path().join("explain.txt")).unwrap();
+        assert!(check().unwrap().untold.iter().any(|line| line.starts_with("explain.txt")));
+        for broken in ["{", "{}", "{\"format\": \"cloudparity-certificate/9\", \"sha256\": {}}"] {
+            std::fs::write(&certificate, broken).unwrap();
+            assert!(check().unwrap_err().place.contains("certificate.json"), "{broken}");
+        }
+    }
+
+    #[test]
+    fn every_table_says_of_what_it_is() {
+        let probe = |domain: &str| {
+            json!({"scene": "cloud", "points": 10, "domain": domain, "seed": 7, "reference": {"renderer": "Cycles", "kernel": "sse42"},
+                "evaluators": {"cpu": {"points": 10, "differing": 0}}})
+        };
+        let folder = directory(&[
+            ("run.json", json!({"scene": "cloud", "adapter": {"name": "llvmpipe"}}).to_string()),
+            ("probe.json", json!([probe("box"), probe("wide")]).to_string()),
+        ]);
+        let inputs = Inputs::read(folder.path(), MAKERS).unwrap();
+        let captions = sections::document(&inputs, &summary::Summary::of(&inputs)).captions();
+        let different: std::collections::HashSet<&String> = captions.iter().collect();
+        assert_eq!((captions.len(), different.len()), (4, 4), "{captions:?}");
+        assert_eq!(captions[0], "Verdicts. Scene cloud; adapter llvmpipe.");
+        let wide =
+            "Errors of the field against Cycles at 10 points of the domain wide, seed 7, scene cloud; GPU: llvmpipe.";
+        assert_eq!(captions[2], wide);
     }
 
     #[test]

@@ -1,14 +1,15 @@
-//! The figures as CSV and Markdown, and tables from JSON of no fixed layout.
+//! The figures as CSV, what the page shows of studies, tunings and density models, and tables from JSON of no fixed layout.
 
-use crate::base::numbers::{capitalised, count, figure, percent, plain, rate, ratio, seconds, signed_percent};
+use crate::base::numbers::{figure, percent, plain};
 use crate::base::plain_text::csv_cell;
 use crate::measure::densities::comparison::{Comparison, FIGURE};
 use crate::measure::study::curve_points::CurvePoint;
-use crate::measure::study::{FIGURES, Measured, Results};
+use crate::measure::study::{FIGURES, Results};
 use crate::measure::tuning::{Scored, TuningResults};
-use crate::report::document::Document;
 use crate::report::inputs::{Inputs, Picture, TUNING_FIGURE, study_figure};
-use crate::report::summary::{Summary, evaluator_name};
+use crate::report::measured;
+use crate::report::measured::TuningRow;
+use crate::report::table::Table as Columns;
 use indexmap::IndexMap;
 use serde::Serialize;
 use serde_json::Value;
@@ -71,12 +72,14 @@ pub struct StudyTable<'a> {
     pub clock: &'static str,
     /// Error against time, convergence by steps, and pictures of the front.
     pub figures: [Option<&'a Picture>; 3],
-    /// What nothing beats, by scene and density: settings, milliseconds, relMSE, its standard error, bias, HDR-FLIP.
-    pub fronts: Vec<(String, Vec<FrontRow>)>,
+    /// Their captions.
+    pub captions: [String; 3],
+    /// What nothing beats, by scene and density.
+    pub fronts: Vec<Columns>,
     /// Processor time of each truth.
     pub truths: Vec<(String, f64)>,
     /// Points of unbiased renderers.
-    pub curves: Vec<CurveRow>,
+    pub curves: Columns,
     /// Curves that are missing: which, and why.
     pub missing: Vec<(String, String)>,
 }
@@ -107,12 +110,13 @@ pub struct TuningTable<'a> {
     pub figure: Option<&'a Picture>,
     /// Light models, exposure matched, then the tuned one: name, exposure, HDR-FLIP in training and held out, relMSE held out, milliseconds.
     pub rows: Vec<TuningRow>,
+    /// The light models, as they are shown.
+    pub models: Columns,
+    /// The parameters that were found.
+    pub parameters: Columns,
     /// By what share held-out HDR-FLIP fell.
     pub improvement: f64,
 }
-
-/// Name, exposure, HDR-FLIP in training and held out, relMSE held out, seconds.
-pub type TuningRow = (String, f64, f64, f64, f64, f64);
 
 impl<'a> TuningTable<'a> {
     /// Arranges a tuning.
@@ -128,37 +132,38 @@ impl<'a> TuningTable<'a> {
             )
         };
         let rows = found.published.iter().chain([&found.tuned, &found.finer]).map(row).collect();
-        Self { found, figure: pictures.get(TUNING_FIGURE), rows, improvement: found.improvement() }
+        let mut table = Self {
+            found,
+            figure: pictures.get(TUNING_FIGURE),
+            rows,
+            models: Columns::new("", &[], []),
+            parameters: measured::tuned_parameters(found),
+            improvement: found.improvement(),
+        };
+        table.models = measured::tuning_models(found, &table.rows);
+        table
     }
 }
 
-/// A run of a Pareto front: settings in words, milliseconds, relMSE, its standard error, bias, HDR-FLIP.
-pub type FrontRow = (String, f64, f64, f64, f64, Option<f64>);
-
 impl<'a> StudyTable<'a> {
-    /// Arranges the results of a study.
+    /// Arranges a study.
     pub fn of(found: &'a Results, pictures: &'a IndexMap<String, Picture>) -> Self {
-        let row = |run: &&Measured| {
-            let relmse = run.errors.relmse;
-            let words = run.combination.describe();
-            (words, 1e3 * run.seconds.median, relmse.value, relmse.standard_error, run.errors.bias.value, run.flip)
-        };
-        let front = |(scene, density, runs): (&str, &str, Vec<&Measured>)| {
-            (format!("{density} in {scene}"), runs.iter().map(row).collect())
-        };
         Self {
             title: &found.study.title,
             counts: [found.runs.len(), found.skipped.len()],
             machine: &found.machine,
             clock: found.clock.label(),
             figures: FIGURES.map(|(_, stem)| pictures.get(&study_figure(stem))),
-            fronts: found.pareto_fronts().into_iter().map(front).collect(),
+            captions: measured::study_captions(found),
+            fronts: measured::fronts(found),
             truths: found
                 .truths
                 .iter()
-                .map(|truth| (format!("{} in {}", truth.density, truth.scene), truth.seconds))
+                .map(|truth| {
+                    (format!("{} in {}, rays {}", truth.density, truth.scene, truth.rays.label()), truth.seconds)
+                })
                 .collect(),
-            curves: found.curves.iter().map(curve_row).collect(),
+            curves: measured::curves(found),
             missing: found
                 .missing_curves
                 .iter()
@@ -212,7 +217,7 @@ impl<'a> ModelsTable<'a> {
 }
 
 /// Figures of two density models: what, and one text per density.
-fn model_rows(found: &Comparison) -> Vec<(&'static str, [String; 2])> {
+pub(super) fn model_rows(found: &Comparison) -> Vec<(&'static str, [String; 2])> {
     let each = |text: &dyn Fn(&crate::measure::densities::comparison::Side) -> String| found.sides.each_ref().map(text);
     vec![
         ("factor on the density", each(&|side| figure(Some(side.factor)))),
@@ -468,149 +473,4 @@ pub fn csv(inputs: &Inputs) -> String {
     }
     let lines = std::iter::once(COLUMNS.map(str::to_owned)).chain(rows);
     lines.map(|row| row.map(|cell| csv_cell(&cell)).join(",") + "\n").collect()
-}
-
-/// The page without its pictures' viewer: for terminals, repositories and papers.
-pub fn document(inputs: &Inputs, summary: &Summary) -> Document {
-    let mut document = Document::new(&summary.title, &format!("{}.", capitalised(summary.words)), &summary.sentence);
-    let parts = summary.parts.iter().map(|part| vec![part.name.clone(), part.words.into(), part.sentence.clone()]);
-    document.table(&["Part", "Verdict", "Found"], parts);
-    let names = ["ours.png", "reference.png", "difference.png"];
-    document.pictures(names.into_iter().filter(|name| inputs.pictures.contains_key(*name)));
-    if let Some(diff) = &inputs.diff {
-        document.heading("Picture");
-        let channels = diff.channels.iter().flatten().map(|row| {
-            vec![
-                row.channel.clone(),
-                figure(Some(row.ours)),
-                figure(Some(row.reference)),
-                signed_percent(row.relative_difference),
-                percent(row.standard_error_relative),
-            ]
-        });
-        document.table(&["Channel", "Ours, mean", "Reference, mean", "Difference", "Standard error"], channels);
-        let sides = [("Colour", &diff.colour), ("Alpha", &diff.alpha)];
-        let figures = sides.iter().filter_map(|(name, found)| {
-            let found = found.as_ref()?;
-            Some(vec![
-                (*name).to_owned(),
-                figure(Some(found.mean_error)),
-                figure(Some(found.rms_error)),
-                found.psnr.map_or("equal".into(), |psnr| figure(Some(psnr))),
-                figure(Some(found.max_error)),
-                percent(Some(found.failing_share)),
-            ])
-        });
-        document.table(&["OpenImageIO", "Mean error", "RMS", "PSNR, dB", "Maximum", "Failing pixels"], figures);
-        if let Some(relmse) = &diff.relmse {
-            document.text(&format!(
-                "relMSE = {}, epsilon {}: pixels {}, block means {}.",
-                relmse.formula,
-                figure(Some(relmse.epsilon)),
-                figure(relmse.pixel),
-                figure(relmse.block)
-            ));
-        }
-    }
-    if let Some(found) = inputs.diff.as_ref().and_then(|diff| diff.statistics.as_ref()) {
-        document.heading("Bias and noise");
-        let rows = found.means.iter().map(|row| {
-            vec![
-                row.channel.clone(),
-                signed_percent(row.relative_bias),
-                format!("{} to {}", signed_percent(row.relative_low), signed_percent(row.relative_high)),
-                figure(Some(row.t)),
-                figure(Some(row.p)),
-                figure(Some(row.noise_variance_ours)),
-                figure(Some(row.noise_variance_reference)),
-            ]
-        });
-        let columns = ["Channel", "Bias", "99 % interval", "t", "p", "Noise variance, ours", "Reference"];
-        document.table(&columns, rows);
-    }
-    for probe in &inputs.probes {
-        document.heading(&format!("Field at {} points", count(Some(probe.points))));
-        let rows = probe.evaluators.iter().map(|(name, found)| {
-            vec![
-                evaluator_name(name).to_owned(),
-                count(found.differing),
-                figure(found.max_error),
-                figure(found.p999_error),
-                figure(found.rms_error),
-                seconds(found.seconds),
-            ]
-        });
-        document.table(&["Evaluator", "Differing", "Maximum", "99.9 %", "RMS", "Time"], rows);
-    }
-    if let Some(bench) = &inputs.bench {
-        document.heading("Speed against Cycles");
-        let rows = bench.rows.iter().map(|row| {
-            vec![row.what.clone(), count(row.points), rate(row.cycles_rate), ratio(row.cpu_ratio), ratio(row.gpu_ratio)]
-        });
-        document.table(&["Work", "Points", "Cycles", "CPU", "GPU"], rows);
-    }
-    for (scene, density, runs) in inputs.study.iter().flat_map(Results::pareto_fronts) {
-        document.heading(&format!("Error against time: {density} in {scene}"));
-        let rows = runs.into_iter().map(|run| {
-            let errors = [Some(run.errors.relmse.value), Some(run.errors.relmse.standard_error)].map(figure);
-            let shown =
-                [seconds(Some(run.seconds.median)), signed_percent(Some(run.errors.bias.value)), figure(run.flip)];
-            [&[run.combination.describe()], &errors[..], &shown].concat()
-        });
-        document.table(&["Nothing beats", "relMSE", "Standard error", "Time", "Bias", "FLIP"], rows);
-    }
-    if let Some(study) = &inputs.study {
-        document.heading("Unbiased renderers");
-        let rows =
-            study.curves.iter().map(curve_row).map(|(place, words, (before, after), error, deviation, bias, flip)| {
-                let shown = [seconds(Some(before)), seconds(after), figure(Some(error)), figure(Some(deviation))];
-                [vec![words, place], shown.to_vec(), vec![signed_percent(Some(bias)), figure(flip)]].concat()
-            });
-        let columns = ["Renderer", "Scene", "Preparation", "Samples", "relMSE", "Standard error", "Bias", "FLIP"];
-        document.table(&columns, rows);
-    }
-    if let Some(tuning) = &inputs.tuning {
-        document.heading(&format!("Tuning: {}", tuning.file.title));
-        let shown = TuningTable::of(tuning, &inputs.pictures);
-        let rows = shown.rows.into_iter().map(|(name, exposure, train, held_out, relmse, time)| {
-            let figures = [exposure, train, held_out, relmse].map(|value| figure(Some(value)));
-            [vec![name], figures.to_vec(), vec![seconds(Some(time))]].concat()
-        });
-        let columns = ["Light model", "Exposure", "FLIP, training", "FLIP, held out", "relMSE, held out", "Time"];
-        document.table(&columns, rows);
-        let rows = tuning.parameters.iter().map(|(name, value)| vec![name.clone(), figure(Some(*value))]);
-        document.table(&["Tuned parameter", "Value"], rows);
-    }
-    if let Some(models) = &inputs.models {
-        document.heading("Density models side by side");
-        let rows = model_rows(models).into_iter().map(|(what, [first, second])| vec![what.to_owned(), first, second]);
-        document.table(&["", &models.sides[0].title, &models.sides[1].title], rows);
-        let rows = models.pictures.iter().map(|picture| {
-            let shown = [figure(Some(picture.mean_radiance)), seconds(Some(picture.seconds))];
-            [vec![picture.light_title.clone(), picture.density.clone()], shown.to_vec()].concat()
-        });
-        document.table(&["Light", "Density", "Mean radiance", "Time"], rows);
-    }
-    if let Some(found) = &inputs.stability {
-        document.heading("Numerical stability");
-        let rows = found.rows.iter().map(|row| {
-            vec![
-                row.id.clone(),
-                row.varied.clone(),
-                count(Some(row.values as u64)),
-                count(Some(row.nonfinite as u64)),
-                figure(Some(row.max_error)),
-                figure(Some(row.limit)),
-                figure(row.share_of_bound),
-                row.verdict.word().to_lowercase(),
-            ]
-        });
-        document.table(&["Row", "Varied", "Values", "NaN/Inf", "Error", "Limit", "Of bound", "Verdict"], rows);
-    }
-    if !inputs.left_out.is_empty() {
-        document.heading("Left out");
-        let rows = inputs.left_out.iter().map(|item| vec![item.what.clone(), item.why.clone(), item.remedy.clone()]);
-        document.table(&["What", "Why", "Remedy"], rows);
-    }
-    document
 }

@@ -35,6 +35,11 @@ impl Warp {
         }
     }
 
+    /// No filter: every ray passes through the centre of its pixel, as the one ray of a pixel does that has no more.
+    pub fn centre() -> Self {
+        Self { support: 0.0, cumulative: vec![0.0; TABLE + 1] }
+    }
+
     /// Tabulates an even density on `[-support, support]`.
     fn tabulate(density: impl Fn(f64) -> f64, support: f64) -> Self {
         let cell = 2.0 * support / TABLE as f64;
@@ -50,6 +55,9 @@ impl Warp {
     /// Offset from the pixel centre, in pixels, below which the part `quantile` of the filter lies.
     pub fn offset(&self, quantile: f64) -> f64 {
         let Some(&total) = self.cumulative.last() else { return quantile - 0.5 };
+        if self.support == 0.0 {
+            return 0.0;
+        }
         let wanted = quantile * total;
         // The first cell whose end reaches the wanted mass.
         let index = self.cumulative[1..TABLE].partition_point(|&mass| mass < wanted);
@@ -86,5 +94,10 @@ mod tests {
             assert!(found.iter().sum::<f64>().abs() < 1e-9, "{filter:?} is not centred");
         }
         assert_eq!(offsets(PixelFilter::Box, 1.0, 2), [-0.25, 0.25]);
+        // One ray per pixel passes through its centre under every filter, as all rays do without one.
+        for filter in [PixelFilter::Box, PixelFilter::BlackmanHarris, PixelFilter::Gaussian] {
+            assert!(offsets(filter, 1.5, 1)[0].abs() < 1e-12);
+        }
+        assert!([0.0, 0.3, 1.0].into_iter().all(|quantile| Warp::centre().offset(quantile) == 0.0));
     }
 }

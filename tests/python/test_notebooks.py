@@ -5,6 +5,7 @@ import csv
 import io
 import json
 import os
+import shutil
 import subprocess
 import sys
 from dataclasses import replace
@@ -21,7 +22,7 @@ nbclient = pytest.importorskip("nbclient")
 image = pytest.importorskip("matplotlib.image")
 
 import study_reader  # noqa: E402
-from presentation import Table, ulp_distance  # noqa: E402
+from presentation import Table, ulp_distance, uncertain  # noqa: E402
 from study_reader import ReadError, read_models, read_study  # noqa: E402
 
 NOTEBOOKS = ROOT / "notebooks"
@@ -96,11 +97,11 @@ def execute(monkeypatch, tmp_path):
     monkeypatch.setenv("IPYTHONDIR", str(tmp_path / "ipython"))
     monkeypatch.setenv("JUPYTER_CONFIG_DIR", str(tmp_path / "jupyter"))
 
-    def run_notebook(name, **settings):
+    def run_notebook(name, folder=NOTEBOOKS, **settings):
         for key, value in settings.items():
             monkeypatch.setenv(key, str(value))
-        notebook = nbformat.read(NOTEBOOKS / name, as_version=4)
-        place = {"metadata": {"path": str(NOTEBOOKS)}}
+        notebook = nbformat.read(folder / name, as_version=4)
+        place = {"metadata": {"path": str(folder)}}
         limits = {"timeout": TIMEOUT, "startup_timeout": TIMEOUT}
         nbclient.NotebookClient(notebook, kernel_name="python3", resources=place, **limits).execute()
         outputs = [output for cell in notebook.cells for output in cell.get("outputs", [])]
@@ -156,6 +157,24 @@ def test_voronoi_and_perlin_fbm_are_compared(execute, study_folder, models_folde
     # Fields, pictures, mean radiance, equal settings, fronts.
     assert len(figures) == 5 and len(tables) == 5
     assert "rank correlation" in text and "same mean optical depth" in text
+
+
+def test_a_copy_of_a_notebook_works_anywhere_with_a_clone(execute, study_folder, tmp_path):
+    shutil.copy(NOTEBOOKS / "light-model-choice.ipynb", tmp_path)
+    clone = {"CLOUDPARITY_STUDY": study_folder, "CLOUDPARITY_REPOSITORY": ROOT}
+    figures, tables, _ = execute("light-model-choice.ipynb", tmp_path, **clone)
+    assert len(figures) == 5 and len(tables) == 3
+    with pytest.raises(nbclient.exceptions.CellExecutionError) as error:
+        execute("light-model-choice.ipynb", tmp_path, CLOUDPARITY_REPOSITORY="")
+    assert "set CLOUDPARITY_REPOSITORY to the folder of one" in str(error.value)
+
+
+def test_uncertain_figures_are_written_as_the_program_does():
+    cases = json.loads((ROOT / "parity" / "uncertain-figures.json").read_text(encoding="utf-8"))
+    assert len(cases) > 20
+    for what, value, error, text in cases:
+        value, error = (np.nan if number is None else number for number in (value, error))
+        assert uncertain(study_reader.Uncertain(value, error)) == text, what
 
 
 def test_a_notebook_without_its_study_says_what_to_run(execute, tmp_path):

@@ -1,5 +1,7 @@
 """The figure of `cloudparity study`: panels, fronts, and errors that noise drove below 0."""
 
+import itertools
+
 import numpy as np
 import pytest
 
@@ -10,6 +12,7 @@ pytest.importorskip("matplotlib")
 pytest.importorskip("flip_evaluator")
 
 import picture_grid
+import plots
 import study_plot
 
 
@@ -95,12 +98,84 @@ def test_pictures_of_the_front_and_the_window_where_they_err_are_shown(tmp_path)
     request(tmp_path, groups)
     figure = study_plot._pictures("test", groups, str(tmp_path))
     shown = [axis for axis in figure.axes if axis.images]
-    assert len(shown) == 14, "a truth, three pictures and three maps, whole and in part"
+    assert len(shown) == 11, "a truth and three pictures, whole and in part, and three maps"
+    # The colour bar is that of the maps, and panels fill the text: 525 pixels are 300 dots per inch.
+    assert shown[-1].images[0].get_clim() == (0, study_plot.LARGEST_FLIP)
+    bar = next(axis for axis in figure.axes for child in axis.child_axes if child.get_xlabel() == "HDR-FLIP")
+    assert bar.child_axes[0].get_xlim() == (0, study_plot.LARGEST_FLIP)
+    figure.canvas.draw()
+    widths = [axis.get_window_extent().width / figure.dpi for axis in shown]
+    assert figure.get_figwidth() == plots.TEXT_WIDTH and min(widths) > 0.9 * plots.TEXT_WIDTH / 4
     frame = shown[0].patches[0]
     window = picture_grid.worst_window(np.pad(np.ones((6, 12)), ((0, 14), (28, 0))))
     assert window == (slice(0, 6), slice(28, 40))
     # FLIP's filters spread what is wrong by a few pixels.
     assert abs(frame.get_x() - 27.5) <= 2 and abs(frame.get_y() + 0.5) <= 2
+
+
+def crowded():
+    """A group whose front is so crowded that labels at fixed places would cover each other."""
+    runs = [run(number, "octaves", 10 * 1.03**number, 0.5 * 0.9**number) for number in range(14)]
+    curves = [
+        {
+            "renderer": "path",
+            "samples": 4**power,
+            "errors": {"relmse": {"value": 0.4 / 4**power, "standard_error": 0.001}},
+            "seconds": 0.02 * 4**power,
+            "prepare_seconds": 0.001,
+        }
+        for power in range(3)
+    ]
+    front = [str(number) for number in range(14)]
+    return {**group("one"), "runs": runs, "front": front, "curves": curves}
+
+
+@pytest.mark.parametrize("number", [1, 2])
+def test_labels_cover_neither_each_other_nor_points_nor_lines_nor_the_frame(number):
+    from matplotlib.text import Text
+
+    figure = study_plot._figure(
+        "A title that is longer than a column of a paper", [crowded()] * number, "time"
+    )
+    assert figure.get_figwidth() == (plots.WIDTH if number == 1 else plots.TEXT_WIDTH)
+    renderer = figure.canvas.get_renderer()
+    boxes = {figure._suptitle: figure._suptitle.get_window_extent(renderer)}
+    for axis in (axis for axis in figure.axes if axis.get_title()):
+        frame = axis.get_window_extent(renderer)
+        notes = {note: Text.get_window_extent(note, renderer) for note in axis.texts}
+        assert len(notes) > 6, "most have a place"
+        texts = [note.get_text() for note in notes]
+        assert texts.count("octaves 8/2") >= 2 and {"1", "4", "16"} <= set(texts)
+        points = [place for line in axis.lines for place in axis.transData.transform(line.get_xydata())]
+        front = axis.transData.transform([(10 * 1.03**n, 0.5 * 0.9**n) for n in np.linspace(0, 13, 400)])
+        for box in notes.values():
+            assert frame.x0 <= box.x0 and box.x1 <= frame.x1 and frame.y0 <= box.y0 and box.y1 <= frame.y1
+            assert not any(box.contains(*place) for place in [*points, *front])
+        boxes |= notes
+        outside = [axis.title, axis.xaxis.label, axis.yaxis.label]
+        boxes |= {text: text.get_window_extent(renderer) for text in outside}
+        for side, at in ((axis.xaxis, 0), (axis.yaxis, 1)):
+            low, high = side.get_view_interval()
+            labels = [label for label in side.get_ticklabels() if low <= label.get_position()[at] <= high]
+            ticks = [label.get_window_extent(renderer) for label in labels if label.get_text()]
+            assert len(ticks) >= 2, "an axis without numbers"
+            assert not any(one.overlaps(other) for one, other in itertools.combinations(ticks, 2))
+    found = list(boxes.values())
+    assert not any(one.overlaps(other) for one, other in itertools.combinations(found, 2))
+    width, height = figure.canvas.get_width_height()
+    assert all(box.x0 >= 0 and box.y0 >= 0 and box.x1 <= width and box.y1 <= height for box in found)
+
+
+def test_figures_name_what_made_them(tmp_path):
+    import matplotlib.image
+
+    asked = {**request(tmp_path, [group("one")]), "made_by": "cloudparity 1+ab, rustc 1; matplotlib 3"}
+    study_plot.draw(located(asked, "request"), None)
+    assert b"rustc 1; matplotlib 3" in (tmp_path / "time.pdf").read_bytes()
+    assert "rustc 1; matplotlib 3" in (tmp_path / "time.svg").read_text()
+    assert b"rustc 1; matplotlib 3" in (tmp_path / "time.png").read_bytes()
+    picture = matplotlib.image.imread(tmp_path / "time.png")
+    assert picture.shape[1] == round(plots.WIDTH * plots.RESOLUTION)
 
 
 def test_lines_of_convergence_are_the_runs_of_a_light_model_by_steps():

@@ -11,7 +11,7 @@ pub mod rounding;
 use cloudparity::scene::Scene;
 use std::path::{Path, PathBuf};
 
-/// Whether an optional requirement ("bpy", "vulkan", "cma", "unshare", "spirv-tools") is there. When it is not, says so and returns
+/// Whether an optional requirement ("bpy", "vulkan", "cma", "unshare", "spirv-tools", "pdflatex") is there. When it is not, says so and returns
 /// false; panics instead when `CLOUDPARITY_REQUIRE` names it, so that CI cannot skip by accident.
 pub fn require(what: &str) -> bool {
     let there = match what {
@@ -31,6 +31,16 @@ pub fn require(what: &str) -> bool {
         "spirv-tools" => ["spirv-val", "glslangValidator"].iter().all(|program| {
             std::process::Command::new(program).arg("--version").output().is_ok_and(|output| output.status.success())
         }),
+        // Debian packages texlive-latex-extra and texlive-science (booktabs, tabularx, longtable, siunitx), poppler-utils.
+        "pdflatex" => {
+            let packages = ["siunitx.sty", "booktabs.sty", "longtable.sty", "tabularx.sty"];
+            let found = std::process::Command::new("kpsewhich").args(packages).output();
+            let lines = found.map_or(0, |found| String::from_utf8_lossy(&found.stdout).lines().count());
+            let answers = |program: &str, argument: &str| {
+                std::process::Command::new(program).arg(argument).output().is_ok_and(|output| output.status.success())
+            };
+            lines == packages.len() && answers("pdflatex", "--version") && answers("pdffonts", "-v")
+        }
         other => panic!("unknown requirement {other}"),
     };
     if !there {

@@ -83,11 +83,14 @@ pub struct PathSettings {
     /// How rays find their collisions.
     #[serde(default)]
     pub tracking: Tracking,
+    /// Whether all rays of a pixel pass through its centre, without the film's pixel filter: what pictures of one ray per pixel converge to.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub pixel_centres: bool,
 }
 
 impl Default for PathSettings {
     fn default() -> Self {
-        Self { samples: 64, seed: 0, time: None, error: None, tracking: Tracking::default() }
+        Self { samples: 64, seed: 0, time: None, error: None, tracking: Tracking::default(), pixel_centres: false }
     }
 }
 
@@ -119,8 +122,9 @@ impl PathSettings {
     /// What the samples depend on besides the build: renders that agree in it may go on from each other's state. The
     /// number of samples decides how far majorants are refined, and so belongs to it.
     fn identity(&self, subject: Subject<'_>, engine: &Engine<'_>) -> String {
-        let Self { samples, seed, tracking, .. } = self;
-        format!("{} {samples} {seed} {tracking:?} {}", subject.content_hash(), engine.name())
+        let Self { samples, seed, tracking, pixel_centres, .. } = self;
+        let centres = if *pixel_centres { " pixel centres" } else { "" };
+        format!("{} {samples} {seed} {tracking:?} {}{centres}", subject.content_hash(), engine.name())
     }
 }
 
@@ -340,7 +344,11 @@ impl Tracer {
         Ok(Self {
             camera: Camera::new(scene, size)?,
             size,
-            filter: Warp::new(scene.film.pixel_filter, f64::from(scene.film.filter_width)),
+            filter: if settings.pixel_centres {
+                Warp::centre()
+            } else {
+                Warp::new(scene.film.pixel_filter, f64::from(scene.film.filter_width))
+            },
             transparent: scene.film.transparent,
             exposure: f64::from(scene.film.exposure),
             lights: sampled_lights(scene)?,

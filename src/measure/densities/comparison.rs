@@ -26,6 +26,7 @@ use crate::integrators::path;
 use crate::integrators::path::{GivenMedium, PathSettings, Subject};
 use crate::measure::densities::statistics::FieldStatistics;
 use crate::measure::images::{self, DisplaySettings};
+use crate::measure::provenance::Provenance;
 use crate::media::density::Density;
 use crate::media::medium::Medium;
 use crate::media::region::Region;
@@ -363,8 +364,9 @@ pub fn show(comparison: &mut Comparison, display: &Display, folder: &Path) -> Re
     bridge::run_script(images::SCRIPT, &json!({"op": "display", "images": images}), CyclesKernel::Default, |_| ())?;
     comparison.pictures.iter_mut().for_each(|picture| picture.png = Some(png_of(picture)));
     write(comparison, folder)?;
-    let [svg, png] = [FIGURE, "models.png"].map(|name| folder.join(name));
-    let request = json!({"sides": comparison.sides, "svg": svg, "png": png});
+    let [svg, png, pdf] = [FIGURE, "models.png", "models.pdf"].map(|name| folder.join(name));
+    let request =
+        json!({"sides": comparison.sides, "svg": svg, "png": png, "pdf": pdf, "made_by": Provenance::now(None).line()});
     bridge::run_script("model_comparison_plot.py", &request, CyclesKernel::Default, |_| ()).map(|_| ())
 }
 

@@ -11,6 +11,7 @@
 use crate::base::error::{Error, Result};
 use crate::base::files;
 use crate::base::identity;
+use crate::base::numbers::uncertain;
 use crate::bridge::reference::{ReferenceSettings, cache_folder, references};
 use crate::engines::Selection;
 use crate::engines::defects::Defects;
@@ -23,7 +24,7 @@ use crate::measure::seeds;
 use crate::measure::study::curve_points::{CELLS, CurvePoint, PARTS, Renderer};
 use crate::measure::study::running::Running;
 use crate::measure::timing::{cycles_seconds, timed_picture};
-use crate::measure::truth::{Truth, TruthRecord};
+use crate::measure::truth::{PixelRays, Truth, TruthRecord};
 use crate::measure::voxels;
 use crate::scene::image::Image;
 use crate::scene::volume_grid::VolumeGrid;
@@ -41,12 +42,13 @@ const DRAWING_SEED: u64 = 6600;
 impl Running<'_> {
     /// A point of path tracing's curve.
     pub(super) fn path_point(&mut self, of: &Combination, samples: u32, desk: &Desk<'_>) -> Result<CurvePoint> {
-        let (scene, truth) = (self.study.scene(&of.scene), self.truth(of, desk)?);
+        let (scene, rays) = (self.study.scene(&of.scene), self.study.rays());
+        let truth = self.truth(of, rays, desk)?;
         let medium = Truth::medium(scene, &of.density)?;
         let subject = Subject { scene, medium: medium.as_ref() };
         // No seed that a truth has.
         let seed = seeds::first(&json!({"curve of": truth.scene_sha256, "density": of.density, "samples": samples}));
-        let settings = PathSettings { samples, seed, ..PathSettings::default() };
+        let settings = PathSettings { samples, seed, pixel_centres: !rays.are_filtered(), ..PathSettings::default() };
         let (image, [prepare_seconds, seconds]) = timed_picture(subject, &settings)?;
         let made = Made {
             samples,
@@ -66,7 +68,7 @@ impl Running<'_> {
         let [prepare_seconds, sampling] = cycles_seconds(&large, &file)?;
         // Cycles says when its first sample is done: with a single one nothing is left to be measured.
         let sampling = (most > PARTS).then_some(sampling);
-        let truth = self.truth(of, desk)?;
+        let truth = self.truth(of, PixelRays::Filtered, desk)?;
         let replicas = self.replicas(&truth, desk)?;
         let mut points = Vec::new();
         for level in 0..=PARTS.ilog2() {
@@ -204,15 +206,14 @@ impl CurvePoint {
     /// Renderer, samples, time and errors in a line.
     pub fn describe(&self) -> String {
         format!(
-            "{} in {}: {}, {} samples: {:.1} + {} s, relMSE {:.4} ({:.4}), bias {:+.2} %",
+            "{} in {}: {}, {} samples: {:.1} + {} s, relMSE {}, bias {:+.2} %",
             self.density,
             self.scene,
             self.renderer.label(),
             self.samples,
             self.prepare_seconds,
             self.seconds.map_or("(no time of their own)".into(), |seconds| format!("{seconds:.2}")),
-            self.errors.relmse.value,
-            self.errors.relmse.standard_error,
+            uncertain(self.errors.relmse.value, self.errors.relmse.standard_error),
             100.0 * self.errors.bias.value,
         )
     }

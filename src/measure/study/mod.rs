@@ -26,6 +26,7 @@ use crate::engines::Engine;
 use crate::gpu::Gpu;
 use crate::measure::combination::Combination;
 use crate::measure::timing::machine;
+use crate::measure::truth::PixelRays;
 use crate::scene::Scene;
 use cpu_time::ProcessTime;
 use file::{Skipped, StudyFile};
@@ -83,6 +84,12 @@ impl Study {
             }
         }
         subjects
+    }
+
+    /// Where in a pixel the rays of its truths pass: as those of its runs, so that the filter of a pixel is no error of a light model. Where
+    /// runs of one ray per pixel stand beside runs of several, what the filter does is what they are compared in.
+    fn rays(&self) -> PixelRays {
+        PixelRays::of(self.wanted.iter().map(|combination| combination.sub_pixels).max().unwrap_or(1))
     }
 
     /// The engine of a combination, and the processor time that it took to make it.

@@ -4,18 +4,22 @@ use crate::base::error::{Error, Result};
 use crate::base::files;
 use crate::base::identity::Identity;
 use crate::base::ledger::{Ledger, read_record, to_json};
+use crate::base::numbers::uncertain;
 use crate::base::plain_text::csv_cell;
 use crate::bridge;
 use crate::bridge::CyclesKernel;
 use crate::measure::combination::Combination;
+use crate::measure::errors;
 use crate::measure::errors::Errors;
 use crate::measure::images;
 use crate::measure::images::FlipPair;
+use crate::measure::provenance::Provenance;
 use crate::measure::study::curve_points::{CurvePoint, MissingCurve};
 use crate::measure::study::file::{Skipped, StudyFile};
 use crate::measure::study::pareto_front::{self, Metric};
 use crate::measure::timing::{Clock, Seconds};
 use crate::measure::truth::TruthRecord;
+use crate::scene::image::Image;
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 use std::collections::HashMap;
@@ -57,10 +61,9 @@ impl Measured {
     /// Time, errors and settings in a line.
     pub fn describe(&self) -> String {
         format!(
-            "{:8.2} ms, relMSE {:.4} ({:.4}), bias {:+.2} %{}: {}",
+            "{:8.2} ms, relMSE {}, bias {:+.2} %{}: {}",
             1e3 * self.seconds.median,
-            self.errors.relmse.value,
-            self.errors.relmse.standard_error,
+            uncertain(self.errors.relmse.value, self.errors.relmse.standard_error),
             100.0 * self.errors.bias.value,
             self.flip.map_or(String::new(), |flip| format!(", FLIP {flip:.4}")),
             self.combination.describe(),
@@ -82,6 +85,9 @@ pub struct Results {
     pub study: StudyFile,
     /// What did the work.
     pub machine: String,
+    /// What took part; none in a file from before it was kept.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub provenance: Option<Provenance>,
     /// What the runs' seconds are.
     #[serde(default)]
     pub clock: Clock,
@@ -191,6 +197,52 @@ impl Results {
             .collect()
     }
 
+    /// Measures the errors of all runs again, from their pictures and the replicas of their truths in the folder: what differs from what was
+    /// written, a sentence each, and what could not be measured.
+    pub fn errors_again(&self, folder: &Path) -> (Vec<String>, Vec<String>) {
+        // The same sums in the same order; what another build does to the order is far below this, and any digit that is shown above.
+        const ROUNDING: f64 = 1e-9;
+        let (mut differing, mut missing) = (Vec::new(), Vec::new());
+        let mut replicas: HashMap<&str, Result<Vec<Image>>> = HashMap::new();
+        for run in &self.runs {
+            let Some(record) = self.truths.iter().find(|record| record.id == run.truth) else {
+                missing.push(format!("{}: its truth is not listed", run.picture));
+                continue;
+            };
+            let found = replicas.entry(&run.truth).or_insert_with(|| record.read(folder));
+            let again = match (Image::read_exr(&folder.join(&run.picture)), found) {
+                (Ok(picture), Ok(truth)) => errors::measure(&picture, truth),
+                (Err(error), _) => Err(error),
+                (_, Err(error)) => Err(error.clone()),
+            };
+            match again {
+                Err(error) => missing.push(format!("{}: {error}", run.picture)),
+                Ok(again) => {
+                    let pairs = [
+                        ("relMSE", run.errors.relmse, again.relmse),
+                        ("RMS error", run.errors.rms, again.rms),
+                        ("bias", run.errors.bias, again.bias),
+                    ];
+                    for (name, before, now) in pairs {
+                        let size = before.value.abs().max(now.value.abs()).max(now.standard_error);
+                        let difference =
+                            (before.value - now.value).abs().max((before.standard_error - now.standard_error).abs());
+                        // Also where one is no number.
+                        if !(difference <= ROUNDING * size) {
+                            differing.push(format!(
+                                "{}: {name} {} as written, {} from the picture",
+                                run.combination.describe(),
+                                uncertain(before.value, before.standard_error),
+                                uncertain(now.value, now.standard_error)
+                            ));
+                        }
+                    }
+                }
+            }
+        }
+        (differing, missing)
+    }
+
     /// Draws [`FIGURES`] as `.svg`, `.png` and `.pdf`. Needs matplotlib, and HDR-FLIP for the pictures.
     pub fn draw(&self, folder: &Path) -> Result<()> {
         let truth = |id: &str| self.truths.iter().find(|record| record.id == id).map(|record| &record.replicas);
@@ -215,7 +267,7 @@ impl Results {
             .collect();
         let request = json!({
             "title": self.study.title, "clock": self.clock.label(), "groups": groups, "folder": folder,
-            "figures": figures,
+            "figures": figures, "made_by": self.provenance.as_ref().map(Provenance::line),
         });
         bridge::run_script("study_plot.py", &request, CyclesKernel::Default, |_| ()).map(drop)
     }

@@ -11,12 +11,13 @@ use crate::measure::combination::Combination;
 use crate::measure::errors;
 use crate::measure::experiment;
 use crate::measure::experiment::{Desk, Done, Experiment, Outcome, Settings};
+use crate::measure::provenance::Provenance;
 use crate::measure::study::curve_points::{CurvePoint, MissingCurve, Renderer};
 use crate::measure::study::file::Skipped;
 use crate::measure::study::{FORMAT, Measured, PURPOSE, Results, Study};
 use crate::measure::timing::{Clock, repeated};
 use crate::measure::truth;
-use crate::measure::truth::TruthRecord;
+use crate::measure::truth::{PixelRays, TruthRecord};
 use crate::scene::Scene;
 use crate::scene::image::Image;
 use cpu_time::ProcessTime;
@@ -41,7 +42,7 @@ pub struct Prepared {
 #[derive(Debug, Clone, PartialEq)]
 pub(super) enum Job {
     /// What errors are measured against.
-    Truth(Combination),
+    Truth(Combination, PixelRays),
     /// The engine's picture and its time.
     Run(Combination),
     /// A point of path tracing's curve, of so many samples.
@@ -104,7 +105,16 @@ impl Study {
 impl Job {
     fn combination(&self) -> &Combination {
         match self {
-            Self::Truth(one) | Self::Run(one) | Self::PathPoint(one, _) | Self::CyclesCurve(one) => one,
+            Self::Truth(one, _) | Self::Run(one) | Self::PathPoint(one, _) | Self::CyclesCurve(one) => one,
+        }
+    }
+
+    /// Where in a pixel the rays of its truth pass, in a study with these: Cycles' rays pass by the pixel filter in each.
+    fn rays(&self, of_study: PixelRays) -> PixelRays {
+        match self {
+            Self::Truth(_, rays) => *rays,
+            Self::Run(_) | Self::PathPoint(..) => of_study,
+            Self::CyclesCurve(_) => PixelRays::Filtered,
         }
     }
 }
@@ -114,8 +124,9 @@ impl Running<'_> {
         self.study.scene(&combination.scene)
     }
 
-    fn truth_inputs(&self, combination: &Combination) -> Json {
-        self.study.file.truth.inputs(self.scene(combination), &combination.density, TRUTHS)
+    fn truth_inputs(&self, job: &Job) -> Json {
+        let (combination, rays) = (job.combination(), job.rays(self.study.rays()));
+        self.study.file.truth.inputs(self.scene(combination), &combination.density, TRUTHS, rays)
     }
 
     /// Why a scene and density has no runs, and so needs no truth.
@@ -128,10 +139,10 @@ impl Running<'_> {
         self.gpu.as_ref().and_then(|gpu| EngineRenderer::new(scene, &engine, Some(gpu)).err())
     }
 
-    /// The truth of a combination.
-    pub(super) fn truth(&self, combination: &Combination, desk: &Desk<'_>) -> Result<TruthRecord> {
+    /// The truth of a combination, by rays that pass so.
+    pub(super) fn truth(&self, of: &Combination, rays: PixelRays, desk: &Desk<'_>) -> Result<TruthRecord> {
         let report = |done: f64, what: &str| desk.report(done, what);
-        self.study.file.truth.obtain(self.scene(combination), &combination.density, TRUTHS, desk.ledger, &report)
+        self.study.file.truth.obtain(self.scene(of), &of.density, TRUTHS, rays, desk.ledger, &report)
     }
 
     /// The replicas of a truth.
@@ -154,7 +165,7 @@ impl Running<'_> {
             Err(error) => return Ok(Found::LeftOut(error.to_string())),
         };
         let prepare_seconds = engine_seconds + begin.elapsed().as_secs_f64();
-        let truth = self.truth(combination, desk)?;
+        let truth = self.truth(combination, study.rays(), desk)?;
         let replicas = keep_replicas(&mut self.truths, &truth, desk)?;
         let settings = combination.picture_settings();
         let render = || renderer.picture(&settings, &|_, _| ());
@@ -203,7 +214,12 @@ impl Experiment for Running<'_> {
 
     fn plan(&self) -> Result<Vec<Job>> {
         let (study, subjects) = (self.study, self.study.subjects());
-        let mut jobs: Vec<Job> = subjects.iter().cloned().map(Job::Truth).collect();
+        let rays = study.rays();
+        let mut jobs: Vec<Job> = subjects.iter().cloned().map(|subject| Job::Truth(subject, rays)).collect();
+        let of_cycles = subjects.iter().filter(|subject| study.file.curves.cycles.contains_key(&subject.density));
+        if !rays.are_filtered() {
+            jobs.extend(of_cycles.cloned().map(|subject| Job::Truth(subject, PixelRays::Filtered)));
+        }
         if !self.only_preparation {
             jobs.extend(study.wanted.iter().cloned().map(Job::Run));
         }
@@ -220,16 +236,16 @@ impl Experiment for Running<'_> {
 
     fn part(&self, job: &Job) -> &'static str {
         match job {
-            Job::Truth(_) => truth::PART,
+            Job::Truth(..) => truth::PART,
             Job::Run(_) => "runs",
             Job::PathPoint(..) | Job::CyclesCurve(_) => "curves",
         }
     }
 
     fn inputs(&self, job: &Job) -> Result<Json> {
-        let truth = self.truth_inputs(job.combination());
+        let truth = self.truth_inputs(job);
         Ok(match job {
-            Job::Truth(_) => truth,
+            Job::Truth(..) => truth,
             Job::Run(combination) => {
                 let mut key = json!({"combination": combination, "truth": truth, "timing": self.study.file.timing});
                 if let Some(gpu) = &self.gpu {
@@ -248,7 +264,7 @@ impl Experiment for Running<'_> {
     fn label(&self, job: &Job) -> String {
         let Combination { scene, density, .. } = job.combination();
         match job {
-            Job::Truth(_) => format!("truth of {density} in {scene}"),
+            Job::Truth(_, rays) => format!("truth of {density} in {scene}, {}", rays.label()),
             Job::Run(combination) => format!("run of {density} in {scene}: {}", combination.describe()),
             Job::PathPoint(_, samples) => format!("path tracing of {density} in {scene}, {samples} samples"),
             Job::CyclesCurve(_) => format!("Cycles: {density} in {scene}"),
@@ -257,7 +273,7 @@ impl Experiment for Running<'_> {
 
     fn run(&mut self, job: &Job, desk: &Desk<'_>) -> Result<Found<Record>> {
         match job {
-            Job::Truth(combination) => {
+            Job::Truth(combination, _) => {
                 if let Some(error) = self.refusal(combination) {
                     return Ok(Found::LeftOut(error.to_string()));
                 }
@@ -288,7 +304,7 @@ impl Experiment for Running<'_> {
     }
 
     fn heard(&mut self, job: &Job, record: &Record, desk: &Desk<'_>) -> Result<()> {
-        if let (Job::Truth(combination), Record::Truth(truth)) = (job, record) {
+        if let (Job::Truth(combination, _), Record::Truth(truth)) = (job, record) {
             truth.check(self.scene(combination), &combination.density, desk.ledger)?;
         }
         Ok(())
@@ -301,6 +317,7 @@ impl Experiment for Running<'_> {
             builds: Vec::<Identity>::new(),
             study: self.study.file.clone(),
             machine: Study::machine(self.gpu.as_ref()),
+            provenance: Some(Provenance::now(self.gpu.as_ref())),
             clock: Clock::of(self.gpu.as_ref()),
             truths: Vec::new(),
             runs: Vec::new(),
@@ -317,7 +334,7 @@ impl Experiment for Running<'_> {
                 (_, Found::Record(Record::Run(run))) => results.runs.push(*run),
                 (_, Found::Record(Record::Point(point))) => results.curves.push(*point),
                 (_, Found::Record(Record::Points(points))) => results.curves.extend(points),
-                (Job::Truth(combination), Found::LeftOut(_)) => without_truth.push(combination),
+                (Job::Truth(combination, _), Found::LeftOut(_)) => without_truth.push(combination),
                 (Job::Run(combination), Found::LeftOut(reason)) => {
                     results.skipped.push(Skipped { combination, reason });
                 }
@@ -329,7 +346,7 @@ impl Experiment for Running<'_> {
                 (Job::PathPoint(..) | Job::CyclesCurve(_), Found::LeftOut(_)) => {}
             }
         }
-        results.truths.sort_by(|a, b| (&a.scene, &a.density).cmp(&(&b.scene, &b.density)));
+        results.truths.sort_by(|a, b| (&a.scene, &a.density, a.rays as u8).cmp(&(&b.scene, &b.density, b.rays as u8)));
         results.curves.sort_by(|a, b| (&a.scene, &a.density).cmp(&(&b.scene, &b.density)));
         results.front =
             results.pareto_fronts().into_iter().flat_map(|(_, _, runs)| runs).map(|run| run.id.clone()).collect();

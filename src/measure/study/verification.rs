@@ -96,7 +96,7 @@ impl Experiment for Verification<'_> {
     fn inputs(&self, job: &usize) -> Result<Json> {
         let combination = &self.runs[*job].combination;
         let scene = self.study.scene(&combination.scene);
-        let truth = self.study.file.truth.inputs(scene, &combination.density, TRUTHS);
+        let truth = self.study.file.truth.inputs(scene, &combination.density, TRUTHS, self.study.rays());
         Ok(json!({"combination": combination, "truth": truth, "adapter": self.gpu.as_ref().map(Gpu::adapter)}))
     }
 
@@ -108,7 +108,8 @@ impl Experiment for Verification<'_> {
         let combination = &self.runs[*job].combination;
         let scene = self.study.scene(&combination.scene);
         let report = |done: f64, what: &str| desk.report(done, what);
-        let truth = self.study.file.truth.obtain(scene, &combination.density, TRUTHS, desk.ledger, &report)?;
+        let (truth, rays) = (&self.study.file.truth, self.study.rays());
+        let truth = truth.obtain(scene, &combination.density, TRUTHS, rays, desk.ledger, &report)?;
         if !self.truths.contains_key(&truth.id) {
             self.truths.insert(truth.id.clone(), truth.read(desk.folder()?)?);
         }

@@ -28,10 +28,11 @@ use crate::measure::errors;
 use crate::measure::errors::Errors;
 use crate::measure::experiment;
 use crate::measure::experiment::{Desk, Done, Experiment, Outcome, Settings};
+use crate::measure::provenance::Provenance;
 use crate::measure::scenes::load_scenes;
 use crate::measure::timing::{machine, repeated};
 use crate::measure::truth;
-use crate::measure::truth::TruthRecord;
+use crate::measure::truth::{PixelRays, TruthRecord};
 use crate::scene::Scene;
 use crate::scene::image::Image;
 use file::{Objective, TuningFile};
@@ -159,6 +160,9 @@ pub struct TuningResults {
     pub file: TuningFile,
     /// What did the work.
     pub machine: String,
+    /// What took part; none in a file from before it was kept.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub provenance: Option<Provenance>,
     /// The library that searched.
     pub optimiser: String,
     /// Why the search ended.
@@ -247,7 +251,7 @@ impl Tuning {
     fn view(&self, scene: &Scene, desk: &Desk<'_>) -> Result<View> {
         let density = &self.file.engine.density;
         let report = |done: f64, what: &str| desk.report(done, what);
-        let record = self.file.truth.obtain(scene, density, TRUTHS, desk.ledger, &report)?;
+        let record = self.file.truth.obtain(scene, density, TRUTHS, PixelRays::Filtered, desk.ledger, &report)?;
         let truth = record.read(desk.folder()?)?;
         let engine = self.combination(scene).engine(scene, &[])?;
         let own_light = engine.light.clone();
@@ -352,7 +356,7 @@ impl Tuning {
     /// All that the error of a candidate depends on, but for the build.
     fn evaluation_inputs(&self, values: &IndexMap<String, f64>) -> Json {
         let engine = &self.file.engine;
-        let truth = |scene: &Scene| self.file.truth.inputs(scene, &engine.density, TRUTHS);
+        let truth = |scene: &Scene| self.file.truth.inputs(scene, &engine.density, TRUTHS, PixelRays::Filtered);
         let truths: Vec<Json> = self.train.iter().map(truth).collect();
         json!({"engine": engine, "values": values, "objective": self.file.search.objective, "truths": truths})
     }
@@ -496,7 +500,7 @@ impl Experiment for Running<'_> {
 
     fn inputs(&self, job: &Job) -> Result<Json> {
         let Tuning { file, .. } = self.tuning;
-        let truth = |scene: &Scene| file.truth.inputs(scene, &file.engine.density, TRUTHS);
+        let truth = |scene: &Scene| file.truth.inputs(scene, &file.engine.density, TRUTHS, PixelRays::Filtered);
         if let Job::Truth(view) = job {
             return Ok(truth(self.tuning.scenes().nth(*view).expect("a view of the plan")));
         }
@@ -588,6 +592,7 @@ impl Experiment for Running<'_> {
             builds: desk.ledger.builds(),
             file: self.tuning.file.clone(),
             machine: machine(),
+            provenance: Some(Provenance::now(None)),
             optimiser: searched.library,
             stopped: searched.stopped,
             evaluations: searched.evaluations,
@@ -633,7 +638,7 @@ impl TuningResults {
             .collect();
         let request = json!({
             "title": self.file.title, "before": self.published[0].name, "views": views, "history": self.history,
-            "objective": self.file.search.objective,
+            "objective": self.file.search.objective, "made_by": self.provenance.as_ref().map(Provenance::line),
             "svg": file("svg"), "png": file("png"), "pdf": file("pdf"),
         });
         bridge::run_script("tuning_plot.py", &request, CyclesKernel::Default, |_| ()).map(drop)

@@ -231,15 +231,12 @@ impl Experiment for Running<'_> {
 
 /// The document of an earlier run with these settings, or an empty one.
 fn begin(settings: &Settings, gpu: Option<&Gpu>, path: Option<&Path>) -> Result<Costs> {
-    let mut system = sysinfo::System::new();
-    system.refresh_cpu_all();
-    let processor = system.cpus().first().map_or("", |cpu| cpu.brand()).trim();
     let adapter =
         gpu.map_or("no adapter".to_owned(), |gpu| format!("adapter {} ({})", gpu.adapter().name, gpu.adapter().driver));
     let new = Costs {
         format: COSTS_FORMAT.to_owned(),
         builds: vec![settings.resume.build.clone()],
-        machine: format!("{processor}, {}; {adapter}", machine()),
+        machine: format!("{}; {adapter}", machine()),
         cycles: "the kernel that it chooses by itself, one thread".to_owned(),
         points: settings.points,
         repeats: settings.repeats,
