@@ -17,6 +17,9 @@ pub(super) struct Arguments {
     /// An object with a volume material, repeatable; without it all that render are exported.
     #[arg(long)]
     object: Vec<String>,
+    /// The frame to read the .blend at, one of its scene's; without it the file's current one.
+    #[arg(long, allow_negative_numbers = true)]
+    frame: Option<i32>,
     /// The folder to write; without it one beside the .blend that is named after it.
     #[arg(short, long)]
     output: Option<PathBuf>,
@@ -43,8 +46,11 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
             ));
         }
     }
-    let scene =
-        if is_scene { Scene::load(file)? } else { super::export::export(file, &arguments.object, &scene_file)? };
+    let scene = if is_scene {
+        Scene::load(file)?
+    } else {
+        super::export::export(file, &arguments.object, arguments.frame, &scene_file)?
+    };
     // A scene that is there already stays where it is.
     let scene_file = if is_scene { file.clone() } else { scene_file };
     let from_folder = if is_scene {
