@@ -24,8 +24,9 @@ def warn_of_animation(items, frame, messages):
         for driver in stopped:
             messages.warning(
                 f"{label}, {_path(driver)}",
-                f"the driver {_expression(driver)!r} was not computed, because Python in files never runs here; the "
-                "stored value stands: compute it in Blender and replace the driver by its value (Delete Driver)",
+                f"the driver {_expression(driver)!r} was not computed, because Python in files never runs "
+                "here; the stored value stands: compute it in Blender and replace the driver by its value "
+                "(Delete Driver)",
             )
         moving = [_path(curve) for curve in _curves(data) if _moves(curve)]
         moving += [
@@ -42,7 +43,7 @@ def warn_of_animation(items, frame, messages):
 
 
 def _with_parts(items):
-    """Every data-block with those that decide what it is: its parents, what constrains it, its node groups."""
+    """Every data-block with those that decide what it is: parents, targets of constraints, node groups."""
     pending, seen = list(items), set()
     while pending:
         label, item = pending.pop(0)
@@ -148,8 +149,8 @@ def _moves(curve):
 
 
 def _is_computed(curve):
-    """Whether Blender computed a driver. Where files may run no Python, it computes simple expressions itself, others as
-    long as they name nothing but harmless functions, and marks those that it does not compute."""
+    """Whether Blender computed a driver. Where files may run no Python, it computes simple expressions
+    itself, others as long as they name nothing but harmless functions, and marks the rest."""
     return curve.is_valid and curve.driver.is_valid
 
 

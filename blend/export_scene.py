@@ -1,10 +1,10 @@
 """Exports a .blend file with a volume material as a scene.
 
-Request: {"blend": "F.blend", "object": null or "NAME" or ["NAME", ...], "frame": null or NUMBER, "folder": null or
-"PATH", "refused": null or {NODE TYPE: [REASON, WHAT TO DO]}}.
-Result: {"scene": {...}, "files": {NAME: PATH}}: the scene in the format cloudparity-scene/1, and the files that
-belong beside the scene file under these names. What has to be made for it is written to `folder`. Scripts in
-the file never run.
+Request: {"blend": "F.blend", "object": null or "NAME" or ["NAME", ...], "frame": null or NUMBER, "folder":
+null or "PATH", "refused": null or {NODE TYPE: [REASON, WHAT TO DO]}}.
+Result: {"scene": {...}, "files": {NAME: PATH}}: the scene in the format cloudparity-scene/1, and the files
+that belong beside the scene file under these names. What has to be made for it is written to `folder`.
+Scripts in the file never run.
 """
 
 import protocol

@@ -349,7 +349,8 @@ def missing_reason(item):
     return (
         f'"{item.name}" of the library {item.library.filepath}, where it is missing',
         "the library with that data-block",
-        "put the library back at that path, or make what is linked local in Blender (Object, Relations, Make Local)",
+        "put the library back at that path, or make what is linked local in Blender (Object, Relations, "
+        "Make Local)",
     )
 
 

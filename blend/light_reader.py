@@ -162,8 +162,8 @@ def _emission(light, place):
         f"{place}, node tree",
         found,
         "no nodes, or one Emission whose inputs are not linked",
-        "give the light its colour and strength by its settings (a temperature is a setting, too) and take it off "
-        "its nodes; to leave the light out, hide it in renders",
+        "give the light its colour and strength by its settings (a temperature is a setting, too) and take "
+        "it off its nodes; to leave the light out, hide it in renders",
     )
 
 

@@ -73,9 +73,9 @@ class ReadScene:
 def read_scene(path, object_names, messages, frame=None, folder=None, refused=None):
     """Return the open file, loaded from `path`, as a ReadScene.
 
-    `object_names` names the volume objects; None takes every object with a volume material. `frame` is the frame to read
-    it at, the file's current one if None. What has to be made beside the scene file is written to `folder`; without one
-    what needs it is refused. `refused` is as in `read_graph`.
+    `object_names` names the volume objects; None takes every object with a volume material. `frame` is the
+    frame to read it at, the file's current one if None. What has to be made beside the scene file is written
+    to `folder`; without one what needs it is refused. `refused` is as in `read_graph`.
     """
     scene = bpy.context.scene
     _go_to_frame(scene, frame)
@@ -179,11 +179,11 @@ def _require_known_number(volume, graph):
             for value in node["inputs"].values():
                 if isinstance(value, dict) and value.get("socket") == "Random" and value["node"] in informed:
                     raise InputError(
-                        f'object "{volume.entry["object"]}", material "{graph["material"]}", node "{value["node"]}"',
+                        f'object "{volume.entry["object"]}", node "{value["node"]}"',
                         "Random of Object Info on an instance, whose number is its instancer's",
                         "an object, whose number follows from its name",
-                        "make the instances real (in Blender: Object, Apply, Make Instances Real), or give the number "
-                        "by a Value node",
+                        "make the instances real (in Blender: Object, Apply, Make Instances Real), or give "
+                        "the number by a Value node",
                     )
 
 

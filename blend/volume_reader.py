@@ -175,8 +175,8 @@ class VolumeReader:
             raise InputError(
                 f"{place} ({item.type})",
                 found,
-                "one volume material on all faces: Cycles fills the mesh with that of the face through which a "
-                "ray enters, and faces without a volume begin and end none",
+                "one volume material on all faces: Cycles fills the mesh with that of the face through "
+                "which a ray enters, and faces without a volume begin and end none",
                 "give all faces one material, or make objects of the parts (in Blender: P, By Material)",
             )
         return next(material for material in used if volume_output(material) is not None), shape
@@ -188,8 +188,8 @@ class VolumeReader:
                     f'{place}, modifier "{modifier.name}"',
                     "a fluid domain, whose density is in Blender's simulation",
                     "a mesh, or a Volume object with an OpenVDB file",
-                    "bake the domain with the cache format OpenVDB and show a file of the cache by a Volume "
-                    "object (Add, Volume, Import OpenVDB)",
+                    "bake the domain with the cache format OpenVDB and show a file of the cache by a "
+                    "Volume object (Add, Volume, Import OpenVDB)",
                 )
 
     def _visibility(self, instance, is_instance, place):
@@ -212,8 +212,8 @@ class VolumeReader:
                 f"{place}, ray visibility",
                 f"hidden from rays of {', '.join(hidden)}",
                 "a volume that all rays meet, or none: light transport knows one medium",
-                "switch the ray visibility on (Object properties, Visibility; Indirect Only of a collection hides "
-                "from the camera), or hide the object in renders",
+                "switch the ray visibility on (Object properties, Visibility; Indirect Only of a "
+                "collection hides from the camera), or hide the object in renders",
             )
         return sum(seen.values())
 
@@ -269,8 +269,8 @@ class VolumeReader:
         if clipped:
             self._messages.warning(
                 f"{place}, clipping",
-                f"{clipped} of {found['values'].size} voxels lie above 0 and at most at {render.clipping:g}: Blender "
-                "ends the medium at them, a scene file keeps their values",
+                f"{clipped} of {found['values'].size} voxels lie above 0 and at most at "
+                f"{render.clipping:g}: Blender ends the medium at them, a scene file keeps their values",
             )
         content = Path(source).read_bytes()
         digest = hashlib.sha256(content).hexdigest()
@@ -380,8 +380,7 @@ def _effect(kind):
 
 
 def _is_part_of(instance):
-    """Whether an instance is what its own object evaluates to: a curve or a text as a mesh, the second part of
-    what geometry nodes made."""
+    """Whether an instance is what its own object evaluates to: a curve or a text as a mesh."""
     if instance.parent is None or instance.object.original != instance.parent.original:
         return False
     numbers = [number for number in instance.persistent_id if number != 2**31 - 1]
@@ -487,9 +486,9 @@ def warn_of_outline(entry, messages):
     if open_edges:
         messages.warning(
             place,
-            f"{open_edges} edges where it is not closed: Cycles begins the medium where a ray meets a front and ends "
-            "it where it meets a back, so a ray through a hole misses one of them, and there is nothing, or a medium "
-            "up to the next face; close the mesh (docs/mesh-outlines.md)",
+            f"{open_edges} edges where it is not closed: Cycles begins the medium where a ray meets a front "
+            "and ends it where it meets a back, so a ray through a hole misses one of them, and there is "
+            "nothing, or a medium up to the next face; close the mesh (docs/mesh-outlines.md)",
         )
         return
     corners = vertices[triangles]
@@ -497,8 +496,8 @@ def warn_of_outline(entry, messages):
     if volume < 0.0:
         messages.warning(
             place,
-            "its faces look inward: Cycles shows no medium inside of it; recalculate its normals (in Blender: Edit "
-            "Mode, Shift N)",
+            "its faces look inward: Cycles shows no medium inside of it; recalculate its normals (in "
+            "Blender: Edit Mode, Shift N)",
         )
 
 

@@ -91,7 +91,8 @@ def _require_seen_alike(world, place):
                 f"{place}, ray visibility",
                 f"{what} cannot see it",
                 "one world for all rays",
-                "switch the ray visibility on (World properties); a transparent film hides the world from the camera",
+                "switch the ray visibility on (World properties); a transparent film hides the world from "
+                "the camera",
             )
 
 
@@ -202,9 +203,10 @@ def _bake(world, reach, place, messages, folder):
     kinds = sorted({node.bl_label for node in reach.nodes.values() if "Tex" in node.bl_idname})
     messages.warning(
         place,
-        f"rendered by Cycles into the picture {name} of {picture.shape[1]} x {picture.shape[0]} pixels"
-        f"{' (' + ', '.join(kinds) + ')' if kinds else ''}: between pixels it differs from the world by {mean:.2g} of "
-        f"its mean radiance on average, and by {largest:.2g} of it at most, in {COMPARED[0] * COMPARED[1]} directions",
+        f"rendered by Cycles into the picture {name} of {picture.shape[1]} x {picture.shape[0]} "
+        f"pixels{' (' + ', '.join(kinds) + ')' if kinds else ''}: between pixels it differs from the world "
+        f"by {mean:.2g} of its mean radiance on average, and by {largest:.2g} of it at most, in "
+        f"{COMPARED[0] * COMPARED[1]} directions",
     )
     image = {"file": name, "sha256": digest}
     entry = {"color": [1.0, 1.0, 1.0], "strength": 1.0, "image": image}
@@ -222,8 +224,8 @@ def _widths(reach):
 
 
 def _difference(picture, between):
-    """Mean and largest difference between a picture, interpolated, and another's pixels, in units of the other's
-    mean; all by solid angle."""
+    """Mean and largest difference between a picture, interpolated, and another's pixels, by solid angle and
+    in units of the other's mean."""
     height, width = between.shape[:2]
     rows, columns = picture.shape[:2]
     x = (np.arange(width) + 0.5) / width * columns - 0.5
@@ -265,7 +267,7 @@ def _exr(picture, folder):
 
 
 def _sun_of(sky, panorama, place, messages):
-    """Take the sun's disc out of a sky; the light that stands for it, or None where the disc shows nothing."""
+    """Take the sun's disc out of a sky; the light that stands for it, None where the disc shows nothing."""
     rows, columns = LOCATING_WIDTH // 2, LOCATING_WIDTH
     with_disc = panorama.render(columns, rows)
     sky.sun_disc = False

@@ -183,7 +183,12 @@ def _instancing_nodes(material):
     group = bpy.data.node_groups.new("Scatter", "GeometryNodeTree")
     for direction in ("INPUT", "OUTPUT"):
         group.interface.new_socket(name="Geometry", in_out=direction, socket_type="NodeSocketGeometry")
-    kinds = ("NodeGroupInput", "GeometryNodeMeshCube", "GeometryNodeSetMaterial", "GeometryNodeInstanceOnPoints")
+    kinds = (
+        "NodeGroupInput",
+        "GeometryNodeMeshCube",
+        "GeometryNodeSetMaterial",
+        "GeometryNodeInstanceOnPoints",
+    )
     entry, shape, painted, spread = (group.nodes.new(kind) for kind in kinds)
     painted.inputs["Material"].default_value = material
     group.links.new(painted.inputs["Geometry"], shape.outputs["Mesh"])
@@ -308,7 +313,9 @@ def test_hidden_and_excluded_objects_are_left_out_in_silence(empty, tmp_path):
     for name, hide in (("Excluded", "exclude"), ("Hidden collection", "hide_render")):
         collection = bpy.data.collections.new(name)
         bpy.context.scene.collection.children.link(collection)
-        collection.objects.link(bpy.data.objects.new(f"In {name}", cube_mesh(name, [bpy.data.materials["Fog"]])))
+        collection.objects.link(
+            bpy.data.objects.new(f"In {name}", cube_mesh(name, [bpy.data.materials["Fog"]]))
+        )
         if hide == "exclude":
             bpy.context.view_layer.layer_collection.children[name].exclude = True
         else:
@@ -326,7 +333,10 @@ def test_what_is_left_out_is_said_once_for_each_class(empty, tmp_path):
     assert len(warnings) == 2
     assert warnings[0].startswith('surfaces: "Hill 0", "Hill 1", "Hill 2" and 3 more: left out')
     assert all(word in warnings[0] for word in ("shadow", "hide", "reflect"))
-    assert warnings[1].startswith('surfaces that shine: "Candle": left out') and "light is missing" in warnings[1]
+    assert (
+        warnings[1].startswith('surfaces that shine: "Candle": left out')
+        and "light is missing" in warnings[1]
+    )
 
 
 def test_a_mesh_with_holes_is_said(empty, tmp_path):
@@ -473,7 +483,13 @@ def test_a_marker_chooses_the_camera(empty, tmp_path):
     [
         {"type": "PERSP", "lens": 60.0},
         {"type": "PERSP", "size": (70, 121), "shift_x": 0.05, "shift_y": -0.03},
-        {"type": "PERSP", "sensor_fit": "VERTICAL", "sensor_height": 20.0, "shift_y": 0.1, "aspect": (1.5, 1.0)},
+        {
+            "type": "PERSP",
+            "sensor_fit": "VERTICAL",
+            "sensor_height": 20.0,
+            "shift_y": 0.1,
+            "aspect": (1.5, 1.0),
+        },
         {"type": "ORTHO", "ortho_scale": 4.0, "percentage": 53},
         {"type": "PERSP", "sensor_fit": "HORIZONTAL", "size": (70, 121), "aspect": (1.0, 1.7)},
     ],
@@ -555,7 +571,7 @@ def test_keyframes_are_read_at_the_frame_and_said(empty, tmp_path):
     document, warnings, _ = exported(tmp_path)
     assert _w(document) == 0.0
     text = "\n".join(warnings)
-    assert 'inputs[1].default_value' in text and "location[0]" in text and "at frame 1 " in text
+    assert "inputs[1].default_value" in text and "location[0]" in text and "at frame 1 " in text
     assert len(warnings) == 2
     document, warnings, _ = exported(tmp_path, frame=101)
     assert _w(document) == 10.0
@@ -584,7 +600,12 @@ def test_an_animated_parent_camera_light_and_world_are_said(empty, tmp_path):
         empty.camera.data.keyframe_insert("lens", frame=frame)
     document, warnings, _ = exported(tmp_path, frame=50)
     places = sorted(warning.split(": animated")[0] for warning in warnings)
-    assert places == ['camera "Camera", data', 'light "Lamp", data', 'object "Carrier", parent', 'world "World"']
+    assert places == [
+        'camera "Camera", data',
+        'light "Lamp", data',
+        'object "Carrier", parent',
+        'world "World"',
+    ]
     assert document["world"]["strength"] == 51.0 and document["lights"][0]["strength"] == 51.0
 
 
@@ -642,7 +663,10 @@ def library(empty, tmp_path):
 
 def test_linked_and_overridden_data_is_read(library, tmp_path):
     carrier = linked(bpy.data.objects.new("Carrier", None))
-    carrier.instance_type, carrier.instance_collection = "COLLECTION", _linked(library, "collections", "Clouds")
+    carrier.instance_type, carrier.instance_collection = (
+        "COLLECTION",
+        _linked(library, "collections", "Clouds"),
+    )
     override = _linked(library, "objects", "Inner").override_create()
     override.location = (0, 0, 5)
     linked(override)
@@ -720,7 +744,10 @@ def test_a_light_that_is_not_normalised_is_the_same_one_with_another_strength(
         setattr(lamp.data, name, value)
     lamp.data.use_nodes = True
     emission = lamp.data.node_tree.nodes["Emission"]
-    emission.inputs["Color"].default_value, emission.inputs["Strength"].default_value = (0.2, 0.4, 0.6, 1), 3.0
+    emission.inputs["Color"].default_value, emission.inputs["Strength"].default_value = (
+        (0.2, 0.4, 0.6, 1),
+        3.0,
+    )
     expected = picture(tmp_path, samples=64).mean(axis=(0, 1))
     cube("Cube", fog("Fog"))
     document, _, _ = exported(tmp_path)
@@ -867,7 +894,7 @@ def test_a_sky_is_a_picture_and_its_sun_a_light(empty, tmp_path):
     sky.sky_type = "SINGLE_SCATTERING"
     sky.sun_elevation, sky.sun_rotation, sky.sun_size = 0.7, 0.4, 0.03
     tree.links.new(background.inputs["Color"], sky.outputs[0])
-    document, warnings, files = exported(tmp_path)
+    document, warnings, _ = exported(tmp_path)
     light = document["lights"][0]
     assert light["type"] == "sun" and light["angle"] == pytest.approx(0.03)
     towards = [row[2] for row in light["matrix_world"][:3]]
@@ -948,7 +975,9 @@ def test_a_refused_node_says_why_and_what_to_do(empty, tmp_path):
     tree.links.new(tree.nodes["Volume Absorption"].inputs["Density"], texture.outputs["Color"])
     reasons = {"ShaderNodeTexImage": ["reads a picture", "Bake it into a grid."]}
     text = refusal(tmp_path, refused=reasons)
-    assert "Image Texture (ShaderNodeTexImage), which reads a picture" in text and "Bake it into a grid." in text
+    assert (
+        "Image Texture (ShaderNodeTexImage), which reads a picture" in text and "Bake it into a grid." in text
+    )
 
 
 # Safety of opening
@@ -990,9 +1019,9 @@ def test_the_file_of_the_safety_test_would_run(empty, tmp_path):
     """With scripts allowed, Blender runs what that test forbids: it can fail."""
     trace = tmp_path / "driver"
     item = cube("Cube", fog("Fog"))
-    item.driver_add("location", 0).driver.expression = (
-        f"__import__('pathlib').Path({str(trace)!r}).touch() or 3.0"
-    )
+    item.driver_add(
+        "location", 0
+    ).driver.expression = f"__import__('pathlib').Path({str(trace)!r}).touch() or 3.0"
     text = bpy.data.texts.new("start.py")
     text.write(f"__import__('pathlib').Path({str(tmp_path / 'script')!r}).touch()")
     text.use_module = True
@@ -1002,3 +1031,26 @@ def test_the_file_of_the_safety_test_would_run(empty, tmp_path):
     bpy.context.evaluated_depsgraph_get()
     assert trace.exists() and (tmp_path / "script").exists()
     bpy.ops.wm.read_factory_settings(use_empty=True)
+
+
+# Old files
+
+OLD_FILES = Path(__file__).parents[1] / "data" / "old-blends"
+
+
+@pytest.mark.parametrize("version", ["4.2", "4.5"])
+def test_a_file_of_an_old_version_is_the_scene_of_one_made_anew(tmp_path, version):
+    code = (OLD_FILES / "make.py").read_text(encoding="utf-8")
+    maker = {"__name__": "maker"}
+    exec(compile(code, "make.py", "exec"), maker)
+    maker["make"]()
+    maker["save"](str(tmp_path / "new.blend"))
+    expected, said, _ = exported_file(tmp_path / "new.blend", tmp_path, frame=51)
+    found, warnings, _ = exported_file(OLD_FILES / f"blender-{version}.blend", tmp_path, frame=51)
+    assert bpy.data.version[:2] == tuple(int(part) for part in version.split("."))
+    names_of_files = {expected.pop("name"), found.pop("name")}
+    assert names_of_files == {"new", f"blender-{version}"}
+    assert found == expected
+    assert warnings == said and len(said) == 1 and "at frame 51" in said[0]
+    noise = next(node for node in found["graph"]["groups"][0]["nodes"] if node["name"] == "Noise Texture")
+    assert 0.0 < noise["inputs"]["W"] < 5.0

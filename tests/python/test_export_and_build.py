@@ -25,7 +25,6 @@ bpy = pytest.importorskip("bpy")
 
 from build_scene import handle as build  # noqa: E402
 from export_scene import handle as export  # noqa: E402
-from scene_reader import read_scene  # noqa: E402
 from volume_reader import is_box  # noqa: E402
 
 pytestmark = requires_bpy
