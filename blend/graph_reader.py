@@ -178,14 +178,15 @@ class Reach:
 
 def unique_name(item):
     """The name of a data-block, with its library where another one has that name in the file."""
+    if item.library is None:
+        return item.name
     collections = {
         "OBJECT": bpy.data.objects,
         "MATERIAL": bpy.data.materials,
         "NODETREE": bpy.data.node_groups,
     }
     collection = collections.get(item.id_type)
-    is_shared = collection is not None and sum(other.name == item.name for other in collection) > 1
-    if item.library is None or not is_shared:
+    if collection is None or sum(other.name == item.name for other in collection) == 1:
         return item.name
     return f"{item.name} ({item.library.name})"
 

@@ -86,7 +86,13 @@ def read_scene(path, object_names, messages, frame=None, folder=None, refused=No
         lambda depsgraph: _read_parts(depsgraph, path, object_names, camera, messages, folder, refused),
     )
     world = read_world(bpy.context.view_layer.world_override or scene.world, messages, folder)
-    entry["lights"] += world.lights
+    taken = {light["name"] for light in entry["lights"]}
+    for light in world.lights:
+        own, number = light["name"], 2
+        while light["name"] in taken:
+            light["name"], number = f"{own} {number}", number + 1
+        taken.add(light["name"])
+        entry["lights"].append(light)
     entry["world"] = world.entry
     return ReadScene(entry, files | world.files)
 
@@ -288,6 +294,14 @@ def _warn_of_settings(scene, messages):
     if others:
         messages.warning(
             f'view layer "{layer.name}"', f"is the active one and taken; not taken: {listed(others)}"
+        )
+    if scene.render.use_compositing and scene.compositing_node_group is not None:
+        messages.warning(
+            "render settings, use_compositing", "left out: what the compositor does to the picture is missing"
+        )
+    if scene.render.use_sequencer and scene.sequence_editor is not None and scene.sequence_editor.strips:
+        messages.warning(
+            "render settings, use_sequencer", "left out: the picture is the scene's, not the sequencer's"
         )
     if scene.cycles.use_fast_gi:
         messages.warning("Cycles settings, use_fast_gi", "left out: light is transported, not approximated")

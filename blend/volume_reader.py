@@ -31,7 +31,10 @@ RAY_VISIBILITY = {
 # A volume's density, in a scene file and in Blender's own materials.
 DENSITY = "density"
 NAMES_SHOWN = 3
+# Bytes; Blender keeps 255.
 NAME_LIMIT = 200
+# Numbers of all outlines together: a scene file of half a gigabyte.
+MOST_NUMBERS = 1 << 25
 
 
 class Volume:
@@ -54,6 +57,7 @@ class VolumeReader:
         self._folder = folder
         self._taken = set()
         self._shapes = {}
+        self._numbers = 0
         # Class of what is left out: names, in order.
         self._left_out = {}
         # Every name that --object may give.
@@ -86,7 +90,8 @@ class VolumeReader:
             if item.original.is_missing:
                 raise InputError(f'object "{item.name}"', *missing_reason(item.original))
             return
-        if item.type in BECOME_MESHES:
+        # An instancer may itself not be shown.
+        if item.type in BECOME_MESHES or not instance.show_self:
             return
         # A modifier of geometry nodes shows its instances as instances of its own object.
         is_itself = instance.is_instance and _is_part_of(instance)
@@ -120,6 +125,7 @@ class VolumeReader:
             outline = self._grid_outline(item, found, place)
         else:
             outline = _mesh_outline(item, shape, place)
+            self._count(outline["shape"], place)
         entry = {
             "object": name,
             "matrix_world": matrix,
@@ -129,6 +135,17 @@ class VolumeReader:
             **_read_object_info(item, found, place),
         }
         self.volumes.append(Volume(entry, found, item.original, is_instance))
+
+    def _count(self, shape, place):
+        """Refuse what would make a scene file that nobody can handle."""
+        self._numbers += 3 * (len(shape.get("vertices", ())) + len(shape.get("triangles", ())))
+        if self._numbers > MOST_NUMBERS:
+            raise InputError(
+                f"{place}, the volume number {len(self.volumes) + 1}",
+                f"more than {MOST_NUMBERS} numbers in the meshes of all volumes",
+                "at most as many: a scene file holds the mesh of each instance",
+                "take simpler meshes (a Decimate modifier, cubes), or name the volumes that matter (--object)",
+            )
 
     def _name(self, instance, is_instance):
         """A name of its own for an object or instance, which does not depend on the others' order."""
@@ -322,19 +339,21 @@ class VolumeReader:
         self._left_out.setdefault(kind, []).append(name)
 
     def _check_names(self):
+        found = {volume.entry["object"] for volume in self.volumes}
         for name in self._names or ():
-            if not any(name in known for known in self._known.values()):
+            named = {own for own, known in self._known.items() if name in known}
+            if not named:
                 names = ", ".join(f'"{item}"' for item in sorted(self._known)) or "no object at all"
                 raise InputError(
                     f'object "{name}"', "no such object visible in render", names, "name one of these objects"
                 )
-        if self._names and not self.volumes:
-            raise InputError(
-                " and ".join(f'object "{name}"' for name in self._names),
-                "0 materials with a linked Volume",
-                "an object with exactly one",
-                "give the object one material with a volume shader",
-            )
+            if not named & found:
+                raise InputError(
+                    f'object "{name}"',
+                    "0 materials with a linked Volume, or no ray that sees it",
+                    "an object with exactly one, which rays see",
+                    "give the object one material with a volume shader",
+                )
 
     def _say_what_is_left_out(self):
         for kind, names in self._left_out.items():

@@ -36,6 +36,14 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
     let [scene_file, study_file, tuning_file] =
         ["scene.json", "study.toml", "tune.toml"].map(|kind| folder.join(format!("{name}.{kind}")));
     let is_scene = FileKind::of(file) == Some(FileKind::Scene);
+    if let (true, Some(frame)) = (is_scene, arguments.frame) {
+        return Err(Error::new(
+            file.display().to_string(),
+            format!("a scene file, of which frame {frame} is asked for"),
+            "a .blend: a scene file is of one frame",
+            "Give the .blend, or leave the frame away.",
+        ));
+    }
     for path in [&study_file, &tuning_file].into_iter().chain((!is_scene).then_some(&scene_file)) {
         if path.exists() {
             return Err(Error::new(

@@ -173,9 +173,24 @@ def test_instances_of_collections_are_volumes_with_names_of_their_own(empty, tmp
     # The order of what stands before it does not matter.
     document, _, _ = exported(tmp_path, object="Carrier 1")
     assert names(document) == ["Carrier 1/Inner/0"]
-    assert "nothing" not in refusal(tmp_path, object="Nobody")
+    assert "Carrier 0/Inner/0" in refusal(tmp_path, object="Nobody")
+    cube("Hill", surface("Ground"))
+    text = refusal(tmp_path, object=["Carrier 1", "Hill"])
+    assert 'object "Hill"' in text and "0 materials" in text
     built(document, tmp_path)
     assert bpy.data.objects["Carrier 1/Inner/0"].matrix_world.translation.x == 3.0
+
+
+def test_more_mesh_than_a_file_can_hold_is_refused(empty, tmp_path, monkeypatch):
+    import volume_reader
+
+    item = cube("Cloud field", fog("Fog"))
+    item.data.vertices[0].co.x -= 0.5
+    monkeypatch.setattr(volume_reader, "MOST_NUMBERS", 59)
+    # 8 vertices and 12 triangles.
+    assert "more than 59 numbers" in refusal(tmp_path)
+    monkeypatch.setattr(volume_reader, "MOST_NUMBERS", 60)
+    assert names(exported(tmp_path)[0]) == ["Cloud field"]
 
 
 def _instancing_nodes(material):
@@ -240,6 +255,21 @@ def test_curves_texts_and_metaballs_are_meshes(empty, tmp_path):
     assert names(document) == ["Ball", "Ring", "Text"]
     assert all(volume["shape"]["type"] == "mesh" for volume in volumes(document))
     assert not any("not closed" in warning for warning in warnings if "Text" not in warning)
+
+
+def test_an_instancer_that_is_not_shown_is_no_volume(empty, tmp_path):
+    material = fog("Fog")
+    item = cube("Instancer", material)
+    child = cube("Child", material, size=0.5)
+    child.parent = item
+    item.instance_type = "VERTS"
+    item.show_instancer_for_render = False
+    document, _, _ = exported(tmp_path)
+    assert names(document) == [f"Instancer/Child/{number}" for number in range(8)]
+    item = bpy.data.objects["Instancer"]
+    item.show_instancer_for_render = True
+    document, _, _ = exported(tmp_path)
+    assert "Instancer" in names(document) and len(names(document)) == 9
 
 
 def _paint(item, index_of):
@@ -533,11 +563,13 @@ def test_what_the_picture_will_lack_is_said(empty, tmp_path):
     empty.render.engine = "BLENDER_EEVEE"
     bpy.data.scenes.new("Other scene")
     empty.view_layers.new("Other layer")
+    empty.compositing_node_group = bpy.data.node_groups.new("Glow", "CompositorNodeTree")
     _, warnings, _ = exported(tmp_path)
     text = "\n".join(warnings)
-    for word in ("motion blur", "stereoscopy", "in focus", "Cycles makes of", "Other scene", "Other layer"):
+    words = ("motion blur", "stereoscopy", "in focus", "Cycles makes of", "Other scene", "Other layer")
+    for word in (*words, "compositor"):
         assert word in text
-    assert len(warnings) == 6
+    assert len(warnings) == 7
 
 
 # Time
