@@ -144,7 +144,7 @@ class VolumeReader:
                 f"{place}, the volume number {len(self.volumes) + 1}",
                 f"more than {MOST_NUMBERS} numbers in the meshes of all volumes",
                 "at most as many: a scene file holds the mesh of each instance",
-                "take simpler meshes (a Decimate modifier, cubes), or name the volumes that matter (--object)",
+                "take simpler meshes (a Decimate modifier, cubes), or name volumes that matter (--object)",
             )
 
     def _name(self, instance, is_instance):
