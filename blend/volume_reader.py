@@ -98,9 +98,10 @@ class VolumeReader:
         is_instance = instance.is_instance and not is_itself
         name = self._name(instance, is_instance)
         place = f'object "{name}"'
-        self._known[name] = {item.original.name, name}
+        known = self._known.setdefault(name, {name})
+        known.add(item.original.name)
         if is_instance:
-            self._known[name].add(instance.parent.original.name)
+            known.add(instance.parent.original.name)
         materials = _materials(item, self._depsgraph.view_layer_eval)
         for material in materials:
             if material is not None and material.original.is_missing:
@@ -127,7 +128,7 @@ class VolumeReader:
             outline = _mesh_outline(item, shape, place)
             self._count(outline["shape"], place)
         entry = {
-            "object": name,
+            "object": self._own(name),
             "matrix_world": matrix,
             **outline,
             "material": unique_name(found.original),
@@ -155,6 +156,10 @@ class VolumeReader:
             name = f"{unique_name(instance.parent.original)}/{name}/{'.'.join(reversed(numbers))}"
         if len(name.encode()) > NAME_LIMIT:
             name = f"{name[: NAME_LIMIT // 8]} {hashlib.sha256(name.encode()).hexdigest()[:16]}"
+        return name
+
+    def _own(self, name):
+        """The name, or with a number where an object and what its nodes made are both volumes."""
         own, number = name, 2
         while name in self._taken:
             name, number = f"{own} {number}", number + 1
@@ -311,7 +316,9 @@ class VolumeReader:
         modifiers made."""
         data = item.data
         original = item.original.data
-        if original.packed_file is None and not any(modifier.show_render for modifier in item.modifiers):
+        # Nodes make grids of meshes, too.
+        is_file = isinstance(original, bpy.types.Volume) and original.packed_file is None
+        if is_file and not any(modifier.show_render for modifier in item.modifiers):
             path = Path(bpy.path.abspath(data.grids.frame_filepath, library=original.library))
             if path.is_file():
                 return path
@@ -342,6 +349,7 @@ class VolumeReader:
         found = {volume.entry["object"] for volume in self.volumes}
         for name in self._names or ():
             named = {own for own, known in self._known.items() if name in known}
+            named |= {other for other in found if other.rsplit(" ", 1)[0] in named}
             if not named:
                 names = ", ".join(f'"{item}"' for item in sorted(self._known)) or "no object at all"
                 raise InputError(

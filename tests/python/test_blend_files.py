@@ -449,6 +449,23 @@ def test_grids_that_modifiers_make_are_written(empty, tmp_path):
     assert document["volume"]["shape"]["file"] == name
 
 
+def test_grids_that_nodes_make_are_written(empty, tmp_path):
+    group = bpy.data.node_groups.new("Volume", "GeometryNodeTree")
+    for direction in ("INPUT", "OUTPUT"):
+        group.interface.new_socket(name="Geometry", in_out=direction, socket_type="NodeSocketGeometry")
+    filled, painted = (group.nodes.new(f"GeometryNode{kind}") for kind in ("VolumeCube", "SetMaterial"))
+    filled.inputs["Density"].default_value = 2.0
+    for axis in "XYZ":
+        filled.inputs[f"Resolution {axis}"].default_value = 8
+    painted.inputs["Material"].default_value = fog("Fog", 1.0, "ShaderNodeVolumePrincipled")
+    group.links.new(painted.inputs["Geometry"], filled.outputs["Volume"])
+    group.links.new(group.nodes.new("NodeGroupOutput").inputs[0], painted.outputs["Geometry"])
+    cube("Box").modifiers.new("fill", "NODES").node_group = group
+    document, _, files = exported(tmp_path)
+    assert names(document) == ["Box"] and document["volume"]["shape"]["type"] == "grid"
+    assert volume_grid.read(next(iter(files.values())))["values"].max() == 2.0
+
+
 @pytest.mark.parametrize(
     ("change", "expected"),
     [
