@@ -46,7 +46,8 @@ pub(super) fn export(blend: &Path, objects: &[String], frame: Option<i32>, outpu
     let folder = tempfile::tempdir().map_err(|cause| Error::io(&std::env::temp_dir(), "a temporary folder", &cause))?;
     let reasons: serde_json::Map<_, _> =
         refused::NODES.iter().map(|node| (node.type_name.to_owned(), json!([node.reason, node.instead]))).collect();
-    let request = json!({"blend": blend, "object": chosen, "frame": frame, "folder": folder.path(), "refused": reasons});
+    let request =
+        json!({"blend": blend, "object": chosen, "frame": frame, "folder": folder.path(), "refused": reasons});
     // Blender names objects and nodes; which file they are in is known here.
     let in_file = |error: Error| match error.place.contains(&place) {
         true => error,
