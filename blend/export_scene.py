@@ -1,8 +1,10 @@
 """Exports a .blend file with a volume material as a scene.
 
-Request: {"blend": "F.blend", "object": null or "NAME" or ["NAME", ...]}.
-Result: {"scene": {...}, "world_image": null or "PATH"}: the scene in the format cloudparity-scene/1, and the
-picture around it, which belongs beside the scene file. Scripts in the file never run.
+Request: {"blend": "F.blend", "object": null or "NAME" or ["NAME", ...], "frame": null or NUMBER, "folder":
+null or "PATH", "refused": null or {NODE TYPE: [REASON, WHAT TO DO]}}.
+Result: {"scene": {...}, "files": {NAME: PATH}}: the scene in the format cloudparity-scene/1, and the files
+that belong beside the scene file under these names. What has to be made for it is written to `folder`.
+Scripts in the file never run.
 """
 
 import protocol
@@ -10,16 +12,20 @@ import protocol
 
 def handle(request, messages):
     """Open the file of the request and return its scene."""
-    import bpy
-
     from blender_file import open_blend
-    from scene_reader import environment_path, read_scene
+    from scene_reader import read_scene
 
     open_blend(request["blend"])
     names = request.get("object")
-    scene = read_scene(request["blend"], [names] if isinstance(names, str) else names, messages)
-    has_image = "image" in scene["world"]
-    return {"scene": scene, "world_image": environment_path(bpy.context.scene.world) if has_image else None}
+    found = read_scene(
+        request["blend"],
+        [names] if isinstance(names, str) else names,
+        messages,
+        request.get("frame"),
+        request.get("folder"),
+        request.get("refused"),
+    )
+    return {"scene": found.scene, "files": found.files}
 
 
 if __name__ == "__main__":

@@ -104,47 +104,41 @@ def volume_output(material):
     return output
 
 
-def read_graph(material, warn):
+def read_graph(material, warn, depsgraph=None, refused=None):
     """Return the graph (a JSON object) of a material that has a volume_output.
 
     `warn(place, message)` is told of every node that is left out because it cannot be expressed. Such a node
-    that reaches the volume raises InputError.
+    that reaches the volume raises InputError. Objects are where `depsgraph` puts them; without one, where the
+    open file does. `refused` {node type: [reason, what to do instead]} says why a type is not supported.
     """
-    return _GraphReader(material, warn).read()
+    return _GraphReader(material, warn, depsgraph, refused or {}).read()
 
 
-class _GraphReader:
-    def __init__(self, material, warn):
-        self._material = material
-        self._warn = warn
+class Reach:
+    """The nodes of a tree, and of the groups in it, that an input depends on."""
+
+    def __init__(self, socket):
         self._links = {}
-        self._reached = set()
-        self._output = volume_output(material)
+        # (tree, node name, output identifier) of what is read. The tree is its address.
+        self.outputs = set()
+        # Nodes by (tree, node name).
+        self.nodes = {(socket.id_data.as_pointer(), socket.node.name): socket.node}
+        self._walk(socket)
 
-    def read(self):
-        self._mark_reached()
-        self._groups = {}
-        nodes = self._read_nodes(self._material.node_tree)
-        return {
-            "material": self._material.name,
-            "nodes": nodes,
-            "groups": [self._groups[name] for name in sorted(self._groups)],
-        }
-
-    def _links_of(self, tree):
+    def links_of(self, tree):
+        """`live_links` of a tree."""
         key = tree.as_pointer()
         if key not in self._links:
             self._links[key] = live_links(tree)
         return self._links[key]
 
-    def _mark_reached(self):
-        """Walk from the Volume input against the links, in and out of groups, and note every node met."""
-        self._reached.add((self._material.node_tree.as_pointer(), self._output.name))
+    def _walk(self, socket):
+        """Walk against the links, in and out of groups, and note every node met."""
         seen = set()
-        pending = [(self._output.inputs["Volume"], ())]
+        pending = [(socket, ())]
         while pending:
             socket, callers = pending.pop()
-            link = self._links_of(socket.id_data).get((socket.node.name, socket.identifier))
+            link = self.links_of(socket.id_data).get((socket.node.name, socket.identifier))
             if link is None:
                 continue
             source = link.from_socket
@@ -156,7 +150,9 @@ class _GraphReader:
     def _inputs_behind(self, source, callers):
         """The inputs that the output socket `source` depends on, each with its chain of group nodes."""
         node = source.node
-        self._reached.add((node.id_data.as_pointer(), node.name))
+        tree = node.id_data.as_pointer()
+        self.nodes[tree, node.name] = node
+        self.outputs.add((tree, node.name, source.identifier))
         if node.bl_idname == "NodeGroupInput":
             if not callers:
                 return []
@@ -168,9 +164,50 @@ class _GraphReader:
             inner = active_group_output(node.node_tree)
             if inner is None:
                 return []
-            self._reached.add((node.node_tree.as_pointer(), inner.name))
+            self.nodes[node.node_tree.as_pointer(), inner.name] = inner
             return [(item, (*callers, node)) for item in inner.inputs if item.identifier == source.identifier]
         return [(item, callers) for item in node.inputs if is_available(item)]
+
+    def reads(self, kind, identifier):
+        """Whether the output `identifier` of a node of type `kind` is read."""
+        return any(
+            self.nodes[tree, name].bl_idname == kind and output == identifier
+            for tree, name, output in self.outputs
+        )
+
+
+def unique_name(item):
+    """The name of a data-block, with its library where another one has that name in the file."""
+    if item.library is None:
+        return item.name
+    collections = {
+        "OBJECT": bpy.data.objects,
+        "MATERIAL": bpy.data.materials,
+        "NODETREE": bpy.data.node_groups,
+    }
+    collection = collections.get(item.id_type)
+    if collection is None or sum(other.name == item.name for other in collection) == 1:
+        return item.name
+    return f"{item.name} ({item.library.name})"
+
+
+class _GraphReader:
+    def __init__(self, material, warn, depsgraph, refused):
+        self._material = material
+        self._warn = warn
+        self._depsgraph = depsgraph or bpy.context.evaluated_depsgraph_get()
+        self._refused = refused
+        self._output = volume_output(material)
+        self._reach = Reach(self._output.inputs["Volume"])
+
+    def read(self):
+        self._groups = {}
+        nodes = self._read_nodes(self._material.node_tree)
+        return {
+            "material": unique_name(self._material),
+            "nodes": nodes,
+            "groups": [self._groups[name] for name in sorted(self._groups)],
+        }
 
     def _read_nodes(self, tree):
         entries = {}
@@ -184,7 +221,11 @@ class _GraphReader:
                 entries[node.name] = self._read_node(node, place)
             except Inexpressible as problem:
                 found, expected, remedy = problem.reason
-                if (tree.as_pointer(), node.name) in self._reached:
+                if (tree.as_pointer(), node.name) in self._reach.nodes:
+                    if node.bl_idname in self._refused:
+                        reason, remedy = self._refused[node.bl_idname]
+                        found = f"{node.bl_label} ({node.bl_idname}), which {reason}"
+                        expected = "a supported node (`cloudparity nodes` lists them)"
                     raise InputError(place, found, expected, remedy) from None
                 self._warn(place, f"left out, it does not reach the volume: {found}")
         self._drop_dangling(entries, tree)
@@ -231,7 +272,7 @@ class _GraphReader:
         elif node.bl_idname == "ShaderNodeGroup":
             entry["group"] = self._read_group(node)
         else:
-            entry["properties"] = _read_properties(node, place)
+            entry["properties"] = _read_properties(node, place, self._depsgraph)
         entry["inputs"] = self._read_inputs(node, place)
         if node.bl_idname in OUTPUT_VALUE_NODES:
             socket = node.outputs[0]
@@ -242,18 +283,21 @@ class _GraphReader:
         tree = node.node_tree
         if tree is None:
             raise Inexpressible("a group node without group", "a group", "choose a group or delete the node")
-        if tree.name not in self._groups:
+        if tree.is_missing:
+            raise Inexpressible(*missing_reason(tree))
+        name = unique_name(tree)
+        if name not in self._groups:
             inputs, outputs = _read_interface(tree, self._warn)
-            self._groups[tree.name] = {
-                "name": tree.name,
+            self._groups[name] = {
+                "name": name,
                 "inputs": inputs,
                 "outputs": outputs,
                 "nodes": self._read_nodes(tree),
             }
-        return tree.name
+        return name
 
     def _read_inputs(self, node, place):
-        links = self._links_of(node.id_data)
+        links = self._reach.links_of(node.id_data)
         inputs = {}
         for socket in node.inputs:
             if not is_available(socket) or (node == self._output and socket.identifier != "Volume"):
@@ -301,7 +345,17 @@ def _socket_value(socket, place):
     return shortest_list(value, place) if kind in ("vector", "color") else value
 
 
-def _read_properties(node, place):
+def missing_reason(item):
+    """What was found, expected and is to be done where a linked data-block is gone."""
+    return (
+        f'"{item.name}" of the library {item.library.filepath}, where it is missing',
+        "the library with that data-block",
+        "put the library back at that path, or make what is linked local in Blender (Object, Relations, "
+        "Make Local)",
+    )
+
+
+def _read_properties(node, place, depsgraph):
     inherited = bpy.types.ShaderNode.bl_rna.properties
     values = {}
     for prop in sorted(node.bl_rna.properties, key=lambda item: item.identifier):
@@ -310,9 +364,11 @@ def _read_properties(node, place):
             continue
         value = getattr(node, name)
         if prop.type == "POINTER":
-            values.update(_read_pointer(node, name, value, place))
+            values.update(_read_pointer(node, name, value, place, depsgraph))
         elif prop.type == "STRING" and not value:
             continue
+        elif (node.bl_idname, name) == ("ShaderNodeAttribute", "attribute_name"):
+            values[name] = value
         elif prop.type in ("BOOLEAN", "INT", "ENUM") and not getattr(prop, "is_enum_flag", False):
             values[name] = list(value) if getattr(prop, "is_array", False) else value
         elif prop.type == "FLOAT":
@@ -326,7 +382,7 @@ def _read_properties(node, place):
     return values
 
 
-def _read_pointer(node, name, value, place):
+def _read_pointer(node, name, value, place, depsgraph):
     """The entry of a pointer property, if it needs one."""
     if name == "texture_mapping":
         mapping = _read_texture_mapping(value, place)
@@ -334,8 +390,11 @@ def _read_pointer(node, name, value, place):
     if node.bl_idname == "ShaderNodeTexCoord" and name == "object":
         if value is None:
             return {name: None}
-        evaluated = value.evaluated_get(bpy.context.evaluated_depsgraph_get())
-        return {name: {"name": value.name, "matrix_world": matrix_rows(evaluated.matrix_world, place)}}
+        if value.is_missing:
+            raise Inexpressible(*missing_reason(value))
+        evaluated = value.original.evaluated_get(depsgraph)
+        matrix = matrix_rows(evaluated.matrix_world, place)
+        return {name: {"name": unique_name(value.original), "matrix_world": matrix}}
     if value is None:
         return {}
     if is_node_data(value):

@@ -32,6 +32,19 @@ def shortest_list(values, place):
     return [shortest(value, place) for value in values]
 
 
+def read_fields(owner, fields, place):
+    """The attributes of `fields` {key: attribute} under their keys, numbers as shortest decimals."""
+    values = {}
+    for key, attribute in fields.items():
+        value = getattr(owner, attribute)
+        if isinstance(value, float):
+            value = shortest(value, f"{place}, {attribute}")
+        elif not isinstance(value, (str, int)):
+            value = shortest_list(value, f"{place}, {attribute}")
+        values[key] = value
+    return values
+
+
 def matrix_rows(matrix, place):
     """Return a 4x4 matrix as four rows of four numbers. Negative zero is written as zero: products of
     matrices do not keep its sign."""

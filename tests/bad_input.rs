@@ -1036,7 +1036,7 @@ fn blend_files_that_hold_no_volume() {
     export(&["surface.blend"]).is_refused("surface", &["surface.blend", "volume"]);
     export(&["surface.blend", "--object", "Nobody"]).is_refused("object", &["Nobody"]);
     save("empty.blend", "bpy.ops.wm.read_factory_settings(use_empty=True)");
-    export(&["empty.blend"]).is_refused("empty", &["empty.blend", "volume"]);
+    export(&["empty.blend"]).is_refused("empty", &["empty.blend", "no active camera", "add a camera"]);
     export(&["none.blend"]).is_refused("missing", &["none.blend"]);
     write(&folder, "text.blend", "no Blender file");
     export(&["text.blend"]).is_refused("text", &["text.blend"]);
@@ -1050,5 +1050,15 @@ fn blend_files_that_hold_no_volume() {
                   t.links.new(k.outputs['Ray Length'], n.inputs['Density'])";
     save("ray.blend", volume);
     export(&["ray.blend"]).is_refused("unsupported node", &["node Light Path", "ShaderNodeLightPath"]);
+    export(&["ray.blend", "--frame", "-3"]).is_refused("frame", &["ray.blend", "found -3", "1 to 250"]);
+    let picture = "m = bpy.data.materials['Material']; t = m.node_tree\n\
+                   n = t.nodes.new('ShaderNodeVolumePrincipled')\n\
+                   t.links.new(n.outputs[0], t.nodes['Material Output'].inputs['Volume'])\n\
+                   k = t.nodes.new('ShaderNodeTexImage'); k.image = bpy.data.images.new('p', 4, 4)\n\
+                   t.links.new(k.outputs['Color'], n.inputs['Density'])";
+    save("picture.blend", picture);
+    // The node cannot even be written to a scene file; the way out is that of the table of refused nodes.
+    let image = cloudparity::nodes::refused::find("ShaderNodeTexImage").expect("a refused node");
+    export(&["picture.blend"]).is_refused("picture", &["picture.blend", "Image Texture", image.reason, image.instead]);
     assert!(!folder.path().join("x.scene.json").exists());
 }

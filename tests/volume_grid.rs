@@ -11,7 +11,7 @@ use cloudparity::graph::evaluate::{Arithmetic, Points};
 use cloudparity::graph::wgsl::{Language, standalone};
 use cloudparity::media::objects::ObjectMedium;
 use cloudparity::scene::volume_grid::{DENSITY, GridHandle, VolumeGrid};
-use cloudparity::scene::{Bounds, Scene, Shape};
+use cloudparity::scene::{Bounds, Input, Scene, Shape};
 use glam::{DAffine3, DVec3};
 use rand::{Rng as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
@@ -170,6 +170,28 @@ fn coefficients_are_per_length_of_the_object() {
     }
 }
 
+/// Principled Volume multiplies its Density by the grid by itself, as in the material that Blender makes for smoke.
+#[test]
+fn principled_volume_multiplies_by_the_grid() {
+    let linked = grid_scene(noise(4), [1.0; 3]);
+    let mut own = linked.clone();
+    let closure = &mut own.graph_mut().nodes[2];
+    closure.kind = "ShaderNodeVolumePrincipled".into();
+    closure.inputs.insert("Density".into(), Input::Number(2.0));
+    // At a voxel, between voxels, and in the fade beyond the last one.
+    let places = [[-0.5, 0.0, 0.5], [-0.3, 0.1, 0.2], [-1.2, 0.1, 0.2]];
+    // Volume Scatter of Density 1 has an extinction of the grid; of Principled Volume the red channel has colour 1.
+    let expected = extinction(&linked, &places);
+    for (found, expected) in extinction(&own, &places).into_iter().zip(&expected) {
+        // A product by 2 is exact.
+        assert_eq!(found, 2.0 * expected);
+    }
+    own.graph_mut().nodes[2].inputs.insert("Density".into(), Input::Number(-2.0));
+    assert!(extinction(&own, &places).iter().all(|&value| value == 0.0));
+    let program = Program::density(&own).expect("a density");
+    assert!(standalone(&program, Language::Wgsl).is_ok());
+}
+
 #[test]
 fn bounds_enclose_the_values() {
     let scene = grid_scene(noise(17), [1.0; 3]);
@@ -231,9 +253,11 @@ fn what_is_not_known_of_grids_is_refused() {
     let error = ObjectMedium::new(other.graph(), &other.volume).err().expect("another grid").to_string();
     assert!(error.contains("flame"), "{error}");
     let mut other = scene.clone();
-    other.graph_mut().nodes[2].kind = "ShaderNodeVolumePrincipled".into();
-    let error = ObjectMedium::new(other.graph(), &other.volume).err().expect("Principled Volume").to_string();
-    assert!(error.contains("Principled Volume"), "{error}");
+    let closure = &mut other.graph_mut().nodes[2];
+    closure.kind = "ShaderNodeVolumePrincipled".into();
+    closure.inputs.insert("Density Attribute".into(), Input::Text("flame".into()));
+    let error = ObjectMedium::new(other.graph(), &other.volume).err().expect("another grid").to_string();
+    assert!(error.contains("Density Attribute") && error.contains("flame"), "{error}");
     let mut mesh = scene;
     mesh.volume.grid = None;
     mesh.volume.shape = Shape::Box;

@@ -37,6 +37,7 @@ macro_rules! scripts {
 
 /// Every script and module of `blend/` that the program runs, by file name.
 pub const SCRIPTS: &[(&str, &str)] = scripts!(
+    "animation_reader.py",
     "blender_file.py",
     "build_scene.py",
     "compare_images.py",
@@ -48,6 +49,7 @@ pub const SCRIPTS: &[(&str, &str)] = scripts!(
     "graph_builder.py",
     "graph_reader.py",
     "image_metrics.py",
+    "light_reader.py",
     "model_comparison_plot.py",
     "node_data.py",
     "optimiser.py",
@@ -68,6 +70,8 @@ pub const SCRIPTS: &[(&str, &str)] = scripts!(
     "study_plot.py",
     "tuning_plot.py",
     "volume_grid.py",
+    "volume_reader.py",
+    "world_reader.py",
 );
 
 /// Cycles' kernel for a script that renders.

@@ -8,7 +8,8 @@ use crate::bridge::CyclesKernel;
 use crate::cli::display::DisplayArguments;
 use crate::cli::{build, display};
 use crate::graph::closures::ClosureSum;
-use crate::scene::Scene;
+use crate::nodes::refused;
+use crate::scene::{Scene, Shape};
 use serde_json::json;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -30,6 +31,9 @@ pub(super) struct Arguments {
     /// Of a .blend: an object with a volume material, repeatable; without it all that render are exported.
     #[arg(long, value_name = "NAME")]
     object: Vec<String>,
+    /// The frame of the .blend to read it at, one of its scene's; without it the file's current one.
+    #[arg(long, value_name = "FRAME", allow_negative_numbers = true)]
+    frame: Option<i32>,
     /// The file to write.
     #[arg(short, long, value_name = "FILE")]
     output: PathBuf,
@@ -58,20 +62,26 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
         build::build(first, output)?;
         super::print(&format!("{}\n", output.display()))?;
     } else {
-        let scene = export(first, &arguments.object, output)?;
+        let scene = export(first, &arguments.object, arguments.frame, output)?;
         super::print(&format!("{}: {}\n", output.display(), describe(&scene)))?;
     }
     Ok(ExitCode::SUCCESS)
 }
 
-/// Reads a .blend, of all its volumes or of the objects that are named, and writes the scene file.
-pub(super) fn export(blend: &Path, objects: &[String], output: &Path) -> Result<Scene> {
+/// Reads a .blend, of all its volumes or of the objects that are named, at its own or another frame, and writes the scene file with what
+/// belongs beside it.
+pub(super) fn export(blend: &Path, objects: &[String], frame: Option<i32>, output: &Path) -> Result<Scene> {
     let place = blend.display().to_string();
     kinds::want(blend, FileKind::Blend)?;
     let bar = super::progress_bar(1000);
     let blend = std::path::absolute(blend).unwrap_or_else(|_| blend.to_owned());
     let chosen = (!objects.is_empty()).then_some(objects);
-    let request = json!({"blend": blend, "object": chosen});
+    // What has to be made for the scene, such as a picture of its world, waits here.
+    let folder = tempfile::tempdir().map_err(|cause| Error::io(&std::env::temp_dir(), "a temporary folder", &cause))?;
+    let reasons: serde_json::Map<_, _> =
+        refused::NODES.iter().map(|node| (node.type_name.to_owned(), json!([node.reason, node.instead]))).collect();
+    let request =
+        json!({"blend": blend, "object": chosen, "frame": frame, "folder": folder.path(), "refused": reasons});
     // Blender names objects and nodes; which file they are in is known here.
     let in_file = |error: Error| match error.place.contains(&place) {
         true => error,
@@ -80,18 +90,34 @@ pub(super) fn export(blend: &Path, objects: &[String], output: &Path) -> Result<
     let result = bridge::run_script("export_scene.py", &request, CyclesKernel::Default, super::report_to(&bar));
     let result = result.map_err(in_file)?;
     bar.finish_and_clear();
-    let scene = Scene::from_value(result["scene"].clone(), &place)?;
+    let text = serde_json::to_string_pretty(&result["scene"]).expect("JSON serialises") + "\n";
+    let mut beside = Vec::new();
+    for (name, source) in result["files"].as_object().into_iter().flatten() {
+        let source = Path::new(source.as_str().unwrap_or_default());
+        let bytes = std::fs::read(source)
+            .map_err(|cause| Error::io(source, "a file that belongs beside the scene file", &cause))?;
+        beside.push((name, bytes));
+    }
+    let mut scene = Scene::from_value(result["scene"].clone(), &place)?;
+    let is_grid = |shape: &Shape| matches!(shape, Shape::Grid { .. });
+    if std::iter::once(&scene.volume).chain(&scene.other_volumes).any(|volume| is_grid(&volume.shape)) {
+        // Grids are read with the file that names them.
+        for (name, bytes) in &beside {
+            files::write_atomically(&folder.path().join(name), bytes)?;
+        }
+        let file = folder.path().join(output.file_name().unwrap_or_else(|| "scene.json".as_ref()));
+        files::write_atomically(&file, text.as_bytes())?;
+        scene = Scene::load(&file).map_err(in_file)?;
+    }
     // What the evaluators do not support is said now, by node, and not when a picture is wanted.
     for (volume, graph) in scene.volumes()? {
         ClosureSum::compile(graph, volume).map_err(in_file)?;
     }
-    let text = result["text"]
-        .as_str()
-        .map_or_else(|| serde_json::to_string_pretty(&result["scene"]).expect("JSON serialises") + "\n", str::to_owned);
-    if let (Some(source), Some(image)) = (result["world_image"].as_str(), &scene.world.image) {
-        copy_beside(Path::new(source), &output.with_file_name(&image.file))?;
+    for (name, bytes) in &beside {
+        write_beside(bytes, &output.with_file_name(name))?;
     }
     files::write_atomically(output, text.as_bytes())?;
+    scene.folder = output.parent().map_or_else(PathBuf::new, Path::to_owned);
     Ok(scene)
 }
 
@@ -120,17 +146,16 @@ pub(super) fn describe(scene: &Scene) -> String {
     )
 }
 
-/// Puts the picture around the scene beside the scene file; another one of that name is not overwritten.
-fn copy_beside(source: &Path, target: &Path) -> Result<()> {
-    let bytes = std::fs::read(source).map_err(|cause| Error::io(source, "the picture around the scene", &cause))?;
+/// Puts a file of the scene beside the scene file; another one of that name is not overwritten.
+fn write_beside(bytes: &[u8], target: &Path) -> Result<()> {
     match std::fs::read(target) {
         Ok(there) if there == bytes => Ok(()),
         Ok(_) => Err(Error::new(
             target.display().to_string(),
-            "another file of the same name as the picture around the scene",
-            "no such file, or the same picture",
+            "another file of the same name as a file that belongs to the scene",
+            "no such file, or the same",
             "Write the scene to another folder.",
         )),
-        Err(_) => files::write_atomically(target, &bytes),
+        Err(_) => files::write_atomically(target, bytes),
     }
 }

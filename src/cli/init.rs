@@ -17,6 +17,9 @@ pub(super) struct Arguments {
     /// An object with a volume material, repeatable; without it all that render are exported.
     #[arg(long, value_name = "NAME")]
     object: Vec<String>,
+    /// The frame of the .blend to read it at, one of its scene's; without it the file's current one.
+    #[arg(long, value_name = "FRAME", allow_negative_numbers = true)]
+    frame: Option<i32>,
     /// The folder to write; without it one beside the .blend that is named after it.
     #[arg(short, long, value_name = "DIR")]
     output: Option<PathBuf>,
@@ -33,6 +36,14 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
     let [scene_file, study_file, tuning_file] =
         ["scene.json", "study.toml", "tune.toml"].map(|kind| folder.join(format!("{name}.{kind}")));
     let is_scene = FileKind::of(file) == Some(FileKind::Scene);
+    if let (true, Some(frame)) = (is_scene, arguments.frame) {
+        return Err(Error::new(
+            file.display().to_string(),
+            format!("a scene file, of which frame {frame} is asked for"),
+            "a .blend: a scene file is of one frame",
+            "Give the .blend, or leave the frame away.",
+        ));
+    }
     for path in [&study_file, &tuning_file].into_iter().chain((!is_scene).then_some(&scene_file)) {
         if path.exists() {
             return Err(Error::new(
@@ -43,8 +54,11 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
             ));
         }
     }
-    let scene =
-        if is_scene { Scene::load(file)? } else { super::export::export(file, &arguments.object, &scene_file)? };
+    let scene = if is_scene {
+        Scene::load(file)?
+    } else {
+        super::export::export(file, &arguments.object, arguments.frame, &scene_file)?
+    };
     // A scene that is there already stays where it is.
     let scene_file = if is_scene { file.clone() } else { scene_file };
     let from_folder = if is_scene {

@@ -21,8 +21,8 @@ use crate::engines::passes::god_rays::GodRayPass;
 use crate::engines::passes::{Channels, Pass, View};
 use crate::gpu::Gpu;
 use crate::gpu::{Backend, worker};
-use crate::scene::Scene;
 use crate::scene::image::Image;
+use crate::scene::{LightKind, Scene};
 use crate::view::camera::Camera;
 use crate::view::environment::Environment;
 use crate::view::lights::{Source, delta_lights, world_radiance};
@@ -352,15 +352,16 @@ fn lit_by(scene: &Scene, background: &Background, mut light: LightModel) -> Resu
     let exposed = |light: [f64; 3]| light.map(|channel| channel * exposure);
     light.ambient = exposed(background.mean());
     light.suns.clear();
-    for (number, found) in delta_lights(scene)?.iter().enumerate() {
-        let Source::Direction(towards) = found.source else {
-            return Err(Error::new(
-                format!("light {}", scene.lights[number].name),
-                "a light that is no sun",
-                "suns: engines know light from directions alone",
-                "Take the light away, or give another integrator.",
-            ));
-        };
+    if let Some(other) = scene.lights.iter().find(|light| !matches!(light.kind, LightKind::Sun { .. })) {
+        return Err(Error::new(
+            format!("light {}", other.name),
+            "a light that is no sun",
+            "suns: engines know light from directions alone",
+            "Render by path tracing, which knows every light, or put a sun in its place.",
+        ));
+    }
+    for found in delta_lights(scene)? {
+        let Source::Direction(towards) = found.source else { continue };
         light.suns.push(Sun { direction: towards.to_array(), irradiance: exposed(found.power) });
     }
     Ok(light)

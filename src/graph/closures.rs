@@ -94,18 +94,6 @@ impl ClosureSum {
             flattener.closures(0, output, "Volume", input, &mut Vec::new(), &mut found)?;
             Ok(found)
         })?;
-        let principled = &crate::nodes::principled_volume::TYPE;
-        if let Some(closure) =
-            found.iter().find(|closure| volume.grid.is_some() && std::ptr::eq(closure.node_type, principled))
-        {
-            return Err(Error::new(
-                format!("material {}: node {}", graph.material, closure.label),
-                format!("Principled Volume on the Volume object {}", volume.object),
-                "Volume Scatter, Volume Absorption, Volume Coefficients or Emission: Principled Volume multiplies by grids \
-                 that its attributes name, which is not known here",
-                "Multiply the Density of another closure by an Attribute node (output Fac).",
-            ));
-        }
         for closure in &found {
             let sources = closure.inputs.iter().chain(closure.factors.iter().map(|(source, _)| source));
             flat.outputs.push((closure.label.clone(), SocketType::Float, sources.cloned().collect()));

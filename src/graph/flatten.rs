@@ -3,6 +3,7 @@
 use crate::base::error::{Error, Result};
 use crate::graph::{Note, Target};
 use crate::nodes::{self, Mode, NodeType, Role, SourceContext, SourceValue, refused};
+use crate::scene::volume_grid::DENSITY;
 use crate::scene::{DEEPEST_NESTING, Graph, Group, Input, Node, Socket, SocketType, Volume};
 use std::collections::{HashMap, HashSet};
 
@@ -405,9 +406,7 @@ impl<'a> Flattener<'a> {
         if declared == SocketType::Boolean {
             sources.push(Source::Constant(0.0));
         }
-        let mut properties = serde_json::Map::new();
-        properties.insert("operation".into(), operation.into());
-        (declared, self.internal(tree, node, &nodes::math::TYPE, &properties, sources, 1))
+        (declared, self.math(tree, node, operation, sources))
     }
 
     fn is_constant(&self, source: &Source) -> bool {
@@ -621,6 +620,38 @@ impl<'a> Flattener<'a> {
     }
 
     pub(super) fn input(&mut self, tree: usize, node: &'a Node, socket: &nodes::InputSocket) -> Result<Vec<Source>> {
+        let own = self.own_input(tree, node, socket)?;
+        match socket.times_grid {
+            Some(named_by) if self.volume.grid.is_some() => self.times_grid(tree, node, named_by, own),
+            _ => Ok(own),
+        }
+    }
+
+    /// The product of an input, 0 where it is below, and the object's grid, which the text input `named_by` has to name.
+    fn times_grid(&mut self, tree: usize, node: &Node, named_by: &str, own: Vec<Source>) -> Result<Vec<Source>> {
+        if let Some(Input::Text(name)) = node.inputs.get(named_by)
+            && name != DENSITY
+        {
+            return Err(Error::new(
+                format!("{}: input {named_by}", self.place(tree, &node.name)),
+                format!("\"{name}\""),
+                format!("\"{DENSITY}\", the grid of the object"),
+                "Name that grid.",
+            ));
+        }
+        let grid = self.source(tree, node, SourceValue::Grid);
+        let positive = self.math(tree, node, "MAXIMUM", [own, vec![Source::Constant(0.0)]].concat());
+        Ok(self.math(tree, node, "MULTIPLY", [positive, grid].concat()))
+    }
+
+    /// What a Math node makes of its inputs.
+    fn math(&mut self, tree: usize, node: &Node, operation: &str, inputs: Vec<Source>) -> Vec<Source> {
+        let mut properties = serde_json::Map::new();
+        properties.insert("operation".into(), operation.into());
+        self.internal(tree, node, &nodes::math::TYPE, &properties, inputs, 1)
+    }
+
+    fn own_input(&mut self, tree: usize, node: &'a Node, socket: &nodes::InputSocket) -> Result<Vec<Source>> {
         let given = node.inputs.get(socket.identifier);
         if let Some(input) = given.filter(|input| is_link(input) || !socket.generated_when_unlinked)
             && let Some((found, sources)) = self.passed(tree, node, socket.identifier, input, socket.kind)?

@@ -274,6 +274,8 @@ pub struct InputSocket {
     pub hides_value: bool,
     /// The socket of Cycles begins with zeros, whatever Blender's default is.
     pub is_zero_in_cycles: bool,
+    /// On a Volume object, the text input that names a grid: its value is multiplied in, and this input counts as 0 below 0.
+    pub times_grid: Option<&'static str>,
     /// Whether the socket exists in a mode.
     pub exists: fn(&Mode) -> bool,
 }
@@ -310,6 +312,7 @@ impl InputSocket {
             folds_only_linked: false,
             hides_value: false,
             is_zero_in_cycles: false,
+            times_grid: None,
             exists,
         }
     }
@@ -329,6 +332,7 @@ impl InputSocket {
             folds_only_linked: false,
             hides_value: false,
             is_zero_in_cycles: false,
+            times_grid: None,
             exists,
         }
     }
@@ -352,6 +356,7 @@ impl InputSocket {
             folds_only_linked: false,
             hides_value: false,
             is_zero_in_cycles: true,
+            times_grid: None,
             exists,
         }
     }
@@ -373,6 +378,7 @@ impl InputSocket {
             folds_only_linked: false,
             hides_value: false,
             is_zero_in_cycles: false,
+            times_grid: None,
             exists: always,
         }
     }
@@ -388,6 +394,10 @@ impl InputSocket {
     pub const fn zero_in_cycles(self) -> Self {
         Self { is_zero_in_cycles: true, ..self }
     }
+    /// The same input, times the grid that the text input `named_by` names where the object has grids.
+    pub const fn times_grid(self, named_by: &'static str) -> Self {
+        Self { times_grid: Some(named_by), ..self }
+    }
     /// A texture's coordinate input.
     pub const fn coordinate(exists: fn(&Mode) -> bool) -> Self {
         Self {
@@ -399,6 +409,7 @@ impl InputSocket {
             folds_only_linked: false,
             hides_value: true,
             is_zero_in_cycles: false,
+            times_grid: None,
             exists,
         }
     }

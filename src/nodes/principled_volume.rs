@@ -3,7 +3,8 @@
 //! With density d = max(Density, 0), colour c and absorption colour a, per channel: scattering = max(c d, 0);
 //! extinction = (c + max(1 - c, 0) max(1 - sqrt(max(a, 0)), 0)) d. Emission does not depend on the density: it
 //! is max(Emission Strength, 0) * Emission Color plus the blackbody. The phase function is Henyey-Greenstein.
-//! Attributes of grids do not exist on a mesh.
+//! On a Volume object the density is max(Density, 0) times the grid that Density Attribute names, `density` where it says nothing;
+//! attributes of grids do not exist on a mesh.
 
 use crate::nodes::blackbody;
 use crate::nodes::closure::{ClosureRole, Coefficients, Formula, Phase, Quantity, WEIGHT, per_channel, triple};
@@ -20,7 +21,7 @@ pub static TYPE: NodeType = NodeType {
     inputs: &[
         InputSocket::color("Color", "Color", &[0.5; 3]),
         InputSocket::text("Color Attribute"),
-        InputSocket::float("Density", "Density", &[1.0], always),
+        InputSocket::float("Density", "Density", &[1.0], always).times_grid("Density Attribute"),
         InputSocket::text("Density Attribute"),
         InputSocket::float("Anisotropy", "Anisotropy", &[0.0], always),
         InputSocket::color("Absorption Color", "Absorption Color", &[0.0; 3]),

@@ -60,7 +60,8 @@ pub fn delta_lights(scene: &Scene) -> Result<Vec<DeltaLight>> {
                     format!("light {}", light.name),
                     found,
                     "a sun, or a point or spot light of radius 0",
-                    "Change the light: this integrator knows lights without extent (and suns, as one direction).",
+                    "Render by path tracing, which knows every light, or give the light the radius 0; a sun counts as one \
+                     direction here.",
                 )
             };
             let intensity = power.map(|power| power / (4.0 * PI));

@@ -19,7 +19,7 @@ PIXELS = 8
 SAMPLES = 1024
 
 
-def depth(folder, values, scale=(1.0, 1.0, 1.0), factor=1.0, x=0.8):
+def depth(folder, values, scale=(1.0, 1.0, 1.0), factor=1.0, x=0.8, material=None):
     """Optical depth along z through a cubic grid at the world place x, and its standard error."""
     path = folder / "grid.vdb"
     rows = np.diag([SPACING, SPACING, SPACING, 1.0])
@@ -32,7 +32,7 @@ def depth(folder, values, scale=(1.0, 1.0, 1.0), factor=1.0, x=0.8):
     item = bpy.data.objects.new("Volume", volume)
     item.scale = scale
     scene.collection.objects.link(item)
-    volume.materials.append(_absorption(factor))
+    volume.materials.append((material or _absorption)(factor))
     camera = bpy.data.cameras.new("Camera")
     camera.type = "ORTHO"
     camera.ortho_scale = 0.02
@@ -78,6 +78,26 @@ def _absorption(factor):
     return material
 
 
+def _principled(attribute):
+    """A function that makes a black Principled Volume whose Density Attribute is `attribute`."""
+
+    def make(density):
+        material = bpy.data.materials.new("Material")
+        tree = material.node_tree
+        tree.nodes.clear()
+        closure = tree.nodes.new("ShaderNodeVolumePrincipled")
+        closure.inputs["Color"].default_value = (0.0, 0.0, 0.0, 1.0)
+        closure.inputs["Density"].default_value = density
+        closure.inputs["Density Attribute"].default_value = attribute
+        output = tree.nodes.new("ShaderNodeOutputMaterial")
+        tree.links.new(output.inputs["Volume"], closure.outputs["Volume"])
+        # Without any light Cycles counts what scatters, even black, as nearly transparent.
+        bpy.context.scene.world = bpy.data.worlds.new("World")
+        return material
+
+    return make
+
+
 def block():
     """Values of 1: along z, 8 voxels of 0.25 make a depth of 2."""
     return np.ones((VOXELS,) * 3)
@@ -110,3 +130,12 @@ def test_values_stand_at_their_indices(tmp_path):
     # The voxel 4 stands at x = 1; half a voxel on, its value is halved.
     assert_depth(depth(tmp_path, values, x=1.0), 2.0 * (1.0 - 0.005 / SPACING))
     assert_depth(depth(tmp_path, values, x=1.125), 1.0)
+
+
+def test_principled_volume_multiplies_by_the_grid(tmp_path):
+    assert_depth(depth(tmp_path, 0.5 * block(), factor=1.5, material=_principled("density")), 1.5)
+
+
+@pytest.mark.parametrize("attribute", ["", "flame"])
+def test_principled_volume_without_its_grid_shows_nothing(tmp_path, attribute):
+    assert depth(tmp_path, block(), material=_principled(attribute))[0] == 0.0
