@@ -199,7 +199,7 @@ def planet(folder):
             phase="RAYLEIGH",
         )
     )
-    outline("sphere", owner, segments=32, ring_count=16)
+    outline("icosphere", owner, subdivisions=4)
     stage((0.0, 0.0, 0.0), location=(0, -4, 0.5))
 
 

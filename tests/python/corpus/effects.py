@@ -24,13 +24,13 @@ def nebula(folder):
     world((0.0, 0.0, 0.0))
 
 
-@file("god-rays", "a cone of light: a spot light in a homogeneous haze")
+@file("god-rays", "a cone of light: a spot light in a homogeneous haze", samples=256)
 def god_rays(folder):
     outline("cube", homogeneous("Haze", 0.08), scale=(3, 3, 3))
     camera((0, -10, 1))
     light("SPOT", 1500.0, location=(1.5, 0, 4.5), target=(0, 0, -2), spot_size=math.radians(30),
           spot_blend=0.3, shadow_soft_size=0.05)  # fmt: skip
-    world((0.0, 0.0, 0.0))
+    world((0.02, 0.02, 0.03))
 
 
 @file("candle-glow", "a small light in thin smoke, with a flame of blackbody emission")
@@ -86,7 +86,7 @@ def ink(folder):
     stage((0.6, 0.6, 0.6))
 
 
-@file("stained-glass", "two coloured area lights, a rectangle and a disk, through a haze")
+@file("stained-glass", "two coloured area lights, a rectangle and a disk, through a haze", samples=256)
 def stained_glass(folder):
     outline("cube", homogeneous("Dust", 0.15, Anisotropy=0.2), scale=(2, 2, 2))
     camera((0, -8, 0.5))
@@ -94,7 +94,7 @@ def stained_glass(folder):
           size=1.5, size_y=0.5, color=(1.0, 0.1, 0.05))  # fmt: skip
     light("AREA", 100.0, "Blue", location=(2.8, 0, 2.9), target=(0, 0, -0.5), shape="DISK", size=1.0,
           color=(0.1, 0.3, 1.0))  # fmt: skip
-    world((0.0, 0.0, 0.0))
+    world((0.03, 0.03, 0.03))
 
 
 @file("dust-motes", "White Noise in snapped cells, a few of them bright")
@@ -118,17 +118,21 @@ def beam(folder):
     world((0.0, 0.0, 0.02))
 
 
-@file("laser-show", "thin rotated boxes of emission in a box of haze")
+@file("laser-show", "thin rotated boxes that glow and scatter, in a box of haze", samples=256)
 def lasers(folder):
-    outline("cube", homogeneous("Haze", 0.1), name="Haze", scale=(2, 1, 1))
-    colours = ((4.0, 0.0, 0.2), (0.0, 4.0, 0.5), (0.2, 0.3, 4.0))
+    outline("cube", homogeneous("Haze", 0.2), name="Haze", scale=(2, 1, 1))
+    colours = ((1.0, 0.0, 0.05), (0.0, 1.0, 0.15), (0.1, 0.2, 1.0))
     for index, colour in enumerate(colours):
-        owner, graph = material(f"Laser {index}")
-        graph.finish(graph.add("ShaderNodeEmission", {"Color": colour, "Strength": 2.0}))
-        outline("cube", owner, name=f"Laser {index}", scale=(0.06, 0.06, 1.5),
-                rotation=(0.2 * index, 0.4 + 0.5 * index, 0.3))  # fmt: skip
+        beam = homogeneous(f"Laser {index}", 2.0, Emission_Strength=2.0, Emission_Color=colour)
+        outline(
+            "cube",
+            beam,
+            name=beam.name,
+            scale=(0.12, 0.12, 1.5),
+            rotation=(0.2 * index, 0.4 + 0.5 * index, 0.3),
+        )
     camera()
-    world((0.0, 0.0, 0.0))
+    world((0.02, 0.02, 0.02))
 
 
 @file("sunset-phases", "Mie droplets, Fournier-Forand plankton and Draine dust side by side")

@@ -81,6 +81,7 @@ def hdri(folder):
     picture.save()
     bpy.data.images.remove(picture)
     picture = bpy.data.images.load(str(folder / "sky.exr"))
+    picture.colorspace_settings.name = "Linear Rec.709"
     picture.filepath = "//sky.exr"
     _cloud()
     camera()
@@ -120,7 +121,7 @@ def suns(folder):
     world((0.0, 0.0, 0.0))
 
 
-@file("three-point-lighting", "key, fill and rim: a spot, a large area light and a point light")
+@file("three-point-lighting", "key, fill and rim: a spot, a large area light and a point light", samples=256)
 def three_points(folder):
     _cloud()
     camera()
@@ -134,6 +135,7 @@ def three_points(folder):
     "warm-lamp",
     "a light by its temperature, and one whose node tree holds a Blackbody",
     awaited="use_temperature",
+    samples=256,
 )
 def warm_lamp(folder):
     outline("cube", homogeneous("Haze", 0.3))

@@ -61,7 +61,11 @@ def modifiers(folder):
     stage(location=(0, -4, 1))
 
 
-@file("render-levels", "a modifier that is set finer for the render than for the viewport")
+@file(
+    "render-levels",
+    "a modifier that is set finer for the render than for the viewport",
+    awaited="The image mean of B is off by",
+)
 def render_levels(folder):
     item = outline("cube", homogeneous("Fog", 1.0))
     modifier(item, "SUBSURF", levels=0, render_levels=2)

@@ -122,7 +122,6 @@ class Graph:
 def material(name):
     """A new material without nodes, and its graph."""
     item = bpy.data.materials.new(name)
-    item.use_nodes = True
     item.node_tree.nodes.clear()
     return item, Graph(item.node_tree)
 
@@ -159,12 +158,14 @@ def add_object(name, data, owner=None, location=(0, 0, 0), rotation=(0, 0, 0), s
 
 
 def outline(kind, owner, name="Volume", location=(0, 0, 0), rotation=(0, 0, 0), scale=(1, 1, 1), **size):
-    """An object of one of Blender's mesh primitives, as its operators make them: `cube` is 2 m wide."""
+    """An object of one of Blender's mesh primitives, as its operators make them: `cube` is 2 m wide.
+
+    A UV sphere is missing: its vertices come in another order each time.
+    """
     operators = bpy.ops.mesh
     make = {
         "cube": operators.primitive_cube_add,
         "icosphere": operators.primitive_ico_sphere_add,
-        "sphere": operators.primitive_uv_sphere_add,
         "torus": operators.primitive_torus_add,
         "cylinder": operators.primitive_cylinder_add,
         "cone": operators.primitive_cone_add,
@@ -217,7 +218,6 @@ def sun(energy=3.0, elevation=40.0, azimuth=-60.0, name="Sun", **properties):
 def world(colour=(0.05, 0.1, 0.2), strength=1.0):
     """A world of one colour; returns its graph and its Background node."""
     item = bpy.data.worlds.new("World")
-    item.use_nodes = True
     item.node_tree.nodes.clear()
     graph = Graph(item.node_tree)
     background = graph.add("ShaderNodeBackground", {"Color": colour, "Strength": strength})

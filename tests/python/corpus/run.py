@@ -63,9 +63,8 @@ class Outcome:
 
     @property
     def is_awaited(self):
-        """Whether it is refused for a reason that is known to be none."""
-        awaited = self.entry.awaited
-        return awaited is not None and self.verdict == REFUSED and awaited in self.refusal
+        """Whether it fails for a reason that is known to be a defect."""
+        return self.entry.awaited is not None and self.entry.awaited in self.describe()
 
     def describe(self):
         """All that speaks against the file, as text."""

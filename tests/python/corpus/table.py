@@ -28,6 +28,9 @@ preparation of its octree.
 | --- | --- | --- | --- | --- |
 """
 
+# Behind a verdict that an entry awaits to change.
+NOT_YET = " (a defect that is known)"
+
 
 def _fields(outcome):
     if not outcome.fields:
@@ -59,10 +62,11 @@ def _verdict(outcome):
     if outcome.verdict == REFUSED:
         error = outcome.refusal
         found = error.split(": found ", 1)[-1].split("; expected ", 1)[0]
-        where = f" ([listed]({entry.documented.removeprefix('docs/')}))" if outcome.as_documented else ""
+        where = f" ([listed]({entry.documented.removeprefix('docs/')}))" if outcome.as_documented else NOT_YET
         return f"refused: {_plain(found)}{where}"
+    not_yet = NOT_YET if outcome.is_awaited else ""
     if outcome.verdict == DIFFERS:
-        return f"**differs**: {_plain(outcome.describe())}"
+        return f"**differs**: {_plain(outcome.describe())}{not_yet}"
     if outcome.verdict != AGREES:
         return _plain(outcome.verdict + ": " + outcome.describe())
     if entry.left_out:
