@@ -33,7 +33,7 @@ def god_rays(folder):
     world((0.02, 0.02, 0.03))
 
 
-@file("candle-glow", "a small light in thin smoke, with a flame of blackbody emission")
+@file("candle-glow", "a small light in thin smoke, with a flame of blackbody emission", samples=256)
 def candle(folder):
     owner, graph = material("Flame")
     place = graph.coordinates("Object")
@@ -49,7 +49,9 @@ def candle(folder):
     world((0.01, 0.01, 0.02))
 
 
-@file("fire", "Principled Volume with blackbody emission of a temperature that falls with height")
+@file(
+    "fire", "Principled Volume with blackbody emission of a temperature that falls with height", samples=512
+)
 def fire(folder):
     owner, graph = material("Fire")
     place = graph.coordinates("Object")
@@ -108,7 +110,11 @@ def dust(folder):
     stage((0.1, 0.1, 0.1))
 
 
-@file("light-beam-cone", "a mesh cone with emission that fades along its length: a faked spot light")
+@file(
+    "light-beam-cone",
+    "a mesh cone with emission that fades along its length: a faked spot light",
+    samples=256,
+)
 def beam(folder):
     owner, graph = material("Beam")
     fade = graph.map_range(graph.axis(graph.coordinates("Generated"), "Z"), 0.0, 1.0, 0.0, 0.6)
