@@ -1,5 +1,7 @@
 """The table of docs/corpus.md."""
 
+from pathlib import Path
+
 from corpus.run import AGREES, DIFFERS, PIXELS, POINTS, REFUSED, SUB_PIXELS
 
 HEAD = """# The corpus: files like those that people make
@@ -27,6 +29,9 @@ preparation of its octree.
 | file | what it is | fields: points that differ | picture: checks that agree, bias of the mean | verdict |
 | --- | --- | --- | --- | --- |
 """
+
+# What was learnt, written by hand: it stands below the table.
+FINDINGS = Path(__file__).with_name("findings.md")
 
 # Behind a verdict that an entry awaits to change.
 NOT_YET = " (a defect that is known)"
@@ -69,6 +74,8 @@ def _verdict(outcome):
         return f"**differs**: {_plain(outcome.describe())}{not_yet}"
     if outcome.verdict != AGREES:
         return _plain(outcome.verdict + ": " + outcome.describe())
+    if outcome.picture is None:
+        return "the fields agree"
     if entry.left_out:
         return f"agrees, without {', '.join(entry.left_out)}, which the exporter names"
     return AGREES
@@ -98,4 +105,4 @@ def table(outcomes, cycles):
         f"| {_picture(outcome)} | {_verdict(outcome)} |\n"
         for outcome in outcomes
     ]
-    return text + "".join(rows)
+    return text + "".join(rows) + "\n" + FINDINGS.read_text(encoding="utf-8")
