@@ -89,7 +89,7 @@ def hdri(folder):
     graph.feed(background, "Color", graph.out(graph.add("ShaderNodeTexEnvironment", image=picture), "Color"))
 
 
-@file("transparent-film", "film transparent: the world lights the cloud and is not seen")
+@file("transparent-film", "film transparent: the world lights the cloud and is not seen", samples=256)
 def transparent(folder):
     _cloud()
     stage((0.5, 0.6, 0.9))
