@@ -114,33 +114,60 @@ pub(super) fn output_with_volume(graph: &Graph) -> Result<&Node> {
     }
 }
 
-/// The closing node of the scene's material: the only closure that feeds Volume of the Material Output,
-/// through reroutes at most. It has a Density input.
-pub fn closing_node(scene: &Scene) -> Result<&Node> {
+/// The closing node of the scene's material: the only closure that feeds Volume of the Material Output, through
+/// reroutes and groups at most. It has a Density input. With it, the group nodes from the material's tree down to it.
+fn closing_node(scene: &Scene) -> Result<(Vec<String>, &Node)> {
     let graph = scene.graph();
     let place = format!("material {}", graph.material);
-    let missing = |found: &str| {
+    let missing = |found: String| {
         Error::new(
             place.clone(),
-            found.to_owned(),
+            found,
             "a Material Output whose Volume input is linked to a volume closure",
             "Link a Principled Volume to the Volume socket of the Material Output.",
         )
     };
-    let output = output_with_volume(graph)?;
-    let mut input = &output.inputs["Volume"];
-    for _ in 0..=graph.nodes.len() {
-        let Input::Link { node: name, .. } = input else { return Err(missing("no link to its Volume input")) };
-        let node = graph.nodes.iter().find(|node| node.name == *name).ok_or_else(|| {
+    let mut groups = Vec::new();
+    // The trees around the one that is searched, the innermost last: what a group's own input is linked to stands there.
+    let mut trees: Vec<&[Node]> = vec![&graph.nodes];
+    let mut reader = output_with_volume(graph)?;
+    let mut input = Some(&reader.inputs["Volume"]);
+    // Every round leaves a node behind; a ring of reroutes would leave the same ones for ever.
+    let rounds = graph.nodes.len() + graph.groups.iter().map(|group| group.nodes.len()).sum::<usize>();
+    for _ in 0..=rounds * DEEPEST_NESTING {
+        let nodes = *trees.last().expect("the material's own tree is never left");
+        let (name, socket) = match input {
+            Some(Input::Link { node, socket }) => (node, socket),
+            Some(Input::GroupInput(group_input)) if !groups.is_empty() => {
+                let caller: String = groups.pop().expect("it is not empty");
+                trees.pop();
+                let outside = trees.last().expect("a group stands in a tree");
+                reader = outside.iter().find(|node| node.name == caller).expect("the group was entered by its name");
+                input = reader.inputs.get(group_input);
+                continue;
+            }
+            _ => return Err(missing(format!("no link to the closure that node {} passes on", reader.name))),
+        };
+        let node = nodes.iter().find(|node| node.name == *name).ok_or_else(|| {
             Error::new(
-                format!("{place}: node {}", output.name),
+                format!("{place}: node {}", reader.name),
                 format!("a link from \"{name}\", which does not exist"),
                 "a link from a node of the same tree",
                 "Export the scene again.",
             )
         })?;
-        if node.kind == "NodeReroute" {
-            input = node.inputs.get("Input").ok_or_else(|| missing("a reroute without a link"))?;
+        if !node.muted && node.kind == "NodeReroute" {
+            (reader, input) = (node, node.inputs.get("Input"));
+            continue;
+        }
+        let inner = node.group.as_ref().filter(|_| !node.muted).and_then(|name| graph.group(name));
+        if let Some(inner) = inner.filter(|_| groups.len() < DEEPEST_NESTING) {
+            let Some(output) = inner.nodes.iter().find(|node| node.kind == "NodeGroupOutput") else {
+                return Err(missing(format!("group {} without an output", inner.name)));
+            };
+            groups.push(node.name.clone());
+            trees.push(&inner.nodes);
+            (reader, input) = (output, output.inputs.get(socket));
             continue;
         }
         let has_density = nodes::find(&node.kind).is_some_and(|node_type| {
@@ -148,8 +175,9 @@ pub fn closing_node(scene: &Scene) -> Result<&Node> {
                 && node_type.inputs.iter().any(|socket| socket.identifier == "Density")
         });
         if !has_density || node.muted {
+            let path: String = groups.iter().flat_map(|group| [group, "/"]).collect();
             return Err(Error::new(
-                format!("{place}: node {}", node.name),
+                format!("{place}: node {path}{}", node.name),
                 if node.muted { format!("a muted {}", node.kind) } else { node.kind.clone() },
                 "a closure with one Density that closes the graph: Principled Volume, Volume Scatter or Volume \
                  Absorption",
@@ -157,9 +185,9 @@ pub fn closing_node(scene: &Scene) -> Result<&Node> {
             )
             .with_setting("target"));
         }
-        return Ok(node);
+        return Ok((groups, node));
     }
-    Err(missing("a ring of reroutes"))
+    Err(missing("a ring of reroutes".to_owned()))
 }
 
 /// The Material Output that Cycles uses: one with the target Cycles before one for all renderers,
@@ -179,5 +207,6 @@ fn material_output(nodes: &[Node]) -> Option<&Node> {
 
 /// The Density input of the closing node.
 pub fn density(scene: &Scene) -> Result<Target> {
-    Ok(Target::input(&closing_node(scene)?.name, "Density"))
+    let (groups, node) = closing_node(scene)?;
+    Ok(Target { groups, ..Target::input(&node.name, "Density") })
 }

@@ -313,6 +313,20 @@ def test_negative_radiance_is_our_error_and_not_the_references():
     assert "negative_values" in differing(judge(ours, reference)[0])
 
 
+def test_a_colour_outside_of_the_gamut_is_negative_on_both_sides():
+    random = np.random.default_rng(16)
+    fire = truth()
+    fire[..., 2] *= -0.1
+    ours, reference = normal(random, fire), normal(random, fire)
+    checks = judge(ours, reference)[0]
+    assert not differing(checks)
+    assert "of B, where the reference is negative" in checks["negative_values"]["reason"]
+    # Another channel has no such excuse, and neither has a reference that is positive.
+    ours[2, 3, 4, 0] = -1e-4
+    assert "negative_values" in differing(judge(ours, reference)[0])
+    assert "negative_values" in differing(judge(normal(random, fire), normal(random, truth()))[0])
+
+
 def test_the_default_allowance_follows_the_reference():
     default = replica_statistics.default_allowance
     cycles = "Cycles, bpy 5.0.1"

@@ -60,7 +60,8 @@ pub fn probe(
     evaluators: &[Evaluator],
     receive: impl FnMut(Message),
 ) -> Result<Probe> {
-    let program = Program::density(scene)?;
+    // Where no closure has the one density, points lie where the target itself varies.
+    let program = Program::density(scene).or_else(|_| Program::compile(scene, std::slice::from_ref(&target)))?;
     let Sampling { domain, points, seed, rounding_bound } = sampling;
     let positions = domain::points(domain, scene, &program, points, seed)?;
     let name = target.name();

@@ -248,8 +248,18 @@ fn job<'a>(scene: &'a Scene, positions: &'a [[f32; 3]], repeat: usize) -> Result
 /// The scene with a density that is just the height: what a render costs without the shader.
 fn idle_scene(scene: &Scene) -> Result<Scene> {
     let mut idle = scene.clone();
-    let closing = target::closing_node(scene)?.name.clone();
+    let closing = target::density(scene)?;
     let graph = idle.graph_mut();
+    // The tree that the closing node stands in: the material's own or a group's.
+    let tree = closing.groups.iter().fold(None, |tree: Option<usize>, name| {
+        let nodes = tree.map_or(&graph.nodes, |number| &graph.groups[number].nodes);
+        let inside = nodes.iter().find(|node| node.name == *name)?.group.as_ref()?;
+        graph.groups.iter().position(|group| group.name == *inside)
+    });
+    let nodes = match tree {
+        Some(number) => &mut graph.groups[number].nodes,
+        None => &mut graph.nodes,
+    };
     let coordinate = "cloudparity height";
     let node = |name: &str, kind: &str, inputs: indexmap::IndexMap<String, Input>| crate::scene::Node {
         name: name.to_owned(),
@@ -266,11 +276,11 @@ fn idle_scene(scene: &Scene) -> Result<Scene> {
     };
     let link = |node: &str, socket: &str| Input::Link { node: node.to_owned(), socket: socket.to_owned() };
     let separate = format!("{coordinate} component");
-    graph.nodes.push(node(coordinate, "ShaderNodeTexCoord", indexmap::IndexMap::new()));
+    nodes.push(node(coordinate, "ShaderNodeTexCoord", indexmap::IndexMap::new()));
     let inputs = [("Vector".to_owned(), link(coordinate, "Object"))].into_iter().collect();
-    graph.nodes.push(node(&separate, "ShaderNodeSeparateXYZ", inputs));
-    for node in &mut graph.nodes {
-        if node.name == closing {
+    nodes.push(node(&separate, "ShaderNodeSeparateXYZ", inputs));
+    for node in nodes {
+        if node.name == closing.node {
             node.inputs.insert("Density".to_owned(), link(&separate, "Z"));
         }
     }
