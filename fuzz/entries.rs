@@ -46,11 +46,6 @@ pub const ENTRIES: [(&str, Entry); 7] = [
     ("scene", scene),
 ];
 
-/// The entry of a fuzz target.
-pub fn find(name: &str) -> Entry {
-    ENTRIES.iter().find(|(known, _)| *known == name).unwrap_or_else(|| panic!("no fuzz target {name}")).1
-}
-
 /// What an error of the library has to say: all of its four parts.
 pub fn check_error(error: &Error) {
     for (part, text) in

@@ -196,7 +196,9 @@ fn strings(value: &Json) -> Vec<String> {
     match value {
         Json::String(text) => vec![text.clone()],
         Json::Array(items) => items.iter().flat_map(strings).collect(),
-        Json::Object(fields) => fields.iter().flat_map(|(key, item)| [vec![key.clone()], strings(item)].concat()).collect(),
+        Json::Object(fields) => {
+            fields.iter().flat_map(|(key, item)| [vec![key.clone()], strings(item)].concat()).collect()
+        }
         _ => Vec::new(),
     }
 }

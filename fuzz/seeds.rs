@@ -72,18 +72,30 @@ fn main() {
             let text = std::fs::read_to_string(&path).expect("a committed file");
             write(&folder, target, &name(&path), text.as_bytes());
             // The same over scenes that are there, and with densities that need no textures.
-            let own = ["clouds-in-daylight", "procedural-clouds", "clouds-at-low-sun", "clouds-close", "clouds-against-the-sun"]
-                .iter()
-                .fold(text, |text, scene| text.replace(scene, "linear-ramp"))
-                .replace("perlin-fbm", "graph");
+            let own = [
+                "clouds-in-daylight",
+                "procedural-clouds",
+                "clouds-at-low-sun",
+                "clouds-close",
+                "clouds-against-the-sun",
+            ]
+            .iter()
+            .fold(text, |text, scene| text.replace(scene, "linear-ramp"))
+            .replace("perlin-fbm", "graph");
             write(&folder, target, &format!("ramp-{}", name(&path)), own.as_bytes());
         }
     }
     let values: Vec<u8> = (0..12).flat_map(|value: i16| f32::from(value).to_le_bytes()).collect();
-    for (number, (descriptor, shape)) in
-        [("<f4", "(4, 3)"), ("<f4", "(12,)"), (">f4", "(4, 3)"), ("<f8", "(2, 3)"), ("<f4", "(2, 2, 3)"), ("|O", "(1,)")]
-            .into_iter()
-            .enumerate()
+    for (number, (descriptor, shape)) in [
+        ("<f4", "(4, 3)"),
+        ("<f4", "(12,)"),
+        (">f4", "(4, 3)"),
+        ("<f8", "(2, 3)"),
+        ("<f4", "(2, 2, 3)"),
+        ("|O", "(1,)"),
+    ]
+    .into_iter()
+    .enumerate()
     {
         write(&folder, "npy", &format!("{number}.npy"), &npy(descriptor, shape, &values));
     }
