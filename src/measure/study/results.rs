@@ -228,7 +228,8 @@ impl Results {
                         let difference =
                             (before.value - now.value).abs().max((before.standard_error - now.standard_error).abs());
                         // Also where one is no number.
-                        if !(difference <= ROUNDING * size) {
+                        let is_same = difference <= ROUNDING * size;
+                        if !is_same {
                             differing.push(format!(
                                 "{}: {name} {} as written, {} from the picture",
                                 run.combination.describe(),
