@@ -59,8 +59,6 @@ def outcomes(request, folder):
 @pytest.mark.parametrize("name", NAMES)
 def test_a_file_agrees_with_cycles_or_is_refused_for_a_documented_reason(name, outcomes):
     outcome = outcomes[name]
-    if outcome.is_awaited:
-        pytest.xfail(outcome.describe())
     assert outcome.as_documented, outcome.describe()
     assert outcome.picture == (AGREES if name in PICTURES else None)
 

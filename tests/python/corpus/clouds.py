@@ -111,7 +111,6 @@ def _smoke_grid(folder):
 @file(
     "smoke-grid",
     "a Volume object with an OpenVDB grid, its density by an Attribute node",
-    awaited="0 mesh objects",
 )
 def smoke_grid(folder):
     owner, graph = material("Smoke")
@@ -127,7 +126,6 @@ def smoke_grid(folder):
 @file(
     "smoke-principled",
     "the same grid with Principled Volume as Blender sets it up: its Density Attribute",
-    awaited="0 mesh objects",
     refused="Principled Volume",
     documented="docs/volume-objects.md",
 )
@@ -203,7 +201,7 @@ def planet(folder):
     stage((0.0, 0.0, 0.0), location=(0, -4, 0.5))
 
 
-@file("cotton-balls", "metaballs, a low homogeneous density with a white world", awaited="0 mesh objects")
+@file("cotton-balls", "metaballs, a low homogeneous density with a white world")
 def cotton(folder):
     data = bpy.data.metaballs.new("Cotton")
     data.resolution = data.render_resolution = 0.25
@@ -232,7 +230,7 @@ def suzanne(folder):
     stage(location=(0, -4, 0.5))
 
 
-@file("volumetric-text", "a word of fog: a text object, extruded", awaited="0 mesh objects")
+@file("volumetric-text", "a word of fog: a text object, extruded")
 def text(folder):
     data = bpy.data.curves.new("Word", "FONT")
     data.body, data.extrude, data.resolution_u = "FOG", 0.2, 2

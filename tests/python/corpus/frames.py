@@ -134,7 +134,6 @@ def three_points(folder):
 @file(
     "warm-lamp",
     "a light by its temperature, and one whose node tree holds a Blackbody",
-    awaited="use_temperature",
     samples=256,
 )
 def warm_lamp(folder):
@@ -155,7 +154,6 @@ def warm_lamp(folder):
 @file(
     "sky-texture",
     "a Sky Texture lights the cloud, as the first tutorial of clouds has it",
-    awaited="ShaderNodeTexSky",
 )
 def sky(folder):
     _cloud()
@@ -166,7 +164,7 @@ def sky(folder):
     graph.feed(background, "Color", graph.out(texture, "Color"))
 
 
-@file("gradient-world", "a world of a Gradient Texture through a Color Ramp", awaited="ShaderNodeValToRGB")
+@file("gradient-world", "a world of a Gradient Texture through a Color Ramp")
 def gradient_world(folder):
     _cloud()
     camera()

@@ -25,8 +25,6 @@ class File:
     # Samples per sub-pixel of both sides' pictures. 64 is the least for which Cycles' systematic error is
     # known (docs/parity.md); pictures that a small light makes noisy need more.
     samples: int = 64
-    # Why the file is refused or differs today although it should not, as part of what is said of it.
-    awaited: str | None = None
 
 
 FILES: dict[str, File] = {}

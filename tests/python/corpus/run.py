@@ -61,11 +61,6 @@ class Outcome:
             return self.verdict == AGREES
         return self.verdict == REFUSED and self.entry.refused in self.refusal
 
-    @property
-    def is_awaited(self):
-        """Whether it fails for a reason that is known to be a defect."""
-        return self.entry.awaited is not None and self.entry.awaited in self.describe()
-
     def describe(self):
         """All that speaks against the file, as text."""
         lines = [self.refusal] if self.refusal else []
@@ -126,7 +121,7 @@ def _variants(scene):
 
 
 def _probe(scene, name):
-    status, output, errors = program("probe", scene, "--points", POINTS, "--output", name)
+    status, output, errors = program("probe", scene, "--points", POINTS, "--target", name)
     text = (output + errors).strip()
     return Field(name, REFUSED if "error" in errors else VERDICTS[status], text)
 
@@ -155,7 +150,7 @@ def compare(blend, scene, outcome, reuse):
     modules = {"PYTHONPATH": str(ROOT / "blend"), "PYTHONDONTWRITEBYTECODE": "1"}
     if not (reuse and reference.exists()):
         subprocess.run(script, check=True, capture_output=True, env=os.environ | modules)
-    judged = ["diff", "--ours", ours, "--reference", reference, "--sub-pixels", SUB_PIXELS]
+    judged = ["diff", "--ours", ours, "--reference", reference, "--pixels-as-replicas", SUB_PIXELS]
     status, output, errors = program(*judged, "--json")
     outcome.picture = VERDICTS[status]
     outcome.figures = json.loads(output) if output.startswith("{") else {"error": output + errors}

@@ -33,9 +33,6 @@ preparation of its octree.
 # What was learnt, written by hand: it stands below the table.
 FINDINGS = Path(__file__).with_name("findings.md")
 
-# Behind a verdict that an entry awaits to change.
-NOT_YET = " (a defect that is known)"
-
 
 def _fields(outcome):
     if not outcome.fields:
@@ -67,11 +64,10 @@ def _verdict(outcome):
     if outcome.verdict == REFUSED:
         error = outcome.refusal
         found = error.split(": found ", 1)[-1].split("; expected ", 1)[0]
-        where = f" ([listed]({entry.documented.removeprefix('docs/')}))" if outcome.as_documented else NOT_YET
+        where = f" ([listed]({entry.documented.removeprefix('docs/')}))" if outcome.as_documented else ""
         return f"refused: {_plain(found)}{where}"
-    not_yet = NOT_YET if outcome.is_awaited else ""
     if outcome.verdict == DIFFERS:
-        return f"**differs**: {_plain(outcome.describe())}{not_yet}"
+        return f"**differs**: {_plain(outcome.describe())}"
     if outcome.verdict != AGREES:
         return _plain(outcome.verdict + ": " + outcome.describe())
     if outcome.picture is None:
