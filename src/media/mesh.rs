@@ -258,12 +258,13 @@ impl Mesh {
 pub struct PlacedMesh {
     mesh: Mesh,
     to_object: DMat4,
+    to_world: DMat4,
 }
 
 impl PlacedMesh {
     /// A mesh with the matrix from the world into its frame.
     pub fn new(mesh: Mesh, to_object: DMat4) -> Self {
-        Self { mesh, to_object }
+        Self { mesh, to_object, to_world: to_object.inverse() }
     }
 
     /// The mesh.
@@ -274,27 +275,56 @@ impl PlacedMesh {
     /// Distance of the last face up to `far` along a ray of the world; none without one.
     pub fn last_face(&self, origin: DVec3, direction: DVec3, far: f64) -> Option<f64> {
         let [origin, direction] = self.local(origin, direction);
+        self.last_face_in_object(origin, direction, far)
+    }
+
+    /// [`Self::last_face`] of a ray of the object's frame.
+    pub fn last_face_in_object(&self, origin: DVec3, direction: DVec3, far: f64) -> Option<f64> {
         self.mesh.faces(origin, direction, f64::NEG_INFINITY, far).last().map(|face| face.distance)
     }
 
     /// Appends the parts of a ray of the world that lie inside, between two distances. `inside` says whether it comes from inside. A medium
     /// that a mesh leaves open ends with the box around it.
-    pub fn spans(&self, origin: DVec3, direction: DVec3, [from, to]: Span, inside: bool, spans: &mut Vec<Span>) {
+    pub fn spans(&self, origin: DVec3, direction: DVec3, between: Span, inside: bool, spans: &mut Vec<Span>) {
         let [local_origin, local_direction] = self.local(origin, direction);
-        let Some((enter, leave)) = self.mesh.bounds.segment(local_origin, local_direction) else { return };
+        self.spans_of([local_origin, local_direction], self.rounding(origin), between, inside, spans);
+    }
+
+    /// [`Self::spans`] of a ray of the object's frame.
+    pub fn spans_in_object(&self, origin: DVec3, direction: DVec3, between: Span, inside: bool, spans: &mut Vec<Span>) {
+        let rounded = self.rounding(self.to_world.transform_point3(origin));
+        self.spans_of([origin, direction], rounded, between, inside, spans);
+    }
+
+    /// How far a place of the world may be off after its way into the object's frame.
+    fn rounding(&self, place: DVec3) -> f64 {
+        let DMat4 { x_axis, y_axis, z_axis, w_axis } = self.to_object;
+        let sums: DVec3 = [x_axis, y_axis, z_axis]
+            .into_iter()
+            .zip(place.to_array())
+            .map(|(axis, coordinate)| axis.truncate().abs() * coordinate.abs())
+            .sum();
+        BEGIN_ROUNDING * (sums + w_axis.truncate().abs()).max_element()
+    }
+
+    fn spans_of(
+        &self,
+        [origin, direction]: [DVec3; 2],
+        rounded: f64,
+        [from, to]: Span,
+        inside: bool,
+        spans: &mut Vec<Span>,
+    ) {
+        let Some((enter, leave)) = self.mesh.bounds.segment(origin, direction) else { return };
         let (from, to) = (from.max(enter), to.min(leave));
         if from >= to {
             return;
         }
         // A begin at a face may be rounded to its other side: as a place of the world, and on its way into the frame. Faces that far
         // behind it count.
-        let Self { mesh, to_object } = self;
-        let axes = [to_object.x_axis, to_object.y_axis, to_object.z_axis];
-        let sums: DVec3 = (0..3).map(|axis| axes[axis].truncate().abs() * origin[axis].abs()).sum();
-        let rounded = BEGIN_ROUNDING * (sums + to_object.w_axis.truncate().abs()).max_element();
-        let slack = rounded / local_direction.abs().max_element();
+        let slack = rounded / direction.abs().max_element();
         let (mut inside, mut begin) = (inside, from);
-        for Face { distance, enters } in mesh.faces(local_origin, local_direction, from - slack, to) {
+        for Face { distance, enters } in self.mesh.faces(origin, direction, from - slack, to) {
             let distance = distance.clamp(from, to);
             if inside && !enters && begin < distance {
                 spans.push([begin, distance]);
@@ -312,7 +342,12 @@ impl PlacedMesh {
     /// Whether a camera ray that begins at a place of the world begins inside: Cycles asks whether the first face above, along +Z of the
     /// world, shows its back.
     pub fn begins_inside(&self, place: DVec3) -> bool {
-        let [place, up] = self.local(place, DVec3::Z);
+        self.begins_inside_in_object(self.to_object.transform_point3(place))
+    }
+
+    /// [`Self::begins_inside`] of a place of the object's frame.
+    pub fn begins_inside_in_object(&self, place: DVec3) -> bool {
+        let up = self.to_object.transform_vector3(DVec3::Z);
         let Region { low, high } = self.mesh.bounds;
         if !(place.cmpge(low).all() && place.cmple(high).all()) {
             return false;

@@ -168,6 +168,16 @@ impl<'a> MarchKernel<'a> {
                 "Take suns away.",
             ));
         }
+        if let Outline::Mesh(_) = container.outline {
+            return Err(Error::new(
+                "the domain of the engine on the adapter",
+                "a mesh that is no box",
+                "a box: the adapter knows no other outline of an object",
+                "March on the CPU, use a cube as the volume's object, or choose a domain without an object.",
+            )
+            .with_setting("backend")
+            .with_setting("domain"));
+        }
         let mut definitions = Vec::new();
         let mut define = |is_wanted: bool, name: &'static str| definitions.extend(is_wanted.then_some(name));
         define(settings.integration == Integration::Plain, "PLAIN");
@@ -212,7 +222,7 @@ impl<'a> MarchKernel<'a> {
         let vector = |value: DVec3| value.as_vec3().to_array();
         let region = container.outline.region();
         let [inner, outer] = match container.outline {
-            Outline::Box(_) => [0.0; 2],
+            Outline::Box(_) | Outline::Mesh(_) => [0.0; 2],
             Outline::Shell { inner, outer } => [inner as f32, outer as f32],
         };
         let mut suns: Vec<Sun> = light
@@ -278,7 +288,7 @@ impl<'a> MarchKernel<'a> {
         let layouts = [Layout::of::<MarchUniform>(), Layout::of::<Ray>(), Layout::of::<Pixel>(), Layout::of::<Sun>()];
         Ok(Self {
             gpu,
-            outline: container.outline,
+            outline: container.outline.clone(),
             kernel: gpu.kernel_async("engine_march", &module, &layouts).await?,
             uniform,
             suns: gpu.upload("suns", bytemuck::cast_slice(&suns), wgpu::BufferUsages::STORAGE),
@@ -303,6 +313,7 @@ impl<'a> MarchKernel<'a> {
             .iter()
             .map(|ray| {
                 let inside = ray.inside(&self.outline);
+                let gap = inside.parts.gaps.first();
                 Ray {
                     origin: inside.origin.as_vec3().to_array(),
                     length: inside.length as f32,
@@ -310,8 +321,8 @@ impl<'a> MarchKernel<'a> {
                     jitter: ray.jitter as f32,
                     direction: inside.direction.as_vec3().to_array(),
                     farthest: inside.farthest as f32,
-                    first: inside.first as f32,
-                    gap: inside.gap as f32,
+                    first: gap.map_or(inside.length, |gap| gap.passed) as f32,
+                    gap: gap.map_or(0.0, |gap| gap.outside) as f32,
                     ..Ray::zeroed()
                 }
             })
