@@ -401,11 +401,15 @@ mod tests {
     fn distances_skip_the_gaps_between_any_number_of_parts() {
         let parts = Parts::of(&[[1.0, 2.0], [4.0, 4.5], [5.0, 8.0]]);
         assert_eq!((parts.start, parts.length), (1.0, 4.5));
-        assert_eq!([0.5, 1.0, 1.25, 1.5, 1.75, 4.5].map(|passed| parts.distance(passed)), [0.5, 1.0, 3.25, 3.5, 4.25, 7.0]);
+        assert_eq!(
+            [0.5, 1.0, 1.25, 1.5, 1.75, 4.5].map(|passed| parts.distance(passed)),
+            [0.5, 1.0, 3.25, 3.5, 4.25, 7.0]
+        );
         let held = [0.0, 0.5, 1.0, 2.0, 3.0, 3.5, 3.75, 4.0, 7.0].map(|distance| parts.holds(distance));
         assert_eq!(held, [true, true, true, false, true, true, false, true, true]);
         assert!(!parts.holds(-0.1) && !parts.holds(7.1));
-        for (limit, length, gaps) in [(-1.0, 0.0, 0), (0.5, 0.5, 0), (2.0, 1.0, 0), (3.25, 1.25, 1), (5.0, 2.5, 2), (9.0, 4.5, 2)]
+        for (limit, length, gaps) in
+            [(-1.0, 0.0, 0), (0.5, 0.5, 0), (2.0, 1.0, 0), (3.25, 1.25, 1), (5.0, 2.5, 2), (9.0, 4.5, 2)]
         {
             let mut cut = parts.clone();
             cut.end_at(limit);

@@ -142,8 +142,7 @@ impl Engine {
         let lobes = [(1.0 - phase.second, phase.anisotropy[0]), (phase.second, phase.anisotropy[1])];
         let Container { to_local, outline, .. } = &self.container;
         let mesh = if let Outline::Mesh(mesh) = outline { Some(Arc::clone(mesh)) } else { None };
-        let medium =
-            ObjectMedium::of_density(self.model, *to_local, &self.density, extinction, scattering, &lobes);
+        let medium = ObjectMedium::of_density(self.model, *to_local, &self.density, extinction, scattering, &lobes);
         Ok(medium.in_mesh(mesh))
     }
 

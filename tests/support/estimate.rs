@@ -46,6 +46,14 @@ pub fn meets((found, error): (f64, f64), expected: f64, truth_error: f64) {
     assert!((found - expected).abs() <= allowed, "{found} ({error:e}) is not {expected} ({truth_error:e})");
 }
 
+/// [`meets`], colour channel by channel, of two estimates.
+#[track_caller]
+pub fn all_meet(found: [(f64, f64); 4], expected: [(f64, f64); 4]) {
+    for channel in 0..3 {
+        meets(found[channel], expected[channel].0, expected[channel].1);
+    }
+}
+
 /// A scene without lights in a world of radiance 1.
 pub fn furnace() -> Scene {
     let mut scene = homogeneous();
