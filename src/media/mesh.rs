@@ -14,7 +14,8 @@
 //! Distances do round. Crossings that lie closer together than their rounding could put them in any order are one: the side of
 //! the majority counts, and as many of one side as of the other are none, as at a silhouette.
 
-use crate::base::error::Result;
+use crate::base::error::{Error, Result};
+use crate::gpu::Gpu;
 use crate::media::region::Region;
 use crate::scene::check_mesh;
 use bvh::aabb::{Aabb, Bounded};
@@ -42,6 +43,9 @@ const BOX_PADDING: f64 = 32.0 * f64::EPSILON;
 /// Rounding of where a ray begins over the sum of magnitudes that it is made of: a product and a sum for the place in the world,
 /// three of each into the frame, each off by half of f64's epsilon, with a factor of 2 to spare.
 const BEGIN_ROUNDING: f64 = 8.0 * f64::EPSILON;
+
+/// Marks a node of the tree on an adapter that is a triangle.
+const LEAF: u32 = 1 << 31;
 
 /// A part of a ray: distances at which it begins and ends.
 pub type Span = [f64; 2];
@@ -193,6 +197,51 @@ impl Mesh {
             a.cross(b).dot(c) / 6.0
         };
         self.triangles.iter().map(sixth).sum()
+    }
+
+    /// Puts it on an adapter as `shaders/media/mesh.wgsl` reads it: with its tree, in a frame of places `(place - low) / unit`. An error
+    /// where the adapter binds no buffer of that size.
+    pub fn upload(&self, gpu: &Gpu, low: DVec3, unit: DVec3) -> Result<wgpu::Buffer> {
+        let elements = self.elements(low, unit);
+        let bytes: &[u8] = bytemuck::cast_slice(&elements);
+        let limit = gpu.device().limits().max_storage_buffer_binding_size;
+        if bytes.len() as u64 > limit {
+            return Err(Error::new(
+                "the mesh of the medium on the adapter",
+                format!("{} triangles, {} bytes with their tree", self.triangles.len(), bytes.len()),
+                format!("at most {limit} bytes, the largest that adapter {} binds", gpu.adapter().name),
+                "Take a mesh of fewer triangles (a Decimate modifier), or the CPU.",
+            )
+            .with_setting("backend"));
+        }
+        Ok(gpu.upload("mesh", bytes, wgpu::BufferUsages::STORAGE))
+    }
+
+    /// A head, the nodes of the tree, each with where to go on, and the corners of the triangles.
+    fn elements(&self, low: DVec3, unit: DVec3) -> Vec<[u32; 4]> {
+        let words = |place: DVec3, last: u32| {
+            let [x, y, z] = ((place - low) / unit).as_vec3().to_array().map(f32::to_bits);
+            [x, y, z, last]
+        };
+        let corner = |point: Point3<f64>| DVec3::new(point.x, point.y, point.z);
+        // Boxes round by less than what the shader pads.
+        let nodes = self.tree.flatten_custom(&|bounds: &Aabb<f64, 3>, entry: u32, exit: u32, shape: u32| match entry {
+            u32::MAX => [[0, 0, 0, LEAF | shape], [0, 0, 0, exit]],
+            _ => [words(corner(bounds.min), entry), words(corner(bounds.max), exit)],
+        });
+        let ends = [self.bounds.low, self.bounds.high].map(|end| ((end - low) / unit).abs().max_element());
+        let largest = (ends[0].max(ends[1]) as f32).to_bits();
+        let mut elements = vec![[nodes.len() as u32, 1 + 2 * nodes.len() as u32, largest, 0]];
+        elements.extend(nodes.as_flattened());
+        let corners = self.triangles.as_flattened().iter().map(|&vertex| words(self.vertices[vertex as usize], 0));
+        elements.extend(corners);
+        elements
+    }
+
+    /// Nodes of its tree on an adapter.
+    pub(crate) fn nodes(&self) -> usize {
+        // Every triangle is a leaf with a box of its own, and every two are joined by another.
+        3 * self.triangles.len()
     }
 
     /// The faces that a ray crosses between two distances, in their order. Crossings whose order is lost in rounding are one, or none where

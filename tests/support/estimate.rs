@@ -19,15 +19,22 @@ pub const REPLICAS: u32 = 16;
 pub const ROUNDING: f64 = 1e-6;
 
 /// Pictures with different seeds.
-fn replicas(scene: &Scene, samples: u32) -> Vec<Image> {
+fn replicas(scene: &Scene, samples: u32, backend: Backend) -> Vec<Image> {
     let settings = PathSettings { samples, ..PathSettings::default() };
-    let seeds: Vec<u32> = (0..REPLICAS).collect();
-    path::render_replicas(scene, &settings, Backend::Cpu, &seeds, &|_, _| {}).expect("the scene renders")
+    // The random numbers of both backends are partly the same.
+    let first = if backend == Backend::Cpu { 0 } else { 1000 };
+    let seeds: Vec<u32> = (first..first + REPLICAS).collect();
+    path::render_replicas(scene, &settings, backend, &seeds, &|_, _| {}).expect("the scene renders")
 }
 
 /// Mean over replicas and its standard error, channel by channel.
 pub fn estimate(scene: &Scene, samples: u32) -> [(f64, f64); 4] {
-    let means: Vec<[f64; 4]> = replicas(scene, samples).iter().map(Image::mean).collect();
+    estimate_on(Backend::Cpu, scene, samples)
+}
+
+/// [`estimate`] on a backend.
+pub fn estimate_on(backend: Backend, scene: &Scene, samples: u32) -> [(f64, f64); 4] {
+    let means: Vec<[f64; 4]> = replicas(scene, samples, backend).iter().map(Image::mean).collect();
     let count = f64::from(REPLICAS);
     std::array::from_fn(|channel| {
         let mean = means.iter().map(|means| means[channel]).sum::<f64>() / count;
