@@ -779,7 +779,7 @@ fn the_adapter_traces_paths_through_meshes() {
         bounces(&mut scene, 4);
         ramp(&mut scene, "X", 4.0);
         println!("{name}");
-        let expected = estimate(&scene, 1 << 10);
+        let expected = estimate(&scene, 1 << 9);
         all_meet(estimate_on(Backend::Gpu, &scene, 1 << 8), expected);
     }
     // A white furnace loses no light.

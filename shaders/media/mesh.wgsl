@@ -8,15 +8,15 @@
 // three. An entry with its highest bit set names a triangle.
 @group(0) @binding(7) var<storage, read> mesh: array<vec4u>;
 
-const LEAF = 0x80000000u;
-const FAR = 3e38;
-const EPSILON = 1.1920929e-7;
+const LEAF: u32 = 0x80000000u;
+const FAR: f32 = 3e38;
+const EPSILON: f32 = 1.1920929e-7;
 // As in src/media/mesh.rs, in units of f32.
-const WEIGHT_ROUNDING = 32.0 * EPSILON;
-const DEPTH_ROUNDING = 4.0 * EPSILON;
-const BOX_PADDING = 32.0 * EPSILON;
+const WEIGHT_ROUNDING: f32 = 32.0 * EPSILON;
+const DEPTH_ROUNDING: f32 = 4.0 * EPSILON;
+const BOX_PADDING: f32 = 32.0 * EPSILON;
 // A begin is three products and sums of places up to the size of the mesh, in a frame of its own twice.
-const BEGIN_ROUNDING = 16.0 * EPSILON;
+const BEGIN_ROUNDING: f32 = 16.0 * EPSILON;
 
 // Nodes that this invocation has looked at.
 var<private> visits: u32 = 0u;

@@ -209,18 +209,18 @@ fn enter(origin: vec3f, direction: vec3f, limit: f32) {
 #ifdef MESH
     path.reach = path.end;
     path.cursor = -FAR;
+    // The walk looks for the first part as for all others, in one place: compilers put functions where they are called.
     path.end = 0.0;
-    // Events lie inside, and camera rays arrive where they enter.
-    next_part(true);
 #endif
 }
 
 #ifdef MESH
 // Goes on with the next part of the ray in the mesh; false where there is none.
-fn next_part(inside: bool) -> bool {
+fn next_part() -> bool {
     if path.cursor >= FAR || path.reach <= 0.0 { return false; }
     let ray = mesh::ray_of(path.walk_origin, path.walk_direction);
-    let part = mesh::next_part(ray, path.cursor, inside, path.distance, path.reach);
+    // Events lie inside, and camera rays arrive where they enter.
+    let part = mesh::next_part(ray, path.cursor, path.cursor == -FAR, path.distance, path.reach);
     path.cursor = part.cursor;
     if part.end < part.begin { return false; }
     path.distance = part.begin;
@@ -319,7 +319,7 @@ fn travel() -> bool {
             if !cross_leaf(leaf) { path.distance = path.end; }
         }
 #ifdef MESH
-        if !next_part(false) { return false; }
+        if !next_part() { return false; }
 #else
         return false;
 #endif
