@@ -1,9 +1,9 @@
-"""Makes the files of `meshes.suite.json`: outlines of Blender's own operators, each looked at from outside and from within.
+"""Makes the files of `meshes.suite.json`: outlines of Blender's own operators, from outside and from within.
 
-    python parity/mesh_scenes.py FOLDER
-    for FILE in FOLDER/*.blend; do
-        cloudparity export $FILE -o parity/scenes/$(basename $FILE .blend).scene.json
-    done
+python parity/mesh_scenes.py FOLDER
+for FILE in FOLDER/*.blend; do
+    cloudparity export $FILE -o parity/scenes/$(basename $FILE .blend).scene.json
+done
 """
 
 import sys
@@ -132,7 +132,9 @@ def write(folder, name, outline, is_inside, is_sheared):
     made = material(is_sheared)
     matrix = Matrix.Identity(4)
     if is_sheared:
-        matrix = Matrix(((1.3, 0.4, 0.0, 0.1), (0.0, 0.8, 0.3, -0.1), (0.1, 0.0, 0.9, 0.2), (0.0, 0.0, 0.0, 1.0)))
+        matrix = Matrix(
+            ((1.3, 0.4, 0.0, 0.1), (0.0, 0.8, 0.3, -0.1), (0.1, 0.0, 0.9, 0.2), (0.0, 0.0, 0.0, 1.0))
+        )
         # What no location, rotation and scale give is a parent's.
         for item in items:
             parent = bpy.data.objects.new("Parent", None)
