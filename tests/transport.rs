@@ -10,22 +10,11 @@ use cloudparity::scene::image::Image;
 use cloudparity::scene::{Input, Scene};
 use serde_json::json;
 use std::f64::consts::PI;
-use support::cube::{SCATTERING, SUN, color, homogeneous, phase, ramp, set, slanted_sun, sphere};
+use support::cube::{SCATTERING, SUN, color, exact, homogeneous, phase, ramp, set, slanted_sun, sphere};
 
 /// The steps below are fine enough that the closed form is met to this: the midpoint rule errs by
 /// (step / 2)^2 / 6 of second derivatives of order 1, and f32 results by 6e-8.
 const TOLERANCE: f64 = 1e-4;
-
-fn exact() -> MarchSettings {
-    MarchSettings {
-        view_step: 0.01,
-        shadow_step: 0.05,
-        sub_pixels: 1,
-        light: LightMode::Exact,
-        exit_transmittance: 0.0,
-        ..MarchSettings::default()
-    }
-}
 
 fn render(scene: &Scene, settings: &MarchSettings) -> [f64; 4] {
     let image = integrators::render(scene, settings, Backend::Cpu, &|_, _| {}).expect("the scene renders");

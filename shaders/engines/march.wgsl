@@ -2,7 +2,7 @@
 //
 // Conditions: PLAIN (else energy-conserving), EXIT_FADE, SHADOW_TO_EXIT (else of fixed length), SHADOW_VIEW (dimmed as the view
 // ray, else by the density), SOURCE_DENSITY (else extinction times albedo), EMPTY_CELLS (the table of what is provably empty is read),
-// NO_SUN, SEVERAL_SUNS, SHELL (the domain lies between spheres, else in a box), TERMS (those of a system's own), and the terms of
+// NO_SUN, SEVERAL_SUNS, SHELL (the domain lies between spheres), MESH (in a mesh), else in a box, TERMS (those of a system's own), and the terms of
 // src/engines/light/terms.rs: OCTAVES (else one), COMPRESSION, SILVER, POWDER, AMBIENT_GRADIENT, BODY, COARSE_SHADOW (both read averages of
 // the density).
 #import cloudparity::graph
@@ -10,6 +10,9 @@
 #import cloudparity::averages::around
 #import cloudparity::engines::constants
 #import cloudparity::engines::own_terms
+#ifdef MESH
+#import cloudparity::mesh
+#endif
 #import cloudparity::phase
 #import cloudparity::terms
 #import cloudparity::transfer
@@ -79,7 +82,9 @@ struct Ray {
     // Length of the first part, and of what lies between it and the second.
     first: f32,
     gap: f32,
-    end_padding: vec2f,
+    // Its further gaps, numbers of `gaps`.
+    further: u32,
+    further_end: u32,
 }
 
 struct Pixel {
@@ -95,6 +100,9 @@ struct Pixel {
 @group(0) @binding(3) var<storage, read> suns: array<Sun>;
 // Whether each cell of the box may hold something, x fastest.
 @group(0) @binding(4) var<storage, read> occupied: array<u32>;
+
+// Further gaps in rays: length of the parts before it, and of it and the gaps before it.
+@group(0) @binding(5) var<storage, read> gaps: array<vec2f>;
 
 const LARGEST = 3.40282347e38;
 
@@ -164,8 +172,65 @@ fn density_at(place: vec3f) -> f32 {
     return select(value, 0.0, value < 0.0);
 }
 
+// What dims the light: the density, or its average.
+fn dimming_at(place: vec3f) -> f32 {
+#ifdef COARSE_SHADOW
+    return along::evaluate(place);
+#else
+    return density_at(place);
+#endif
+}
+
+#ifdef MESH
+// Sum of the densities at the samples towards a sun, and the length that they share; samples lie in the parts of the mesh.
+fn sum_in_mesh(place: vec3f, way: vec3f) -> vec2f {
+    let ray = mesh::ray_of(place, way);
+    let limit = exit(place, way);
+#ifdef SHADOW_TO_EXIT
+    var length = 0.0;
+    var part = mesh::next_part(ray, -mesh::FAR, true, 0.0, limit);
+    while part.end > part.begin {
+        length += part.end - part.begin;
+        if part.cursor >= mesh::FAR { break; }
+        part = mesh::next_part(ray, part.cursor, false, part.end, limit);
+    }
+#else
+    let length = march.shadow_length;
+#endif
+    let step = length / f32(march.shadow_steps);
+    var sum = 0.0;
+    // Length of the parts before.
+    var passed = 0.0;
+    var number = 0u;
+    var next = mesh::next_part(ray, -mesh::FAR, true, 0.0, limit);
+    while next.end > next.begin && number < march.shadow_steps {
+        loop {
+            if number >= march.shadow_steps { break; }
+            let along_parts = step * (f32(number) + 0.5);
+#ifdef SHADOW_TO_EXIT
+            let distance = next.begin + along_parts - passed;
+#else
+            let distance = along_parts;
+#endif
+            if distance > next.end { break; }
+            if distance >= next.begin { sum += dimming_at(place + way * distance); }
+            number++;
+        }
+        passed += next.end - next.begin;
+        if next.cursor >= mesh::FAR { break; }
+        next = mesh::next_part(ray, next.cursor, false, next.end, limit);
+    }
+    return vec2f(sum, length);
+}
+#endif
+
 // Optical depth towards a sun.
 fn shadow_depth(place: vec3f, way: vec3f) -> vec3f {
+#ifdef MESH
+    let found = sum_in_mesh(place, way);
+    let sum = found.x;
+    let step = found.y / f32(march.shadow_steps);
+#else
 #ifdef SHADOW_TO_EXIT
     let length = exit(place, way);
 #else
@@ -175,12 +240,9 @@ fn shadow_depth(place: vec3f, way: vec3f) -> vec3f {
     var sum = 0.0;
     for (var number = 0u; number < march.shadow_steps; number++) {
         let at = place + way * (step * (f32(number) + 0.5));
-#ifdef COARSE_SHADOW
-        if holds(at) { sum += along::evaluate(at); }
-#else
-        if holds(at) { sum += density_at(at); }
-#endif
+        if holds(at) { sum += dimming_at(at); }
     }
+#endif
 #ifdef SHADOW_VIEW
     let depth = march.extinction * (sum * step);
 #else
@@ -281,7 +343,12 @@ fn main(@builtin(global_invocation_id) invocation: vec3u) {
         for (var number = march.first_step; number < min(march.steps, march.end_step); number++) {
             let passed = (f32(number) + ray.jitter) * step;
             let left = ray.length - passed;
-            let distance = select(passed, passed + ray.gap, passed > ray.first);
+            var distance = select(passed, passed + ray.gap, passed > ray.first);
+#ifdef MESH
+            for (var further = ray.further; further < ray.further_end; further++) {
+                if passed > gaps[further].x { distance = passed + gaps[further].y; }
+            }
+#endif
             if distance > ray.farthest || left < 0.0 { break; }
             pixel.samples++;
             let place = ray.origin + ray.way * distance;

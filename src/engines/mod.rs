@@ -16,7 +16,7 @@ pub mod render;
 
 use crate::base::error::{Error, Result};
 use crate::engines::defects::{Defect, Defects};
-use crate::engines::domain::{Container, Domain, DomainKind};
+use crate::engines::domain::{Container, Domain, DomainKind, Outline};
 use crate::engines::light::{LightModel, LightTerm, SourceFactor};
 use crate::engines::march::{Marched, RealTimeSettings};
 use crate::engines::passes::Pass;
@@ -67,7 +67,7 @@ pub struct Request<'a> {
 impl Request<'_> {
     /// The domain that was asked for, else another one.
     pub fn domain_or(&self, own: Domain) -> Result<Container> {
-        self.domain.map_or_else(|| own.place(self.scene), Ok)
+        self.domain.clone().map_or_else(|| own.place(self.scene), Ok)
     }
 }
 
@@ -121,7 +121,7 @@ impl Engine {
     }
 
     /// The medium as path tracing knows it: the light transport that the light model stands for. An error where it has none, because the
-    /// source is no albedo times extinction, or where the domain is no box.
+    /// source is no albedo times extinction, or where the domain is no object.
     pub fn medium(&self) -> Result<ObjectMedium> {
         let wrong = |found: &str, expected: &str, remedy: &str| {
             Err(Error::new(format!("the medium of model {}", self.model), found, expected, remedy))
@@ -134,13 +134,16 @@ impl Engine {
             );
         };
         if self.container.domain != Domain::Object {
-            return wrong("a domain without end", "the box of an object", "Take the domain of the object.");
+            return wrong("a domain without end", "an object", "Take the domain of the object.");
         }
         let extinction = self.extinction.map(|channel| channel / self.container.unit);
         let scattering = std::array::from_fn(|channel| extinction[channel] * albedo[channel]);
         let phase = &self.light.phase;
         let lobes = [(1.0 - phase.second, phase.anisotropy[0]), (phase.second, phase.anisotropy[1])];
-        Ok(ObjectMedium::of_density(self.model, self.container.to_local, &self.density, extinction, scattering, &lobes))
+        let Container { to_local, outline, .. } = &self.container;
+        let mesh = if let Outline::Mesh(mesh) = outline { Some(Arc::clone(mesh)) } else { None };
+        let medium = ObjectMedium::of_density(self.model, *to_local, &self.density, extinction, scattering, &lobes);
+        Ok(medium.in_mesh(mesh))
     }
 
     /// Everything that [`Self::medium`] depends on besides the scene, as text.
@@ -164,6 +167,7 @@ impl Engine {
             density,
             defects: self.defects.clone(),
             values: self.values.clone(),
+            container: self.container.clone(),
             light: self.light.clone(),
             terms: self.terms.clone(),
             passes: self.passes.clone(),

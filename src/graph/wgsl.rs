@@ -36,6 +36,7 @@ pub const PROGRAM_PATH: &str = "cloudparity::graph";
 
 /// Modules that every linker has, in dependency order: phase functions, steps, source terms of light models.
 const LIGHT: &[(&str, &str)] = &[
+    ("media/mesh.wgsl", include_str!("../../shaders/media/mesh.wgsl")),
     ("media/phase.wgsl", include_str!("../../shaders/media/phase.wgsl")),
     ("media/transfer.wgsl", include_str!("../../shaders/media/transfer.wgsl")),
     ("engines/light/terms.wgsl", include_str!("../../shaders/engines/light/terms.wgsl")),

@@ -14,7 +14,8 @@
 //! Distances do round. Crossings that lie closer together than their rounding could put them in any order are one: the side of
 //! the majority counts, and as many of one side as of the other are none, as at a silhouette.
 
-use crate::base::error::Result;
+use crate::base::error::{Error, Result};
+use crate::gpu::Gpu;
 use crate::media::region::Region;
 use crate::scene::check_mesh;
 use bvh::aabb::{Aabb, Bounded};
@@ -42,6 +43,9 @@ const BOX_PADDING: f64 = 32.0 * f64::EPSILON;
 /// Rounding of where a ray begins over the sum of magnitudes that it is made of: a product and a sum for the place in the world,
 /// three of each into the frame, each off by half of f64's epsilon, with a factor of 2 to spare.
 const BEGIN_ROUNDING: f64 = 8.0 * f64::EPSILON;
+
+/// Marks a node of the tree on an adapter that is a triangle.
+const LEAF: u32 = 1 << 31;
 
 /// A part of a ray: distances at which it begins and ends.
 pub type Span = [f64; 2];
@@ -195,6 +199,51 @@ impl Mesh {
         self.triangles.iter().map(sixth).sum()
     }
 
+    /// Puts it on an adapter as `shaders/media/mesh.wgsl` reads it: with its tree, in a frame of places `(place - low) / unit`. An error
+    /// where the adapter binds no buffer of that size.
+    pub fn upload(&self, gpu: &Gpu, low: DVec3, unit: DVec3) -> Result<wgpu::Buffer> {
+        let elements = self.elements(low, unit);
+        let bytes: &[u8] = bytemuck::cast_slice(&elements);
+        let limit = gpu.device().limits().max_storage_buffer_binding_size;
+        if bytes.len() as u64 > limit {
+            return Err(Error::new(
+                "the mesh of the medium on the adapter",
+                format!("{} triangles, {} bytes with their tree", self.triangles.len(), bytes.len()),
+                format!("at most {limit} bytes, the largest that adapter {} binds", gpu.adapter().name),
+                "Take a mesh of fewer triangles (a Decimate modifier), or the CPU.",
+            )
+            .with_setting("backend"));
+        }
+        Ok(gpu.upload("mesh", bytes, wgpu::BufferUsages::STORAGE))
+    }
+
+    /// A head, the nodes of the tree, each with where to go on, and the corners of the triangles.
+    fn elements(&self, low: DVec3, unit: DVec3) -> Vec<[u32; 4]> {
+        let words = |place: DVec3, last: u32| {
+            let [x, y, z] = ((place - low) / unit).as_vec3().to_array().map(f32::to_bits);
+            [x, y, z, last]
+        };
+        let corner = |point: Point3<f64>| DVec3::new(point.x, point.y, point.z);
+        // Boxes round by less than what the shader pads.
+        let nodes = self.tree.flatten_custom(&|bounds: &Aabb<f64, 3>, entry: u32, exit: u32, shape: u32| match entry {
+            u32::MAX => [[0, 0, 0, LEAF | shape], [0, 0, 0, exit]],
+            _ => [words(corner(bounds.min), entry), words(corner(bounds.max), exit)],
+        });
+        let ends = [self.bounds.low, self.bounds.high].map(|end| ((end - low) / unit).abs().max_element());
+        let largest = (ends[0].max(ends[1]) as f32).to_bits();
+        let mut elements = vec![[nodes.len() as u32, 1 + 2 * nodes.len() as u32, largest, 0]];
+        elements.extend(nodes.as_flattened());
+        let corners = self.triangles.as_flattened().iter().map(|&vertex| words(self.vertices[vertex as usize], 0));
+        elements.extend(corners);
+        elements
+    }
+
+    /// Nodes of its tree on an adapter.
+    pub(crate) fn nodes(&self) -> usize {
+        // Every triangle is a leaf with a box of its own, and every two are joined by another.
+        3 * self.triangles.len()
+    }
+
     /// The faces that a ray crosses between two distances, in their order. Crossings whose order is lost in rounding are one, or none where
     /// they take each other away.
     pub fn faces(&self, origin: DVec3, direction: DVec3, from: f64, to: f64) -> Vec<Face> {
@@ -258,12 +307,13 @@ impl Mesh {
 pub struct PlacedMesh {
     mesh: Mesh,
     to_object: DMat4,
+    to_world: DMat4,
 }
 
 impl PlacedMesh {
     /// A mesh with the matrix from the world into its frame.
     pub fn new(mesh: Mesh, to_object: DMat4) -> Self {
-        Self { mesh, to_object }
+        Self { mesh, to_object, to_world: to_object.inverse() }
     }
 
     /// The mesh.
@@ -274,27 +324,56 @@ impl PlacedMesh {
     /// Distance of the last face up to `far` along a ray of the world; none without one.
     pub fn last_face(&self, origin: DVec3, direction: DVec3, far: f64) -> Option<f64> {
         let [origin, direction] = self.local(origin, direction);
+        self.last_face_in_object(origin, direction, far)
+    }
+
+    /// [`Self::last_face`] of a ray of the object's frame.
+    pub fn last_face_in_object(&self, origin: DVec3, direction: DVec3, far: f64) -> Option<f64> {
         self.mesh.faces(origin, direction, f64::NEG_INFINITY, far).last().map(|face| face.distance)
     }
 
     /// Appends the parts of a ray of the world that lie inside, between two distances. `inside` says whether it comes from inside. A medium
     /// that a mesh leaves open ends with the box around it.
-    pub fn spans(&self, origin: DVec3, direction: DVec3, [from, to]: Span, inside: bool, spans: &mut Vec<Span>) {
+    pub fn spans(&self, origin: DVec3, direction: DVec3, between: Span, inside: bool, spans: &mut Vec<Span>) {
         let [local_origin, local_direction] = self.local(origin, direction);
-        let Some((enter, leave)) = self.mesh.bounds.segment(local_origin, local_direction) else { return };
+        self.spans_of([local_origin, local_direction], self.rounding(origin), between, inside, spans);
+    }
+
+    /// [`Self::spans`] of a ray of the object's frame.
+    pub fn spans_in_object(&self, origin: DVec3, direction: DVec3, between: Span, inside: bool, spans: &mut Vec<Span>) {
+        let rounded = self.rounding(self.to_world.transform_point3(origin));
+        self.spans_of([origin, direction], rounded, between, inside, spans);
+    }
+
+    /// How far a place of the world may be off after its way into the object's frame.
+    fn rounding(&self, place: DVec3) -> f64 {
+        let DMat4 { x_axis, y_axis, z_axis, w_axis } = self.to_object;
+        let sums: DVec3 = [x_axis, y_axis, z_axis]
+            .into_iter()
+            .zip(place.to_array())
+            .map(|(axis, coordinate)| axis.truncate().abs() * coordinate.abs())
+            .sum();
+        BEGIN_ROUNDING * (sums + w_axis.truncate().abs()).max_element()
+    }
+
+    fn spans_of(
+        &self,
+        [origin, direction]: [DVec3; 2],
+        rounded: f64,
+        [from, to]: Span,
+        inside: bool,
+        spans: &mut Vec<Span>,
+    ) {
+        let Some((enter, leave)) = self.mesh.bounds.segment(origin, direction) else { return };
         let (from, to) = (from.max(enter), to.min(leave));
         if from >= to {
             return;
         }
         // A begin at a face may be rounded to its other side: as a place of the world, and on its way into the frame. Faces that far
         // behind it count.
-        let Self { mesh, to_object } = self;
-        let axes = [to_object.x_axis, to_object.y_axis, to_object.z_axis];
-        let sums: DVec3 = (0..3).map(|axis| axes[axis].truncate().abs() * origin[axis].abs()).sum();
-        let rounded = BEGIN_ROUNDING * (sums + to_object.w_axis.truncate().abs()).max_element();
-        let slack = rounded / local_direction.abs().max_element();
+        let slack = rounded / direction.abs().max_element();
         let (mut inside, mut begin) = (inside, from);
-        for Face { distance, enters } in mesh.faces(local_origin, local_direction, from - slack, to) {
+        for Face { distance, enters } in self.mesh.faces(origin, direction, from - slack, to) {
             let distance = distance.clamp(from, to);
             if inside && !enters && begin < distance {
                 spans.push([begin, distance]);
@@ -312,7 +391,12 @@ impl PlacedMesh {
     /// Whether a camera ray that begins at a place of the world begins inside: Cycles asks whether the first face above, along +Z of the
     /// world, shows its back.
     pub fn begins_inside(&self, place: DVec3) -> bool {
-        let [place, up] = self.local(place, DVec3::Z);
+        self.begins_inside_in_object(self.to_object.transform_point3(place))
+    }
+
+    /// [`Self::begins_inside`] of a place of the object's frame.
+    pub fn begins_inside_in_object(&self, place: DVec3) -> bool {
+        let up = self.to_object.transform_vector3(DVec3::Z);
         let Region { low, high } = self.mesh.bounds;
         if !(place.cmpge(low).all() && place.cmple(high).all()) {
             return false;

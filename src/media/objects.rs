@@ -18,7 +18,7 @@ use crate::media::region::Region;
 use crate::nodes::closure::{Coefficients, Phase, Quantity, per_channel};
 use crate::nodes::density_medium::DensityMedium;
 use crate::nodes::{Interval, Mode, density_medium};
-use crate::scene::{self, Graph, Scene, Shape, Volume};
+use crate::scene::{self, Graph, Scene, Shape, Volume, check_mesh};
 use glam::{DMat4, DVec3};
 use std::sync::Arc;
 
@@ -233,7 +233,12 @@ impl ObjectMedium {
         let to_object = scene::matrix_to_glam(&volume.matrix_world).inverse();
         let program = Arc::new(program);
         let medium = Self::of_closures(&volume.object, to_object, bounds, program, closures, length_scale(volume));
-        Ok(Self { mesh: mesh.map(|mesh| Arc::new(PlacedMesh::new(mesh, to_object))), ..medium })
+        Ok(Self { mesh, ..medium })
+    }
+
+    /// The same medium in a mesh of its frame instead of its box.
+    pub fn in_mesh(self, mesh: Option<Arc<PlacedMesh>>) -> Self {
+        Self { mesh, ..self }
     }
 
     /// The medium of a density in a box: extinction and scattering per unit of density and metre, and the lobes of its phase function,
@@ -407,38 +412,25 @@ pub(crate) fn length_scale(volume: &Volume) -> f64 {
     }
 }
 
-/// The box that a volume fills, or the box around the mesh that it fills. A mesh that is a box up to rounding counts as one.
-fn outline_of(volume: &Volume) -> Result<(Region, Option<Mesh>)> {
+/// The box that a volume fills, or the box around the mesh that it fills, and that mesh. A mesh that is a box up to rounding counts as one.
+pub(crate) fn outline_of(volume: &Volume) -> Result<(Region, Option<Arc<PlacedMesh>>)> {
     if let Shape::Mesh { vertices, triangles } = &volume.shape {
-        let mesh = Mesh::new(&format!("object {}: shape", volume.object), vertices, triangles)?;
+        let place = format!("object {}: shape", volume.object);
+        check_mesh(&place, vertices, triangles)?;
         if let Some(region) = as_box(vertices, triangles) {
             return Ok((region, None));
         }
-        let place = format!("object {}: shape", volume.object);
+        let mesh = Mesh::new(&place, vertices, triangles)?;
         if !mesh.is_closed() {
             log::warn!("{place}: the mesh is not closed, and its medium is cut off at the box around it");
         } else if mesh.volume() < 0.0 {
             log::warn!("{place}: the faces of the mesh look inward, so that it holds no medium for rays from outside");
         }
-        return Ok((mesh.bounds(), Some(mesh)));
+        let to_object = scene::matrix_to_glam(&volume.matrix_world).inverse();
+        return Ok((mesh.bounds(), Some(Arc::new(PlacedMesh::new(mesh, to_object)))));
     }
     let corner = |corner: [f32; 3]| DVec3::from(corner.map(f64::from));
     Ok((Region { low: corner(volume.bounds.min), high: corner(volume.bounds.max) }, None))
-}
-
-/// The box that a volume fills; another mesh is refused.
-pub(crate) fn box_of(volume: &Volume) -> Result<Region> {
-    match outline_of(volume)? {
-        (region, None) => Ok(region),
-        (_, Some(_)) => Err(Error::new(
-            format!("object {}: shape", volume.object),
-            "a mesh that is no box",
-            "a box: engines know no other outline of an object",
-            "Use a cube as the volume's object, choose a domain without an object, or trace paths.",
-        )
-        .with_setting("domain")
-        .with_setting("integrator")),
-    }
 }
 
 impl Values<'_> {

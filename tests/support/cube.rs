@@ -1,5 +1,6 @@
 //! The homogeneous cube of edge 2, one central ray, and changes to it that have closed forms.
 
+use cloudparity::integrators::{LightMode, MarchSettings};
 use cloudparity::scene::{Input, Node, Scene};
 use serde_json::json;
 use std::f64::consts::PI;
@@ -79,4 +80,16 @@ fn density_from(scene: &mut Scene, nodes: serde_json::Value, last: &str) {
     let nodes: Vec<Node> = serde_json::from_value(nodes).expect("the nodes are well formed");
     scene.graph_mut().nodes.extend(nodes);
     set(scene, "Density", Input::Link { node: last.into(), socket: "Value".into() });
+}
+
+/// Single scattering by short steps, light along rays of its own, one ray per pixel to its end.
+pub fn exact() -> MarchSettings {
+    MarchSettings {
+        view_step: 0.01,
+        shadow_step: 0.05,
+        sub_pixels: 1,
+        light: LightMode::Exact,
+        exit_transmittance: 0.0,
+        ..MarchSettings::default()
+    }
 }

@@ -19,15 +19,22 @@ pub const REPLICAS: u32 = 16;
 pub const ROUNDING: f64 = 1e-6;
 
 /// Pictures with different seeds.
-fn replicas(scene: &Scene, samples: u32) -> Vec<Image> {
+fn replicas(scene: &Scene, samples: u32, backend: Backend) -> Vec<Image> {
     let settings = PathSettings { samples, ..PathSettings::default() };
-    let seeds: Vec<u32> = (0..REPLICAS).collect();
-    path::render_replicas(scene, &settings, Backend::Cpu, &seeds, &|_, _| {}).expect("the scene renders")
+    // The random numbers of both backends are partly the same.
+    let first = if backend == Backend::Cpu { 0 } else { 1000 };
+    let seeds: Vec<u32> = (first..first + REPLICAS).collect();
+    path::render_replicas(scene, &settings, backend, &seeds, &|_, _| {}).expect("the scene renders")
 }
 
 /// Mean over replicas and its standard error, channel by channel.
 pub fn estimate(scene: &Scene, samples: u32) -> [(f64, f64); 4] {
-    let means: Vec<[f64; 4]> = replicas(scene, samples).iter().map(Image::mean).collect();
+    estimate_on(Backend::Cpu, scene, samples)
+}
+
+/// [`estimate`] on a backend.
+pub fn estimate_on(backend: Backend, scene: &Scene, samples: u32) -> [(f64, f64); 4] {
+    let means: Vec<[f64; 4]> = replicas(scene, samples, backend).iter().map(Image::mean).collect();
     let count = f64::from(REPLICAS);
     std::array::from_fn(|channel| {
         let mean = means.iter().map(|means| means[channel]).sum::<f64>() / count;
@@ -44,6 +51,14 @@ pub fn meets((found, error): (f64, f64), expected: f64, truth_error: f64) {
     assert!(error <= 0.002 * expected, "the standard error {error:e} is too large to test {expected}");
     let allowed = 4.0 * together + ROUNDING * expected;
     assert!((found - expected).abs() <= allowed, "{found} ({error:e}) is not {expected} ({truth_error:e})");
+}
+
+/// [`meets`], colour channel by channel, of two estimates.
+#[track_caller]
+pub fn all_meet(found: [(f64, f64); 4], expected: [(f64, f64); 4]) {
+    for channel in 0..3 {
+        meets(found[channel], expected[channel].0, expected[channel].1);
+    }
 }
 
 /// A scene without lights in a world of radiance 1.

@@ -30,7 +30,8 @@ struct Stage {
     extinction_of_channel: vec3u,
     end_step: u32,
     emission_of_density: vec3f,
-    padding: u32,
+    // Whether rays have results of parts before this one.
+    goes_on: u32,
 }
 
 // Positions are those of the middle of the first step.
@@ -149,7 +150,7 @@ fn main(@builtin(global_invocation_id) invocation: vec3u) {
     let ray = rays[number];
     var radiance = vec3f(0.0);
     var transmittance = vec3f(1.0);
-    if stage.first_step > 0u {
+    if stage.first_step > 0u || stage.goes_on != 0u {
         radiance = outcomes[number].radiance;
         transmittance = outcomes[number].transmittance;
     }

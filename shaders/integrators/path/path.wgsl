@@ -2,10 +2,15 @@
 // head gives the estimators. Camera rays arrive finished (where they enter the medium, how far it goes), so the camera
 // has no second implementation. A dispatch ends after `budget` tentative collisions; the state is kept between dispatches.
 //
+// Conditions: MESH (the medium ends with a mesh, else with its box).
+//
 // Majorants are a tree in flat arrays (src/media/majorant.rs). Lengths along a ray count from where the ray
 // enters the medium; places in the tree count cells of its finest level.
 
 #import cloudparity::graph
+#ifdef MESH
+#import cloudparity::mesh
+#endif
 #import cloudparity::numeric
 #import cloudparity::path::constants
 #import cloudparity::phase
@@ -104,7 +109,9 @@ struct Path {
     scatterings: u32,
     drawn: u32,
     scattered: u32,
-    padding: vec2u,
+    // In a mesh: where the search for the next part goes on, and where the box around it ends.
+    cursor: f32,
+    reach: f32,
 }
 
 struct Outcome {
@@ -199,6 +206,36 @@ fn enter(origin: vec3f, direction: vec3f, limit: f32) {
     }
     // A ray that moves in no direction crosses nothing.
     path.end = select(end, 0.0, all(path.walk_direction == vec3f(0.0)));
+#ifdef MESH
+    path.reach = path.end;
+    path.cursor = -FAR;
+    // The walk looks for the first part as for all others, in one place: compilers put functions where they are called.
+    path.end = 0.0;
+#endif
+}
+
+#ifdef MESH
+// Goes on with the next part of the ray in the mesh; false where there is none.
+fn next_part() -> bool {
+    if path.cursor >= FAR || path.reach <= 0.0 { return false; }
+    let ray = mesh::ray_of(path.walk_origin, path.walk_direction);
+    // Events lie inside, and camera rays arrive where they enter.
+    let part = mesh::next_part(ray, path.cursor, path.cursor == -FAR, path.distance, path.reach);
+    path.cursor = part.cursor;
+    if part.end < part.begin { return false; }
+    path.distance = part.begin;
+    path.end = part.end;
+    path.cell = clamp(vec3i(path.walk_origin + path.walk_direction * part.begin), vec3i(0), vec3i(FINEST - 1));
+    return true;
+}
+#endif
+
+// Goes no further along the ray.
+fn stop() {
+    path.distance = path.end;
+#ifdef MESH
+    path.cursor = FAR;
+#endif
 }
 
 fn crossing() -> Crossing {
@@ -256,29 +293,36 @@ fn position() -> vec3f {
 fn travel() -> bool {
     // -ln(1 - number), of which numeric keeps the relative accuracy.
     var remaining = -numeric::log_of(1.0 - path.flight);
-    while path.distance < path.end {
-        let leaf = crossing();
-        var control = leaf.rates.x;
-        var rate = leaf.rates.y;
-        if path.stage == BOUNCE {
-            control = 0.0;
-            rate = leaf.rates.z;
-        } else if path.stage == CAMERA && stage.scatters != 0u {
-            rate = leaf.rates.z;
+    loop {
+        while path.distance < path.end {
+            let leaf = crossing();
+            var control = leaf.rates.x;
+            var rate = leaf.rates.y;
+            if path.stage == BOUNCE {
+                control = 0.0;
+                rate = leaf.rates.z;
+            } else if path.stage == CAMERA && stage.scatters != 0u {
+                rate = leaf.rates.z;
+            }
+            let length = leaf.exit - path.distance;
+            if remaining < rate * length {
+                let step = remaining / rate;
+                fly(control, step);
+                path.distance += step;
+                path.rate = rate;
+                path.control = control;
+                path.majorant = leaf.rates.w;
+                return true;
+            }
+            remaining -= rate * length;
+            fly(control, length);
+            if !cross_leaf(leaf) { path.distance = path.end; }
         }
-        let length = leaf.exit - path.distance;
-        if remaining < rate * length {
-            let step = remaining / rate;
-            fly(control, step);
-            path.distance += step;
-            path.rate = rate;
-            path.control = control;
-            path.majorant = leaf.rates.w;
-            return true;
-        }
-        remaining -= rate * length;
-        fly(control, length);
-        if !cross_leaf(leaf) { path.distance = path.end; }
+#ifdef MESH
+        if !next_part() { return false; }
+#else
+        return false;
+#endif
     }
     return false;
 }
@@ -336,7 +380,7 @@ fn collide(density: f32) {
         let factor = select(0.0, 2.0, numbers.z < 0.5);
         path.weight *= factor;
         path.analog *= factor;
-        if factor == 0.0 || most <= 0.0 { path.distance = path.end; }
+        if factor == 0.0 || most <= 0.0 { stop(); }
     }
     path.flight = numbers.w;
 }
@@ -350,13 +394,13 @@ fn collide_between_events(extinction: vec3f, per_metre: vec3f) {
         path.throughput = weight * per_metre * (both / (scattering * path.rate));
         path.weight = vec3f(0.0);
         path.kept_distance = path.distance;
-        path.distance = path.end;
+        stop();
         path.scattered = 1u;
     } else if nothing > 0.0 {
         path.weight *= (path.rate - extinction) * (both / (nothing * path.rate));
     } else {
         path.weight = vec3f(0.0);
-        path.distance = path.end;
+        stop();
     }
 }
 
@@ -512,8 +556,12 @@ fn begin(sample: u32) {
     path.hit_distance = -1.0;
     path.hit = vec3f(0.0);
     path.radiance = vec3f(0.0);
+#ifdef MESH
+    enter(ray.origin, ray.direction, ray.length);
+#else
     enter(ray.origin, ray.direction, FAR);
     path.end = min(path.end, ray.length);
+#endif
     path.flight = next4().x;
 }
 
@@ -539,11 +587,17 @@ fn main(@builtin(global_invocation_id) invocation: vec3u) {
     if path.stage == constants::FINISHED { begin(0u); }
     for (var collision = 0u; collision < stage.budget; collision++) {
         // To the next tentative collision, through the ends of rays and paths.
+        var is_paused = false;
         while !travel() {
             if !end_ray() { finish(); }
             if path.stage == constants::FINISHED { break; }
+#ifdef MESH
+            // The next dispatch goes on with this ray.
+            is_paused = mesh::visits > constants::MOST_VISITS;
+            if is_paused { break; }
+#endif
         }
-        if path.stage == constants::FINISHED { break; }
+        if path.stage == constants::FINISHED || is_paused { break; }
         let place = position();
         let value = graph::evaluate(place);
         // Negative density acts as 0; NaN is not below 0 and stays to be seen.
@@ -560,6 +614,9 @@ fn main(@builtin(global_invocation_id) invocation: vec3u) {
         outcome.null_collisions += 1.0 - extinction / path.majorant;
         numbers = next4();
         collide(density);
+#ifdef MESH
+        if mesh::visits > constants::MOST_VISITS { break; }
+#endif
     }
     paths[slot] = path;
     outcomes[slot] = outcome;

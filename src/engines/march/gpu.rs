@@ -87,7 +87,8 @@ shader_struct! {
         farthest: f32,
         first: f32,
         gap: f32,
-        end_padding: [f32; 2],
+        further: u32,
+        further_end: u32,
     }
 }
 
@@ -126,6 +127,7 @@ pub struct MarchKernel<'a> {
     suns: wgpu::Buffer,
     cells: wgpu::Buffer,
     textures: Option<wgpu::Buffer>,
+    mesh: Option<wgpu::Buffer>,
     /// Steps of one dispatch.
     together: u32,
     /// Densities of one dispatch, at most.
@@ -142,10 +144,15 @@ fn iterations(program: &Program) -> u32 {
     loops.saturating_mul(NODE_ITERATIONS)
 }
 
+/// Searches of a ray towards a sun through a mesh, each of which may look at all of its tree: for two faces, twice each, once for lengths and
+/// once for samples. More faces are met by rays that look at less of it.
+const SEARCHES: u32 = 8;
+
 /// Steps of one dispatch of a software adapter, whose loops end early otherwise ([`SOFTWARE_LOOPS`]): a step goes through the density, the
 /// samples towards the suns with the density at each, the three axes of a crossing and the octaves.
-fn steps_together(density: u32, shadow_steps: u32, suns: u32, octaves: u32) -> u32 {
-    let each_sun = 4_u32.saturating_add(octaves).saturating_add(shadow_steps.saturating_mul(1 + density));
+fn steps_together(density: u32, shadow_steps: u32, suns: u32, octaves: u32, visits: u32) -> u32 {
+    let each_sun =
+        4_u32.saturating_add(octaves).saturating_add(visits).saturating_add(shadow_steps.saturating_mul(1 + density));
     let step = density.saturating_add(each_sun.saturating_mul(suns));
     (SOFTWARE_LOOPS / 2 / step.max(1)).max(1)
 }
@@ -187,6 +194,7 @@ impl<'a> MarchKernel<'a> {
         define(light.suns.is_empty(), "NO_SUN");
         define(light.suns.len() > 1, "SEVERAL_SUNS");
         define(matches!(container.outline, Outline::Shell { .. }), "SHELL");
+        define(matches!(container.outline, Outline::Mesh(_)), "MESH");
         define(!marched.terms.is_empty(), "TERMS");
         let mut linker = Linker::new(density.program())?;
         linker.add_constants(&CONSTANTS)?;
@@ -212,7 +220,7 @@ impl<'a> MarchKernel<'a> {
         let vector = |value: DVec3| value.as_vec3().to_array();
         let region = container.outline.region();
         let [inner, outer] = match container.outline {
-            Outline::Box(_) => [0.0; 2],
+            Outline::Box(_) | Outline::Mesh(_) => [0.0; 2],
             Outline::Shell { inner, outer } => [inner as f32, outer as f32],
         };
         let mut suns: Vec<Sun> = light
@@ -271,19 +279,28 @@ impl<'a> MarchKernel<'a> {
         };
         let is_software = gpu.adapter().is_software();
         let iterations = iterations(density.program());
+        let (mesh, visits) = match &container.outline {
+            Outline::Mesh(mesh) => {
+                let mesh = mesh.mesh();
+                let visits = u32::try_from(mesh.nodes()).unwrap_or(u32::MAX).saturating_mul(SEARCHES);
+                (Some(mesh.upload(gpu, DVec3::ZERO, DVec3::ONE)?), visits)
+            }
+            _ => (None, 0),
+        };
         let together = match is_software {
-            true => steps_together(iterations, uniform.shadow_steps, uniform.suns, uniform.octaves),
+            true => steps_together(iterations, uniform.shadow_steps, uniform.suns, uniform.octaves, visits),
             false => settings.steps.max(1),
         };
         let layouts = [Layout::of::<MarchUniform>(), Layout::of::<Ray>(), Layout::of::<Pixel>(), Layout::of::<Sun>()];
         Ok(Self {
             gpu,
-            outline: container.outline,
+            outline: container.outline.clone(),
             kernel: gpu.kernel_async("engine_march", &module, &layouts).await?,
             uniform,
             suns: gpu.upload("suns", bytemuck::cast_slice(&suns), wgpu::BufferUsages::STORAGE),
             cells: gpu.upload("cells", bytemuck::cast_slice(&cells), wgpu::BufferUsages::STORAGE),
             textures,
+            mesh,
             together,
             // A program with loops costs some hundred times what a texture does.
             densities: if iterations > 0 { DENSITIES / 16 } else { DENSITIES },
@@ -299,10 +316,14 @@ impl<'a> MarchKernel<'a> {
 
     /// Marches rays, as many as fit a buffer; their [`Pixel`]s stay on the adapter, in their order.
     pub fn march_on_adapter(&self, rays: &[RealTimeRay]) -> Result<wgpu::Buffer> {
+        let mut gaps: Vec<[f32; 2]> = Vec::new();
         let data: Vec<Ray> = rays
             .iter()
             .map(|ray| {
                 let inside = ray.inside(&self.outline);
+                let gap = inside.parts.gaps.first();
+                let further = gaps.len() as u32;
+                gaps.extend(inside.parts.gaps.iter().skip(1).map(|gap| [gap.passed as f32, gap.outside as f32]));
                 Ray {
                     origin: inside.origin.as_vec3().to_array(),
                     length: inside.length as f32,
@@ -310,13 +331,17 @@ impl<'a> MarchKernel<'a> {
                     jitter: ray.jitter as f32,
                     direction: inside.direction.as_vec3().to_array(),
                     farthest: inside.farthest as f32,
-                    first: inside.first as f32,
-                    gap: inside.gap as f32,
-                    ..Ray::zeroed()
+                    first: gap.map_or(inside.length, |gap| gap.passed) as f32,
+                    gap: gap.map_or(0.0, |gap| gap.outside) as f32,
+                    further,
+                    further_end: gaps.len() as u32,
                 }
             })
             .collect();
+        // A buffer cannot be empty.
+        gaps.resize(gaps.len().max(1), [0.0; 2]);
         let gpu = self.gpu;
+        let gaps = gpu.upload("gaps", bytemuck::cast_slice(&gaps), wgpu::BufferUsages::STORAGE);
         let output = gpu.device().create_buffer(&wgpu::BufferDescriptor {
             label: Some("pixels"),
             size: (data.len() * size_of::<Pixel>()) as u64,
@@ -337,12 +362,17 @@ impl<'a> MarchKernel<'a> {
                 let end_step = first_step.saturating_add(self.together);
                 let uniform = MarchUniform { count: rays.len() as u32, first_step, end_step, ..self.uniform };
                 let uniform = gpu.upload("march", bytemuck::bytes_of(&uniform), wgpu::BufferUsages::UNIFORM);
-                let bindings = Bindings::new()
+                let mut bindings = Bindings::new();
+                if let Some(mesh) = &self.mesh {
+                    bindings = bindings.bind(0, 7, mesh.as_entire_binding());
+                }
+                let bindings = bindings
                     .bind(0, 0, uniform.as_entire_binding())
                     .bind(0, 1, rays_buffer.as_entire_binding())
                     .bind(0, 2, pixels.clone())
                     .bind(0, 3, self.suns.as_entire_binding())
                     .bind(0, 4, self.cells.as_entire_binding())
+                    .bind(0, 5, gaps.as_entire_binding())
                     .group(1, &self.textures);
                 gpu.dispatch(&self.kernel, &bindings, [rays.len() as u32, 1, 1])?;
             }

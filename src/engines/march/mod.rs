@@ -4,7 +4,7 @@
 //! light at a sample is a model ([`crate::engines::light`]), thin samples are skipped, rays end early, and published forms keep their
 //! defects. Arithmetic is f64 but for the density, which is its program's f32; the twin on the adapter is `shaders/engines/march.wgsl`.
 //!
-//! A ray that crosses the domain over a length L (of both parts together, where it crosses a shell twice) takes `steps` samples at
+//! A ray that crosses the domain over a length L (of all parts together, where it crosses it several times) takes `steps` samples at
 //! (i + j) s with s = L / steps and jitter j in [0, 1]. With the density's extinction e and source S at a sample, the transmittance T as
 //! it was before,
 //!
@@ -18,7 +18,7 @@
 pub mod gpu;
 
 use crate::base::error::{Error, Result};
-use crate::engines::domain::{Container, Outline, Segments, unit};
+use crate::engines::domain::{Container, Outline, Parts, unit};
 use crate::engines::light::{LightModel, LightTerm, Lit, ShadowExtinction, ShadowLength, SourceFactor};
 use crate::media::averages::Averages;
 use crate::media::density::{Density, DensityEvaluator};
@@ -94,7 +94,7 @@ pub struct RealTimePixel {
 }
 
 /// The parts of a ray that lie in the domain.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Inside {
     /// Where the first part begins: where the ray enters, or its start.
     pub origin: DVec3,
@@ -102,12 +102,10 @@ pub struct Inside {
     pub way: DVec3,
     /// Unit direction in the world.
     pub direction: DVec3,
-    /// Length of both parts; 0 where the ray misses or crosses less than a thousandth of a unit.
+    /// Length of all parts; 0 where the ray misses or crosses less than a thousandth of a unit.
     pub length: f64,
-    /// Length of the first part, and of what lies between it and the second.
-    pub first: f64,
-    /// See `first`.
-    pub gap: f64,
+    /// The parts; their distances count from `origin`.
+    pub parts: Parts,
     /// Distance from `origin` beyond which something opaque hides the cloud.
     pub farthest: f64,
 }
@@ -137,34 +135,24 @@ impl RealTimeRay {
     /// misses.
     pub fn inside(&self, outline: &Outline) -> Inside {
         let mut found = if self.way == DVec3::ZERO || !self.way.is_finite() {
-            Segments::default()
+            Parts::default()
         } else {
-            outline.segments(self.origin, self.way)
+            outline.parts(self.origin, self.way)
         };
         // A domain without end is cut where the view ends: its steps would be as long as it is.
         if outline.is_endless() {
-            let limit = (self.farthest - found.start).max(0.0);
-            found.second = found.second.min((limit - found.first - found.gap).max(0.0));
-            found.first = found.first.min(limit);
+            found.end_at(self.farthest - found.start);
         }
-        let length = found.first + found.second;
+        let length = found.length;
         let is_missed = length.is_nan() || length < SHORTEST;
         Inside {
             origin: if is_missed { self.origin } else { self.origin + self.way * found.start },
             way: self.way,
             direction: self.direction,
             length: if is_missed { 0.0 } else { length },
-            first: found.first,
-            gap: found.gap,
             farthest: self.farthest - if is_missed { 0.0 } else { found.start },
+            parts: found,
         }
-    }
-}
-
-impl Inside {
-    /// Distance from the origin after so much of the length.
-    fn distance(&self, passed: f64) -> f64 {
-        if passed > self.first { passed + self.gap } else { passed }
     }
 }
 
@@ -223,7 +211,7 @@ impl Marched<'_> {
                 let step = way.inside.length / f64::from(settings.steps);
                 let passed = (f64::from(number) + way.jitter) * step;
                 let left = way.inside.length - passed;
-                let distance = way.inside.distance(passed);
+                let distance = way.inside.parts.distance(passed);
                 if distance > way.inside.farthest || left < 0.0 {
                     way.is_done = true;
                     continue;
@@ -297,19 +285,30 @@ impl Marched<'_> {
             ShadowExtinction::Density => [1.0; 3],
             ShadowExtinction::View => self.extinction,
         };
-        let lengths: Vec<f64> = places
-            .iter()
-            .map(|&place| match light.shadow.length {
-                ShadowLength::Fixed(length) => length,
-                ShadowLength::ToExit => outline.exit(place, to_sun),
-            })
-            .collect();
+        let mut lengths = Vec::with_capacity(places.len());
         let mut owners = Vec::new();
         let mut asked = Vec::new();
-        for (index, (&place, length)) in places.iter().zip(&lengths).enumerate() {
+        for (index, &place) in places.iter().enumerate() {
+            // Asked for where its length counts, and of a mesh, whose parts say what is inside.
+            let is_mesh = matches!(outline, Outline::Mesh(_));
+            let parts = match light.shadow.length {
+                ShadowLength::Fixed(_) if !is_mesh => Parts::default(),
+                _ => outline.parts_to_light(place, to_sun),
+            };
+            let length = match light.shadow.length {
+                ShadowLength::Fixed(length) => length,
+                ShadowLength::ToExit => parts.length,
+            };
+            lengths.push(length);
             for number in 0..steps {
-                let at = place + to_sun * (length * (f64::from(number) + 0.5) / f64::from(steps));
-                if outline.holds(at) {
+                let passed = length * (f64::from(number) + 0.5) / f64::from(steps);
+                let distance = match light.shadow.length {
+                    ShadowLength::Fixed(_) => passed,
+                    ShadowLength::ToExit => parts.start + parts.distance(passed),
+                };
+                let at = place + to_sun * distance;
+                let is_inside = if is_mesh { parts.holds(distance - parts.start) } else { outline.holds(at) };
+                if is_inside {
                     owners.push(index);
                     asked.push(at);
                 }
@@ -329,10 +328,10 @@ impl Way {
     fn new(ray: &RealTimeRay, outline: &Outline, light: &LightModel) -> Self {
         let inside = ray.inside(outline);
         Self {
-            inside,
             jitter: ray.jitter,
             weights: light.suns.iter().map(|sun| light.weights(inside.direction.dot(sun.towards()))).collect(),
             is_done: inside.length == 0.0,
+            inside,
             pixel: RealTimePixel { radiance: [0.0; 3], transmittance: [1.0; 3], samples: 0, dense: 0 },
         }
     }
@@ -377,7 +376,7 @@ mod tests {
         let scene = crate::scene::Scene::load(std::path::Path::new("parity/scenes/homogeneous-cube.scene.json"));
         let container = slab.place(&scene.expect("the committed scene loads")).expect("a slab");
         let level = container.ray(DVec3::ZERO, DVec3::X, 100.0, 0.5).inside(&container.outline);
-        assert_eq!((level.length, level.first), (100.0, 100.0));
+        assert!(level.length == 100.0 && level.parts.gaps.is_empty());
         let shell = Outline::Shell { inner: 1.0, outer: 2.0 };
         let ray = |farthest: f64| container.ray(DVec3::new(-5.0, 0.0, 0.0), DVec3::X, farthest, 0.5).inside(&shell);
         assert_eq!([1.0, 3.5, 5.0, 6.5, 9.0].map(|farthest| ray(farthest).length), [0.0, 0.5, 1.0, 1.5, 2.0]);

@@ -1,6 +1,7 @@
 //! The marching kernels of `shaders/integrate/` and their buffers.
 //!
-//! The grid is baked and swept on the adapter, then view rays are marched in slices. Every
+//! The grid is baked and swept on the adapter (that of a mesh by the CPU), then view rays are marched in slices, and in a mesh part by part:
+//! parts of rays come from the CPU, which has the exact arithmetic for them. Every
 //! submission is small enough to leave the adapter to others: slices start small and grow while
 //! they stay below [`SLICE_SECONDS`].
 
@@ -100,7 +101,7 @@ shader_struct! {
         extinction_of_channel: [u32; 3],
         end_step: u32,
         emission_of_density: [f32; 3],
-        padding: u32,
+        goes_on: u32,
     }
 }
 
@@ -187,6 +188,7 @@ pub(crate) struct Kernels<'a> {
     grid: wgpu::Buffer,
     anisotropy: f64,
     harmonics: usize,
+    view_step: f64,
     /// Middle of the medium's box in world space: the origin of the shader's places, so that a scene far from the origin keeps its accuracy.
     middle: DVec3,
 }
@@ -208,6 +210,8 @@ impl<'a> Kernels<'a> {
         let textures = textures(gpu, &stage.medium)?;
         let grid = if stage.leaves_out(Omission::InScatter) {
             zeros(gpu, "light", 1)?
+        } else if stage.medium.mesh.is_some() {
+            upload_light(gpu, stage, progress)?
         } else {
             bake_light(gpu, stage, textures.as_ref(), &mut layout, progress)?
         };
@@ -238,7 +242,7 @@ impl<'a> Kernels<'a> {
             extinction_of_channel: layout.extinction_of_channel.map(|number| number as u32),
             end_step: 0,
             emission_of_density: single(medium.emission_of_density),
-            padding: 0,
+            goes_on: 0,
         };
         // A buffer cannot be empty: a scene without lights has one that is never read.
         let mut lights: Vec<Light> = stage
@@ -278,6 +282,7 @@ impl<'a> Kernels<'a> {
             grid,
             anisotropy: medium.anisotropy,
             harmonics: layout.harmonics,
+            view_step: stage.settings.view_step,
             middle,
         })
     }
@@ -298,6 +303,57 @@ impl<'a> Kernels<'a> {
     }
 
     fn march_slice(&self, rays: &mut [&mut ViewRay]) -> Result<()> {
+        let bases: Vec<f32> = rays
+            .iter()
+            .flat_map(|ray| {
+                let basis = harmonics(ray.direction);
+                (0..self.harmonics).map(move |harmonic| {
+                    let band = (harmonic as f64).sqrt() as i32;
+                    (self.anisotropy.powi(band) * basis[harmonic]) as f32
+                })
+            })
+            .collect();
+        let gpu = self.gpu;
+        let storage = wgpu::BufferUsages::STORAGE;
+        // NaN in what no invocation wrote is seen in the picture.
+        let nothing = Outcome { radiance: [f32::NAN; 3], transmittance: [f32::NAN; 3], ..Outcome::zeroed() };
+        let unwritten = vec![nothing; rays.len()];
+        let unwritten: &[u8] = bytemuck::cast_slice(&unwritten);
+        let outcomes = gpu.upload("outcomes", unwritten, storage | wgpu::BufferUsages::COPY_SRC);
+        let bases = gpu.upload("bases", bytemuck::cast_slice(&bases), storage);
+        self.march_part(rays, false, &bases, &outcomes)?;
+        // Rays through a mesh may have further parts; those that have none take no step.
+        loop {
+            let mut goes_on = false;
+            for ray in rays.iter_mut() {
+                if ray.next_part(self.view_step) {
+                    goes_on = true;
+                } else {
+                    ray.steps = 0;
+                }
+            }
+            if !goes_on {
+                break;
+            }
+            self.march_part(rays, true, &bases, &outcomes)?;
+        }
+        let bytes = gpu.read_back(&outcomes, unwritten.len() as u64)?;
+        let found: Vec<Outcome> = bytemuck::pod_collect_to_vec(&bytes);
+        for (ray, outcome) in rays.iter_mut().zip(found) {
+            ray.radiance = outcome.radiance.map(f64::from);
+            ray.transmittance = outcome.transmittance.map(f64::from);
+        }
+        Ok(())
+    }
+
+    /// Takes rays through their present parts, from what was found before if they go on.
+    fn march_part(
+        &self,
+        rays: &[&mut ViewRay],
+        goes_on: bool,
+        bases: &wgpu::Buffer,
+        outcomes: &wgpu::Buffer,
+    ) -> Result<()> {
         let vector = |value: DVec3| value.as_vec3().to_array();
         let data: Vec<Ray> = rays
             .iter()
@@ -314,44 +370,22 @@ impl<'a> Kernels<'a> {
                 }
             })
             .collect();
-        let bases: Vec<f32> = rays
-            .iter()
-            .flat_map(|ray| {
-                let basis = harmonics(ray.direction);
-                (0..self.harmonics).map(move |harmonic| {
-                    let band = (harmonic as f64).sqrt() as i32;
-                    (self.anisotropy.powi(band) * basis[harmonic]) as f32
-                })
-            })
-            .collect();
         let gpu = self.gpu;
         let steps = rays.iter().map(|ray| ray.steps).max().unwrap_or(0);
         let together = if gpu.adapter().is_software() { SOFTWARE_STEPS } else { steps.max(1) };
-        let storage = wgpu::BufferUsages::STORAGE;
-        // NaN in what no invocation wrote is seen in the picture.
-        let nothing = Outcome { radiance: [f32::NAN; 3], transmittance: [f32::NAN; 3], ..Outcome::zeroed() };
-        let unwritten = vec![nothing; rays.len()];
-        let unwritten: &[u8] = bytemuck::cast_slice(&unwritten);
-        let outcomes = gpu.upload("outcomes", unwritten, storage | wgpu::BufferUsages::COPY_SRC);
-        let data = gpu.upload("rays", bytemuck::cast_slice(&data), storage);
-        let bases = gpu.upload("bases", bytemuck::cast_slice(&bases), storage);
+        let data = gpu.upload("rays", bytemuck::cast_slice(&data), wgpu::BufferUsages::STORAGE);
         for first_step in (0..steps).step_by(together) {
             let uniform = StageUniform {
                 rays: rays.len() as u32,
                 first_step: first_step as u32,
                 end_step: (first_step + together) as u32,
+                goes_on: goes_on.into(),
                 ..self.uniform
             };
             let stage = gpu.upload("stage", bytemuck::bytes_of(&uniform), wgpu::BufferUsages::UNIFORM);
-            let buffers = [&stage, &data, &self.lights, &bases, &self.cells, &self.grid, &outcomes];
+            let buffers = [&stage, &data, &self.lights, bases, &self.cells, &self.grid, outcomes];
             let bindings = Bindings::new().group(0, buffers).group(1, &self.textures);
             gpu.dispatch(&self.march, &bindings, [rays.len() as u32, 1, 1])?;
-        }
-        let bytes = gpu.read_back(&outcomes, unwritten.len() as u64)?;
-        let found: Vec<Outcome> = bytemuck::pod_collect_to_vec(&bytes);
-        for (ray, outcome) in rays.iter_mut().zip(found) {
-            ray.radiance = outcome.radiance.map(f64::from);
-            ray.transmittance = outcome.transmittance.map(f64::from);
         }
         Ok(())
     }
@@ -376,6 +410,17 @@ fn definitions(stage: &Stage<'_>) -> Vec<&'static str> {
         definitions.push("EMISSION_OF_DENSITY");
     }
     definitions
+}
+
+/// Light at the vertices of the grid over a mesh, baked on the CPU.
+fn upload_light(gpu: &Gpu, stage: &Stage<'_>, progress: &(dyn Fn(f64) + Sync)) -> Result<wgpu::Buffer> {
+    let lit_by_world = !stage.directions.is_empty();
+    let grid = LightGrid::bake(&stage.medium, &stage.lights, lit_by_world, &stage.settings, progress)?;
+    let light: Vec<f32> = grid.depths.iter().chain(&grid.world).flatten().copied().collect();
+    check_size(gpu, "light", 4 * light.len() as u64, "grid_cells")?;
+    // A buffer cannot be empty.
+    let light = if light.is_empty() { vec![0.0] } else { light };
+    Ok(gpu.upload("light", bytemuck::cast_slice(&light), wgpu::BufferUsages::STORAGE))
 }
 
 /// Light at the vertices of the grid: depths per light, then coefficients of the world.

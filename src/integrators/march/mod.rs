@@ -198,9 +198,6 @@ impl<'a> Stage<'a> {
             .with_setting("integrator"));
         }
         let mut stage = Self::new(scene, settings)?;
-        if stage.medium.mesh.is_some() {
-            stage.check_mesh(gpu.is_some())?;
-        }
         let empty = stage.medium.density.occupied.is_empty();
         let cached = if settings.density_cache.is_some() { 0.25 } else { 0.0 };
         let cache = match (cache, settings.density_cache) {
@@ -237,30 +234,6 @@ impl<'a> Stage<'a> {
             }
         };
         Ok((stage, kernels))
-    }
-
-    /// Refuses what is not known of the medium in a mesh that is no box.
-    fn check_mesh(&self, on_adapter: bool) -> Result<()> {
-        let refused = |expected: &str, remedy: &str, setting: &'static str| {
-            let place = format!("object {}: shape", self.scene.volume.object);
-            let found = "a mesh that is no box as the outline of the medium";
-            Err(Error::new(place, found, expected, remedy).with_setting(setting))
-        };
-        if on_adapter {
-            return refused(
-                "a box: the adapter knows no other outline",
-                "Use a cube as the volume's object, or the CPU.",
-                "backend",
-            );
-        }
-        if self.settings.light == LightMode::Grid && !self.leaves_out(Omission::InScatter) {
-            return refused(
-                "a box where light is baked into a grid",
-                "Choose the light `exact`, or trace paths.",
-                "light",
-            );
-        }
-        Ok(())
     }
 
     /// What the scene and the settings allow to leave out.
@@ -627,7 +600,7 @@ impl ViewRay {
     }
 
     /// Cuts the next part of the ray into steps; false where there is none.
-    fn next_part(&mut self, view_step: f64) -> bool {
+    pub(crate) fn next_part(&mut self, view_step: f64) -> bool {
         let Some([start, end]) = self.rest.pop() else { return false };
         let steps = ((end - start) / view_step).ceil().max(1.0);
         self.start = start;

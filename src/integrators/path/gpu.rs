@@ -49,6 +49,10 @@ const BUDGETS: std::ops::RangeInclusive<usize> = 1..=1 << 16;
 /// texture of 16 octaves of 625 cells goes through 10,000 iterations, the way to a collision through some thousand.
 const SOFTWARE_BUDGETS: std::ops::RangeInclusive<usize> = 1..=4;
 
+/// Nodes of the tree of a mesh after which an invocation waits for the next dispatch: below the loops of a software adapter
+/// ([`crate::gpu::SOFTWARE_LOOPS`]) with room for those of the way to a collision and of the search that is on its way.
+const MOST_VISITS: u32 = 1 << 13;
+
 shader_struct! {
     struct Stage = "Stage" {
         scattering: [f32; 3],
@@ -96,6 +100,7 @@ pub const CONSTANTS: SharedConstants = SharedConstants {
         ("SUN_DISC", SharedNumber::Unsigned(SUN_DISC)),
         ("POINT", SharedNumber::Unsigned(POINT)),
         ("SPOT", SharedNumber::Unsigned(SPOT)),
+        ("MOST_VISITS", SharedNumber::Unsigned(MOST_VISITS)),
     ],
 };
 
@@ -140,6 +145,8 @@ pub(super) struct PathKernel<'a> {
     lights: wgpu::Buffer,
     /// Textures of the density.
     textures: Option<wgpu::Buffer>,
+    /// The mesh that the medium fills, if it does not fill a box.
+    mesh: Option<wgpu::Buffer>,
     pixels: usize,
     /// Middle of the medium's box in world space: the origin of the shader's places.
     middle: DVec3,
@@ -208,7 +215,10 @@ impl<'a> PathKernel<'a> {
         let mut linker = Linker::new(medium.density.program())?;
         let textures = gpu.upload_textures(linker.textures())?;
         linker.add_constants(&CONSTANTS)?;
-        let module = linker.link("integrators/path/path.wgsl", PATH)?;
+        let definitions: &[&str] = if medium.mesh.is_some() { &["MESH"] } else { &[] };
+        let module = linker.link_with("integrators/path/path.wgsl", PATH, definitions)?;
+        // The walk counts cells.
+        let mesh = medium.mesh.as_ref().map(|mesh| mesh.mesh().upload(gpu, flat.low, flat.cell)).transpose()?;
         let (state_bytes, stage_byte) = layout::place(&module, STATE, "stage")?;
         let software = gpu.adapter().is_software();
         Ok(Some(Self {
@@ -222,6 +232,7 @@ impl<'a> PathKernel<'a> {
             rates: gpu.upload("rates and majorants", bytemuck::cast_slice(&flat.rates), storage),
             lights: gpu.upload("lights", bytemuck::cast_slice(&lights), storage),
             textures,
+            mesh,
             pixels: if software { SOFTWARE_PIXELS } else { PIXELS },
             middle,
         }))
@@ -289,7 +300,7 @@ impl<'a> PathKernel<'a> {
             let buffers = [&stage, &rays, &self.tree, &self.rates, &self.lights, &states, &outcomes];
             gpu.dispatch(
                 &self.kernel,
-                &Bindings::new().group(0, buffers).group(1, &self.textures),
+                &Bindings::new().group(0, buffers.into_iter().chain(&self.mesh)).group(1, &self.textures),
                 [pixels as u32, 1, 1],
             )?;
             let found: Vec<Outcome> = bytemuck::pod_collect_to_vec(&gpu.read_back(&outcomes, bytes)?);
@@ -307,9 +318,10 @@ impl<'a> PathKernel<'a> {
     fn camera_ray(&self, pixel: u32, sample: u32, seed: u32) -> Ray {
         let path = self.tracer.begin(pixel, sample, seed);
         let vector = |value: DVec3| value.as_vec3().to_array();
+        let end = path.end_of_parts().unwrap_or(path.walk.end);
         Ray {
             origin: vector(path.origin - self.middle + path.direction * path.walk.distance),
-            length: (path.walk.end - path.walk.distance) as f32,
+            length: (end - path.walk.distance) as f32,
             direction: vector(path.direction),
             padding: 0.0,
         }

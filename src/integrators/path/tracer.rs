@@ -713,6 +713,11 @@ impl InMeshes {
 }
 
 impl Path {
+    /// Where the last part of the ray in a mesh ends; none without one.
+    pub(crate) fn end_of_parts(&self) -> Option<f64> {
+        self.in_meshes.as_ref()?.parts.last().map(|part| part.span[1])
+    }
+
     /// Goes no further along the ray.
     fn stop(&mut self) {
         self.walk.distance = self.walk.end;

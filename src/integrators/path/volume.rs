@@ -142,12 +142,6 @@ impl Volume {
     /// The only object, or what stands in the way.
     pub(crate) fn single(&self) -> Result<&ObjectMedium> {
         match self.objects.as_slice() {
-            [only] if only.mesh.is_some() => Err(Error::new(
-                format!("object {}", only.object),
-                "a mesh that is no box as the outline of the medium",
-                "a box: the adapter knows no other outline",
-                "Use a cube as the volume's object, or the CPU.",
-            )),
             [only] => Ok(only),
             several => Err(Error::new(
                 "the media of the scene",
