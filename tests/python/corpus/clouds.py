@@ -126,8 +126,6 @@ def smoke_grid(folder):
 @file(
     "smoke-principled",
     "the same grid with Principled Volume as Blender sets it up: its Density Attribute",
-    refused="Principled Volume",
-    documented="docs/volume-objects.md",
 )
 def smoke_principled(folder):
     owner, graph = material("Smoke")

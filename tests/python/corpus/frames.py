@@ -131,15 +131,23 @@ def three_points(folder):
     world((0.0, 0.0, 0.0))
 
 
-@file(
-    "warm-lamp",
-    "a light by its temperature, and one whose node tree holds a Blackbody",
-    samples=256,
-)
+@file("warm-lamp", "a light by its temperature", samples=256)
 def warm_lamp(folder):
     outline("cube", homogeneous("Haze", 0.3))
     camera()
     light("POINT", 300.0, "Bulb", location=(2, -1, 2), use_temperature=True, temperature=2700.0)
+    world((0.0, 0.0, 0.0))
+
+
+@file(
+    "lamp-with-nodes",
+    "a light whose node tree holds a Blackbody",
+    refused="node tree",
+    documented="docs/blend-files.md",
+)
+def lamp_with_nodes(folder):
+    outline("cube", homogeneous("Haze", 0.3))
+    camera()
     lamp = light("POINT", 200.0, "Nodes", location=(-2, -1, 2)).data
     lamp.use_nodes = True
     tree = lamp.node_tree
