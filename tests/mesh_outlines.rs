@@ -786,7 +786,7 @@ fn the_adapter_traces_paths_through_meshes() {
     let mut scene = furnace();
     TestMesh::torus(12).moved(|place| DVec3::new(-place.y, place.x, place.z)).fill(&mut scene);
     bounces(&mut scene, 1 << 20);
-    for (found, error) in &estimate_on(Backend::Gpu, &scene, 1 << 8)[..3] {
+    for (found, error) in &estimate_on(Backend::Gpu, &scene, 1 << 11)[..3] {
         // Weights are products of f32: 1e-6 for each of some ten collisions.
         meets((*found, *error), 1.0, 1e-5);
     }

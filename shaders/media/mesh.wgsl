@@ -170,8 +170,14 @@ fn cross_triangle(ray: MeshRay, triangle: u32) -> Crossing {
     let b = in_frame(ray, first + 1u);
     let c = in_frame(ray, first + 2u);
     var found = Crossing(0.0, 0.0, 0);
-    let side = turn(a, b);
-    if side == 0 || turn(b, c) != side || turn(c, a) != side { return found; }
+    // In loops, here and below, what is long stands once in a kernel: compilers put functions where they are called.
+    var corners = array(a, b, c);
+    var side = 0;
+    for (var edge = 0u; edge < 3u; edge++) {
+        let turned = turn(corners[edge], corners[(edge + 1u) % 3u]);
+        if turned == 0 || (edge > 0u && turned != side) { return found; }
+        side = turned;
+    }
     let weights = vec3f(b.x * c.y - b.y * c.x, c.x * a.y - c.y * a.x, a.x * b.y - a.y * b.x);
     let determinant = weights.x + weights.y + weights.z;
     let depths = vec3f(a.z, b.z, c.z);
@@ -200,18 +206,35 @@ fn next_face(ray: MeshRay, cursor: f32, limit: f32) -> Face {
     var second = FAR;
     var face = Face(0.0, 0, false, FAR);
     let begin = max(cursor, -ray.slack);
-    var node = 0u;
-    while node < mesh[0].x {
-        visits++;
-        let low = mesh[1u + 2u * node];
-        let high = mesh[2u + 2u * node];
-        if (low.w & LEAF) != 0u {
+    var balance = 0;
+    var sharpest = vec2f(FAR);
+    var distances = vec2f(0.0);
+    // The first crossing, and then those that overlap it.
+    for (var round = 0u; round < 2u; round++) {
+        var node = 0u;
+        while node < mesh[0].x {
+            visits++;
+            let low = mesh[1u + 2u * node];
+            let high = mesh[2u + 2u * node];
+            if (low.w & LEAF) == 0u {
+                let is_met = meets(ray, bitcast<vec3f>(low.xyz), bitcast<vec3f>(high.xyz), begin, min(end, limit));
+                node = select(high.w, low.w, is_met);
+                continue;
+            }
             node = high.w;
             let found = cross_triangle(ray, low.w & ~LEAF);
             if found.side == 0 || found.distance + found.error < -ray.slack || found.distance > limit { continue; }
             let key = max(found.distance - found.error, -ray.slack);
             if key <= cursor { continue; }
-            if key < first {
+            if round == 1u {
+                if key > end { continue; }
+                balance += found.side;
+                let side = u32(found.side > 0);
+                if found.error < sharpest[side] {
+                    sharpest[side] = found.error;
+                    distances[side] = found.distance;
+                }
+            } else if key < first {
                 second = first;
                 first = key;
                 end = found.distance + found.error;
@@ -219,38 +242,8 @@ fn next_face(ray: MeshRay, cursor: f32, limit: f32) -> Face {
             } else {
                 second = min(second, key);
             }
-        } else if meets(ray, bitcast<vec3f>(low.xyz), bitcast<vec3f>(high.xyz), begin, min(end, limit)) {
-            node = low.w;
-        } else {
-            node = high.w;
         }
-    }
-    if !face.found || second > end { return face; }
-    var balance = 0;
-    var sharpest = vec2f(FAR);
-    var distances = vec2f(0.0);
-    node = 0u;
-    while node < mesh[0].x {
-        visits++;
-        let low = mesh[1u + 2u * node];
-        let high = mesh[2u + 2u * node];
-        if (low.w & LEAF) != 0u {
-            node = high.w;
-            let found = cross_triangle(ray, low.w & ~LEAF);
-            if found.side == 0 || found.distance + found.error < -ray.slack || found.distance > limit { continue; }
-            let key = max(found.distance - found.error, -ray.slack);
-            if key <= cursor || key > end { continue; }
-            balance += found.side;
-            let side = u32(found.side > 0);
-            if found.error < sharpest[side] {
-                sharpest[side] = found.error;
-                distances[side] = found.distance;
-            }
-        } else if meets(ray, bitcast<vec3f>(low.xyz), bitcast<vec3f>(high.xyz), begin, min(end, limit)) {
-            node = low.w;
-        } else {
-            node = high.w;
-        }
+        if !face.found || second > end { return face; }
     }
     face.side = sign(balance);
     face.distance = distances[u32(balance > 0)];
