@@ -3,8 +3,8 @@
   python blend/third_opinion.py SCENE -o MITSUBA.exr --samples 512 --replicas 16
 
 Options are those of `cloudparity render --integrator cycles`, and so are the files: with several replicas,
-OUTPUT is their mean and each is OUTPUT.seed-N.exr. Exit status 0, or 1 with the reason on stderr. mitsuba_scene.py says what
-is expressed and what is refused.
+OUTPUT is their mean and each is OUTPUT.seed-N.exr. Exit status 0, or 1 with the reason on stderr.
+mitsuba_scene.py says what is expressed and what is refused.
 
 A command of its own, not a script for the program: Mitsuba has an environment of its own.
 """
