@@ -28,7 +28,7 @@ fn the_table_of_commands_lists_every_command_and_no_other() {
     let text = read("docs/commands.md");
     let rows: BTreeSet<String> = text
         .lines()
-        .filter_map(|line| Some(line.strip_prefix("| `cloudparity ")?.split('`').next()?))
+        .filter_map(|line| line.strip_prefix("| `cloudparity ")?.split('`').next())
         .map(|row| {
             row.split(' ')
                 .take_while(|word| word.chars().all(|c| c.is_lowercase() || c == '-') && !word.starts_with('-'))
