@@ -304,7 +304,7 @@ fn runs_on_the_adapter_have_its_name_and_a_clock_that_fits() {
     change("samples = 512", "samples = 16");
     change("densities = [\"graph\"]", "densities = [\"graph\", \"perlin-fbm\"]");
     let cpu = run(&path, &folder.path().join("out"));
-    change("repeats = 1", "repeats = 1\non = \"adapter\"");
+    change("repeats = 1", "repeats = 1\nbackend = \"gpu\"");
     let adapter = run(&path, &folder.path().join("out"));
     assert!(adapter.machine.contains(&gpu.adapter().name), "{}", adapter.machine);
     let is_software = gpu.adapter().is_software();

@@ -45,8 +45,8 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
     let [first, others @ ..] = arguments.inputs.as_slice() else { unreachable!("one is required") };
     let output = &arguments.output;
     let extension = output.extension().map(|extension| extension.to_string_lossy().to_lowercase());
-    let kind = FileKind::of(first);
-    let is_picture = kind == Some(FileKind::Exr) || extension.as_deref() == Some("png");
+    // What is wanted decides; each way refuses what it cannot be made of.
+    let is_picture = extension.as_deref() == Some("png");
     if let (false, [second, ..]) = (is_picture, others) {
         return Err(Error::new(
             second.display().to_string(),
@@ -58,7 +58,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
     if is_picture {
         let view = display::convert(&arguments.inputs, output, &arguments.display)?;
         super::print(&format!("{}: as Blender shows it ({view})\n", output.display()))?;
-    } else if kind == Some(FileKind::Scene) || extension.as_deref() == Some("blend") {
+    } else if extension.as_deref() == Some("blend") {
         build::build(first, output)?;
         super::print(&format!("{}\n", output.display()))?;
     } else {
