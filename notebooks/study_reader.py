@@ -256,7 +256,7 @@ class Study:
         ]
         place = ["--scene", scene, "--density", density, "--metric", metric]
         text = run_program("recommend", self.folder, *given, *place, "--json")
-        found = json.loads(text)[0]["id"]
+        found = json.loads(text)[0]["run"]["id"]
         return next(run for run in self.runs if run.id == found)
 
     def front(self, scene, density, metric="relmse"):

@@ -1,6 +1,7 @@
 """The corpus (docs/corpus.md): files like those that people make are read, and agree with Cycles."""
 
 import json
+import re
 
 import pytest
 
@@ -71,7 +72,9 @@ def test_a_file_is_the_same_each_time(name, tmp_path):
         place.mkdir()
         path = corpus.write(corpus.FILES[name], place)
         try:
-            found.append(json.dumps(read_scene(path, None, Recorder()).scene))
+            text = json.dumps(read_scene(path, None, Recorder()).scene)
+            # OpenVDB writes an identifier of its own into each file.
+            found.append(re.sub('"sha256": "[0-9a-f]{64}"', "", text) if ".vdb" in text else text)
         except InputError as error:
             found.append(str(error).replace(str(place), ""))
     assert found[0] == found[1]
