@@ -9,7 +9,6 @@ use crate::engines::render::EngineJitter;
 use crate::measure::combination::Combination;
 use crate::measure::study::pareto_front::{self, Budget, Metric};
 use crate::measure::study::{Group, Measured, Results, Study};
-use crate::measure::timing::Clock;
 use crate::measure::tuning::preset::Preset;
 use serde_json::json;
 use std::fmt::Write as _;
@@ -298,7 +297,7 @@ fn command(results: &Results, run: &Measured, [width, height]: [u32; 2], preset:
     if *god_rays {
         text += " --god-rays";
     }
-    if results.clock == Clock::Timestamps {
+    if !results.study.timing.backend.is_cpu() {
         text += " --backend gpu";
     }
     text += &format!(" --resolution {width}x{height}");
