@@ -1,4 +1,4 @@
-//! `cloudparity reference`: the picture of a scene by Cycles, rendered once.
+//! `cloudparity render --integrator cycles`: the picture of a scene by Cycles, rendered once.
 
 use crate::base::error::{Error, Result};
 use crate::base::files;
