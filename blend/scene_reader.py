@@ -113,7 +113,7 @@ def _read_parts(depsgraph, path, object_names, camera, messages, folder, refused
     for volume in volumes:
         # Instances have the mesh of the first one.
         if volume.object not in outlined:
-            warn_of_outline(volume.entry, messages)
+            warn_of_outline(volume, messages)
         outlined.add(volume.object)
         _require_known_number(volume, graphs[volume.entry["material"]])
     first, *others = [volume.entry for volume in volumes]

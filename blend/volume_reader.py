@@ -38,13 +38,15 @@ MOST_NUMBERS = 1 << 25
 
 
 class Volume:
-    """A volume before it is written: its entry but for the graph, its material, its object."""
+    """A volume before it is written: its entry but for the graph, its material, its object, and whether its
+    mesh has smooth and flat faces."""
 
-    def __init__(self, entry, material, item, is_instance):
+    def __init__(self, entry, material, item, is_instance, mixed_shading):
         self.entry = entry
         self.material = material
         self.object = item
         self.is_instance = is_instance
+        self.mixed_shading = mixed_shading
 
 
 class VolumeReader:
@@ -135,7 +137,8 @@ class VolumeReader:
             "volume_step_rate": shortest(found.cycles.volume_step_rate, place),
             **_read_object_info(item, found, place),
         }
-        self.volumes.append(Volume(entry, found, item.original, is_instance))
+        mixed_shading = shape is not None and shape[-1]
+        self.volumes.append(Volume(entry, found, item.original, is_instance, mixed_shading))
 
     def _count(self, shape, place):
         """Refuse what would make a scene file that nobody can handle."""
@@ -176,7 +179,7 @@ class VolumeReader:
         if key not in self._shapes:
             self._shapes[key] = _triangles(item, place)
         shape = self._shapes[key]
-        _, triangles, indices, _ = shape
+        _, triangles, indices, _, _ = shape
         used = [materials[index] for index in np.unique(np.minimum(indices, len(materials) - 1))]
         volumes = {material.original for material in used if volume_output(material) is not None}
         if len(triangles) == 0 and len(materials) == 1:
@@ -447,8 +450,8 @@ def _emits(material):
 
 
 def _triangles(item, place):
-    """Vertices f32 [n, 3], triangles int32 [m, 3], the material index of each triangle, and the texture space
-    of an evaluated object."""
+    """Vertices f32 [n, 3], triangles int32 [m, 3], the material index of each triangle, the texture space,
+    and whether some faces are shaded smooth and others flat, of an evaluated object."""
     mesh = item.to_mesh()
     mesh.calc_loop_triangles()
     vertices = np.empty((len(mesh.vertices), 3), np.float32)
@@ -463,13 +466,15 @@ def _triangles(item, place):
     is_own = isinstance(own, bpy.types.Mesh) and item.data is not None and item.data.name == own.name
     source = own if is_own else mesh
     space = [shortest_list(source.texspace_location, place), shortest_list(source.texspace_size, place)]
+    smooth = np.empty(len(mesh.polygons), bool)
+    mesh.polygons.foreach_get("use_smooth", smooth)
     item.to_mesh_clear()
-    return vertices, triangles, indices, space
+    return vertices, triangles, indices, space, len(np.unique(smooth)) > 1
 
 
 def _mesh_outline(item, shape, place):
     """Shape, bounds and texture space of a mesh."""
-    vertices, triangles, _, (location, size) = shape
+    vertices, triangles, _, (location, size), _ = shape
     low, high = vertices.min(axis=0), vertices.max(axis=0)
     if is_box(vertices, triangles):
         entry = {"type": "box"}
@@ -496,11 +501,20 @@ def _read_object_info(item, material, place):
     return {key: value for key, value in found.items() if value != OBJECT_INFO_DEFAULTS[key]}
 
 
-def warn_of_outline(entry, messages):
-    """Say where a mesh is not closed or inside out, and what becomes of it."""
+def warn_of_outline(volume, messages):
+    """Say where a mesh is not closed, inside out or shaded in two ways, and what becomes of it."""
+    entry = volume.entry
+    place = f'object "{entry["object"]}", mesh'
+    if volume.mixed_shading:
+        messages.warning(
+            place,
+            "some faces are shaded smooth and others flat: in Cycles a medium that was entered through a "
+            "face of one kind is left only through another of that kind, so that light is lost where it is "
+            "not, and its picture is darker; here every face ends the medium. For the same picture in Blender "
+            "shade all faces alike (texts: Object, Convert, Mesh; then Shade Flat; docs/mesh-outlines.md)",
+        )
     if entry["shape"]["type"] != "mesh":
         return
-    place = f'object "{entry["object"]}", mesh'
     vertices = np.asarray(entry["shape"]["vertices"], np.float64)
     triangles = np.asarray(entry["shape"]["triangles"])
     # Vertices at the same place count as one: parts may touch there.

@@ -390,6 +390,25 @@ def test_a_mesh_that_is_inside_out_is_said(empty, tmp_path):
     assert len(warnings) == 1 and "its faces look inward" in warnings[0]
 
 
+def test_smooth_and_flat_faces_on_one_mesh_are_said(empty, tmp_path):
+    def shade(smooth):
+        # A picture opens its file anew.
+        bpy.data.meshes["Mixed"].polygons.foreach_set("use_smooth", smooth)
+
+    mesh = cube("Mixed", fog("Fog")).data
+    back = [face.normal.y > 0.5 for face in mesh.polygons]
+    assert sum(back) == 1
+    for smooth in ([True] * 6, [False] * 6):
+        shade(smooth)
+        assert depth(tmp_path) == pytest.approx(1.0, abs=1e-5)
+        assert exported(tmp_path)[1] == []
+    # Cycles: the ray enters through a flat face, and no flat face ends the medium.
+    shade(back)
+    assert depth(tmp_path) == pytest.approx(0.0, abs=1e-6)
+    _, warnings, _ = exported(tmp_path)
+    assert len(warnings) == 1 and "shaded smooth and others flat" in warnings[0] and "Mixed" in warnings[0]
+
+
 def test_random_of_an_instance_is_refused(empty, tmp_path):
     material = fog("Fog")
     tree = material.node_tree

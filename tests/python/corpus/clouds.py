@@ -228,10 +228,32 @@ def suzanne(folder):
     stage(location=(0, -4, 0.5))
 
 
-@file("volumetric-text", "a word of fog: a text object, extruded")
-def text(folder):
+def word():
+    """A text object of fog."""
     data = bpy.data.curves.new("Word", "FONT")
     data.body, data.extrude, data.resolution_u = "FOG", 0.2, 2
     data.align_x = data.align_y = "CENTER"
-    add_object("Word", data, homogeneous("Fog", 3.0), rotation=(math.pi / 2, 0, 0), scale=(2, 2, 2))
+    return add_object("Word", data, homogeneous("Fog", 3.0), rotation=(math.pi / 2, 0, 0), scale=(2, 2, 2))
+
+
+@file(
+    "volumetric-text",
+    "a word of fog: a text object, extruded, whose caps are flat and whose sides are smooth",
+    differs="shaded smooth and others flat",
+    documented="docs/mesh-outlines.md",
+)
+def text(folder):
+    word()
+    stage()
+
+
+@file("text-of-flat-faces", "the same word as a mesh, shaded flat")
+def flat_text(folder):
+    item = word()
+    evaluated = item.evaluated_get(bpy.context.evaluated_depsgraph_get())
+    mesh = bpy.data.meshes.new_from_object(evaluated)
+    mesh.polygons.foreach_set("use_smooth", [False] * len(mesh.polygons))
+    # The mesh brings its material along.
+    add_object("Letters", mesh, rotation=item.rotation_euler, scale=item.scale)
+    bpy.data.objects.remove(item)
     stage()

@@ -18,6 +18,8 @@ class File:
     # Part of the error with which the file has to be refused, and the document that lists the reason.
     refused: str | None = None
     documented: str | None = None
+    # Part of the warning that says why Cycles' picture is another one.
+    differs: str | None = None
     # Objects that are left out, with a warning. Cycles renders the file without them, too.
     left_out: tuple[str, ...] = ()
     # Whether Cycles samples the world as a light: needed where a picture has small bright parts.

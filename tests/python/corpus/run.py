@@ -56,7 +56,11 @@ class Outcome:
 
     @property
     def as_documented(self):
-        """Whether the file agrees, or is refused with the error that its entry expects."""
+        """Whether the file agrees, or differs or is refused with the words that its entry expects."""
+        if self.entry.differs is not None:
+            said = any(self.entry.differs in warning for warning in self.warnings)
+            # Without a picture there is nothing yet that could differ.
+            return said and (self.picture == DIFFERS if self.picture else self.verdict == AGREES)
         if self.entry.refused is None:
             return self.verdict == AGREES
         return self.verdict == REFUSED and self.entry.refused in self.refusal

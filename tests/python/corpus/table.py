@@ -66,6 +66,8 @@ def _verdict(outcome):
         found = error.split(": found ", 1)[-1].split("; expected ", 1)[0]
         where = f" ([listed]({entry.documented.removeprefix('docs/')}))" if outcome.as_documented else ""
         return f"refused: {_plain(found)}{where}"
+    if outcome.verdict == DIFFERS and outcome.as_documented:
+        return f"differs as the exporter says ([listed]({entry.documented.removeprefix('docs/')}))"
     if outcome.verdict == DIFFERS:
         return f"**differs**: {_plain(outcome.describe())}"
     if outcome.verdict != AGREES:
@@ -81,7 +83,9 @@ def table(outcomes, cycles):
     """The document: `cycles` names the renderer."""
     counts = {}
     for outcome in outcomes:
-        if outcome.verdict != REFUSED:
+        if outcome.verdict == DIFFERS and outcome.as_documented:
+            kind = "differs as the exporter says"
+        elif outcome.verdict != REFUSED:
             kind = outcome.verdict
         else:
             kind = "refused as documented" if outcome.as_documented else "refused without a documented reason"
