@@ -508,10 +508,10 @@ def warn_of_outline(volume, messages):
     if volume.mixed_shading:
         messages.warning(
             place,
-            "some faces are shaded smooth and others flat: in Cycles a shadow ray leaves the medium only through "
-            "a face of the kind through which the ray before it entered, so that light is lost and the picture "
-            "darker; here every face ends the medium. For the same picture in Blender shade all faces alike "
-            "(texts: Object, Convert, Mesh; then Shade Flat; docs/mesh-outlines.md)",
+            "some faces are shaded smooth and others flat: in Cycles a shadow ray leaves the medium only "
+            "through a face of the kind through which the ray before it entered, so that light is lost and "
+            "the picture darker; here every face ends the medium. For the same picture in Blender shade all "
+            "faces alike (texts: Object, Convert, Mesh; then Shade Flat; docs/mesh-outlines.md)",
         )
     if entry["shape"]["type"] != "mesh":
         return
