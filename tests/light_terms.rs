@@ -42,7 +42,7 @@ fn close(found: f64, expected: f64, tolerance: f64, place: &str) {
 #[test]
 fn eight_octaves_are_those_of_takram() {
     let Some(golden) = published("takram_octaves") else { return };
-    let phase = TwoLobes { anisotropy: [0.7, -0.2], second: 0.5 };
+    let phase = TwoLobes::new([0.7, -0.2], 0.5);
     let (depths, cosines) = (numbers(&golden["tau"]), numbers(&golden["mu"]));
     let octaves = |count| Octaves { count, contribution: 0.5, attenuation: 0.5, eccentricity: 0.5, compression: 0.0 };
     for (depth, row) in depths.iter().zip(golden["value"].as_array().expect("rows")) {
@@ -66,7 +66,7 @@ fn eight_octaves_are_those_of_takram() {
 fn four_octaves_are_those_of_bestclouds() {
     let Some(golden) = published("multiple_octaves") else { return };
     let octaves = Octaves { count: 4, contribution: 0.5, attenuation: 0.25, eccentricity: 0.5, compression: 0.0 };
-    let light = light(octaves, TwoLobes { anisotropy: [-0.1, 0.3], second: 0.7 });
+    let light = light(octaves, TwoLobes::new([-0.1, 0.3], 0.7));
     let (extinctions, cosines, steps) =
         (numbers(&golden["extinction"]), numbers(&golden["mu"]), numbers(&golden["step"]));
     for (extinction, of_cosine) in extinctions.iter().zip(golden["octave_sum"].as_array().expect("rows")) {
@@ -126,7 +126,7 @@ fn steps_are_the_published_ones() {
 
 #[test]
 fn octaves_have_their_limits() {
-    let phase = TwoLobes { anisotropy: [0.6, -0.2], second: 0.3 };
+    let phase = TwoLobes::new([0.6, -0.2], 0.3);
     let single =
         light(Octaves { count: 1, contribution: 0.5, attenuation: 0.5, eccentricity: 0.5, compression: 0.0 }, phase);
     for (depth, cosine) in [(0.0, 0.3), (1.5, -0.8), (50.0, 1.0)] {

@@ -2,8 +2,9 @@
 //
 // Conditions: PLAIN (else energy-conserving), EXIT_FADE, SHADOW_TO_EXIT (else of fixed length), SHADOW_VIEW (dimmed as the view
 // ray, else by the density), SOURCE_DENSITY (else extinction times albedo), EMPTY_CELLS (the table of what is provably empty is read),
-// NO_SUN, SEVERAL_SUNS, SHELL (the domain lies between spheres), MESH (in a mesh), else in a box, TERMS (those of a system's own), and the terms of
-// src/engines/light/terms.rs: OCTAVES (else one), COMPRESSION, SILVER, POWDER, AMBIENT_GRADIENT, BODY, COARSE_SHADOW (both read averages of
+// SHADOW_AT_MOST (but not beyond a length), SHADOW_GROWTH (steps that grow), SHADOW_BY_ANGLE, DRAINE (else Henyey and Greenstein's), OWN_PHASE (a gain and a
+// rim), NO_SUN, SEVERAL_SUNS, SHELL (the domain lies between spheres), MESH (in a mesh), else in a box, TERMS (those of a system's own), and the terms of
+// src/engines/light/terms.rs: OCTAVES (else one), COMPRESSION, SILVER, POWDER, AMBIENT_GRADIENT, RAY_POWDER, BOOST, BOOST_BY_ANGLE, BODY, COARSE_SHADOW (both read averages of
 // the density).
 #import cloudparity::graph
 #import cloudparity::averages::along
@@ -53,6 +54,21 @@ struct March {
     inner: f32,
     outer: f32,
     suns: u32,
+    phase_gain: f32,
+    // Draine's of each lobe.
+    alpha: vec2f,
+    rim: f32,
+    // Part of a step towards the sun before the place that is read.
+    shadow_sample: f32,
+    // Of a growing step over the one before, and the first one as a part of all.
+    shadow_growth: f32,
+    shadow_first: f32,
+    shadow_by_angle: f32,
+    boost_light: f32,
+    boost_ambient: f32,
+    boost_length: f32,
+    // Per unit of density, where it is not that of the view ray.
+    shadow_extinction: f32,
     end_padding: u32,
 }
 
@@ -181,6 +197,17 @@ fn dimming_at(place: vec3f) -> f32 {
 #endif
 }
 
+// Length of the march from a place towards a sun; in a mesh its parts say how far it may go.
+fn shadow_length(place: vec3f, way: vec3f) -> f32 {
+#ifdef SHADOW_AT_MOST
+    return min(exit(place, way), march.shadow_length);
+#else ifdef SHADOW_TO_EXIT
+    return exit(place, way);
+#else
+    return march.shadow_length;
+#endif
+}
+
 #ifdef MESH
 // Sum of the densities at the samples towards a sun, and the length that they share; samples lie in the parts of the mesh.
 fn sum_in_mesh(place: vec3f, way: vec3f) -> vec2f {
@@ -194,10 +221,17 @@ fn sum_in_mesh(place: vec3f, way: vec3f) -> vec2f {
         if part.cursor >= mesh::FAR { break; }
         part = mesh::next_part(ray, part.cursor, false, part.end, limit);
     }
+#ifdef SHADOW_AT_MOST
+    length = min(length, march.shadow_length);
+#endif
 #else
     let length = march.shadow_length;
 #endif
     let step = length / f32(march.shadow_steps);
+#ifdef SHADOW_GROWTH
+    var begin = 0.0;
+    var width = march.shadow_first;
+#endif
     var sum = 0.0;
     // Length of the parts before.
     var passed = 0.0;
@@ -206,15 +240,25 @@ fn sum_in_mesh(place: vec3f, way: vec3f) -> vec2f {
     while next.end > next.begin && number < march.shadow_steps {
         loop {
             if number >= march.shadow_steps { break; }
-            let along_parts = step * (f32(number) + 0.5);
+#ifdef SHADOW_GROWTH
+            let along_parts = length * (begin + width * march.shadow_sample);
+            let weight = width;
+#else
+            let along_parts = step * (f32(number) + march.shadow_sample);
+            let weight = 1.0;
+#endif
 #ifdef SHADOW_TO_EXIT
             let distance = next.begin + along_parts - passed;
 #else
             let distance = along_parts;
 #endif
             if distance > next.end { break; }
-            if distance >= next.begin { sum += dimming_at(place + way * distance); }
+            if distance >= next.begin { sum += weight * dimming_at(place + way * distance); }
             number++;
+#ifdef SHADOW_GROWTH
+            begin += width;
+            width *= march.shadow_growth;
+#endif
         }
         passed += next.end - next.begin;
         if next.cursor >= mesh::FAR { break; }
@@ -224,29 +268,45 @@ fn sum_in_mesh(place: vec3f, way: vec3f) -> vec2f {
 }
 #endif
 
-// Optical depth towards a sun.
-fn shadow_depth(place: vec3f, way: vec3f) -> vec3f {
+// Optical depth towards a sun, whose cosine to the view ray is given.
+fn shadow_depth(place: vec3f, way: vec3f, cosine: f32) -> vec3f {
 #ifdef MESH
     let found = sum_in_mesh(place, way);
     let sum = found.x;
-    let step = found.y / f32(march.shadow_steps);
+#ifdef SHADOW_GROWTH
+    var step = found.y;
 #else
-#ifdef SHADOW_TO_EXIT
-    let length = exit(place, way);
-#else
-    let length = march.shadow_length;
+    var step = found.y / f32(march.shadow_steps);
 #endif
-    let step = length / f32(march.shadow_steps);
+#else
+    let length = shadow_length(place, way);
     var sum = 0.0;
+#ifdef SHADOW_GROWTH
+    // Steps as parts of the length.
+    var step = length;
+    var begin = 0.0;
+    var width = march.shadow_first;
     for (var number = 0u; number < march.shadow_steps; number++) {
-        let at = place + way * (step * (f32(number) + 0.5));
+        let at = place + way * (length * (begin + width * march.shadow_sample));
+        if holds(at) { sum += width * dimming_at(at); }
+        begin += width;
+        width *= march.shadow_growth;
+    }
+#else
+    var step = length / f32(march.shadow_steps);
+    for (var number = 0u; number < march.shadow_steps; number++) {
+        let at = place + way * (step * (f32(number) + march.shadow_sample));
         if holds(at) { sum += dimming_at(at); }
     }
+#endif
+#endif
+#ifdef SHADOW_BY_ANGLE
+    step *= 1.0 - march.shadow_by_angle * cosine;
 #endif
 #ifdef SHADOW_VIEW
     let depth = march.extinction * (sum * step);
 #else
-    let depth = vec3f(sum * step);
+    let depth = vec3f(march.shadow_extinction * (sum * step));
 #endif
 #ifdef COMPRESSION
     return terms::compressed(march.depth_compression, depth);
@@ -256,8 +316,27 @@ fn shadow_depth(place: vec3f, way: vec3f) -> vec3f {
 }
 
 fn two_lobes(anisotropy: vec2f, direction: vec3f, to_sun: vec3f) -> f32 {
-    return phase::henyey_greenstein(anisotropy.x, direction, to_sun) * (1.0 - march.second)
+#ifdef DRAINE
+    var lobes = vec2f(0.0);
+    for (var lobe = 0u; lobe < 2u; lobe++) {
+        if march.alpha[lobe] == 0.0 {
+            lobes[lobe] = phase::henyey_greenstein(anisotropy[lobe], direction, to_sun);
+        } else {
+            lobes[lobe] = phase::draine(anisotropy[lobe], march.alpha[lobe], direction, to_sun);
+        }
+    }
+    var sum = lobes.x * (1.0 - march.second) + lobes.y * march.second;
+#else
+    var sum = phase::henyey_greenstein(anisotropy.x, direction, to_sun) * (1.0 - march.second)
         + phase::henyey_greenstein(anisotropy.y, direction, to_sun) * march.second;
+#endif
+#ifdef OWN_PHASE
+    // The difference of unit vectors gives 1 - |cosine| without a difference of nearly equal numbers.
+    let apart = direction - select(to_sun, -to_sun, dot(direction, to_sun) < 0.0);
+    let aside = 0.5 * dot(apart, apart);
+    sum = march.phase_gain * sum + march.rim * (aside * aside) * (aside * aside);
+#endif
+    return sum;
 }
 
 // Of the octaves, phase functions included; as many as MOST_OCTAVES. Of the sun at work, and of all of them.
@@ -288,12 +367,23 @@ fn weigh(direction: vec3f, to_sun: vec3f) {
 }
 
 // What the sun at work sends towards the camera per unit of its irradiance and of scattering.
-fn scattered(depth: vec3f) -> vec3f {
+fn scattered(depth: vec3f, cosine: f32) -> vec3f {
 #ifdef OCTAVES
-    return terms::octaves(&weights, march.octaves, march.attenuation, depth);
+    let sum = terms::octaves(&weights, march.octaves, march.attenuation, depth);
 #else
-    return weights[0] * transfer::transmittance(depth);
+    let sum = weights[0] * transfer::transmittance(depth);
 #endif
+#ifdef RAY_POWDER
+    return terms::ray_powder(sum, depth, cosine);
+#else
+    return sum;
+#endif
+}
+
+// What a sun sends towards the camera per unit of scattering, with its weights prepared.
+fn from_sun(sun: Sun, place: vec3f, direction: vec3f) -> vec3f {
+    let cosine = dot(direction, sun.direction);
+    return sun.irradiance * scattered(shadow_depth(place, sun.way, cosine), cosine);
 }
 
 // Prepares a ray.
@@ -310,18 +400,18 @@ fn prepare(direction: vec3f) {
 }
 
 // What all suns send towards the camera per unit of scattering.
-fn from_suns(place: vec3f) -> vec3f {
+fn from_suns(place: vec3f, direction: vec3f) -> vec3f {
 #ifdef SEVERAL_SUNS
     var sum = vec3f(0.0);
     for (var sun = 0u; sun < march.suns; sun++) {
         for (var octave = 0u; octave < march.octaves; octave++) { weights[octave] = all_weights[16u * sun + octave]; }
-        sum += suns[sun].irradiance * scattered(shadow_depth(place, suns[sun].way));
+        sum += from_sun(suns[sun], place, direction);
     }
     return sum;
 #else ifdef NO_SUN
     return vec3f(0.0);
 #else
-    return suns[0].irradiance * scattered(shadow_depth(place, suns[0].way));
+    return from_sun(suns[0], place, direction);
 #endif
 }
 
@@ -367,7 +457,7 @@ fn main(@builtin(global_invocation_id) invocation: vec3u) {
 #else
             var from_world = march.ambient;
 #endif
-            var lit = from_suns(place);
+            var lit = from_suns(place, ray.direction);
 #ifdef POWDER
             let powder = terms::powder(march.powder_strength, march.powder_length, mean_extinction);
             lit *= powder;
@@ -380,7 +470,22 @@ fn main(@builtin(global_invocation_id) invocation: vec3u) {
 #ifdef TERMS
             from_world += own_terms::source(place, height_of(place), mean_extinction);
 #endif
-            var source = factor * (lit + from_world);
+            var all = lit + from_world;
+#ifdef BOOST
+            let gathered = transfer::absorbed(vec3f(march.boost_length * mean_extinction)).x;
+#ifdef BOOST_BY_ANGLE
+#ifdef NO_SUN
+            let turned = 0.5;
+#else
+            let towards = dot(ray.direction, suns[0].direction);
+            let turned = 0.5 * (1.0 + towards * towards);
+#endif
+#else
+            let turned = 1.0;
+#endif
+            all = all * (1.0 + march.boost_light * gathered) + march.ambient * (march.boost_ambient * gathered * turned);
+#endif
+            var source = factor * all;
 #ifdef EXIT_FADE
             let t = clamp(left / (2.0 * step), 0.0, 1.0);
             source *= t * t * (3.0 - 2.0 * t);

@@ -29,6 +29,14 @@ fn henyey_greenstein_by_lack(g: f32, lack: f32) -> f32 {
     return least * (1.0 + g) * isotropic() / (base * sqrt(base));
 }
 
+// Draine's phase function for unit vectors along the directions of travel: Cornette and Shanks' for alpha = 1.
+fn draine(anisotropy: f32, alpha: f32, before: vec3f, after: vec3f) -> f32 {
+    let cosine = dot(before, after);
+    let apart = before - select(after, -after, anisotropy < 0.0);
+    let norm = 1.0 + alpha * (1.0 + 2.0 * anisotropy * anisotropy) / 3.0;
+    return henyey_greenstein_by_lack(abs(anisotropy), 0.5 * dot(apart, apart)) * (1.0 + alpha * cosine * cosine) / norm;
+}
+
 // The cosine of henyey_greenstein for a number uniform in [0, 1).
 fn sample_henyey_greenstein(anisotropy: f32, uniform: f32) -> f32 {
     // For g < 0 the mirrored cosine of the other end of the distribution: no sum below is a difference then.

@@ -7,6 +7,7 @@ use crate::bridge;
 use crate::bridge::CyclesKernel;
 use crate::cli::display::DisplayArguments;
 use crate::cli::{build, display};
+use crate::engines::defects::Defects;
 use crate::graph::closures::ClosureSum;
 use crate::nodes::refused;
 use crate::scene::{Scene, Shape};
@@ -14,15 +15,16 @@ use serde_json::json;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-/// Convert a file: a .blend to a scene file, a scene file to a .blend, an EXR to a PNG.
+/// Convert a file: a .blend to a scene file, a scene file to a .blend, an EXR to a PNG, a published cloud to a scene file.
 ///
 /// Of a .blend: its volumes, camera, film, lights, world and node graphs; scripts in it never run. A scene file becomes a .blend that
 /// exports to the same bytes. Of a picture: a PNG through Blender's own colour management, equal to the one that Blender saves
-/// without dither.
+/// without dither. With --model, a published system's cloud takes the place of the scene's material: as nodes, which Cycles renders.
 #[derive(clap::Args)]
 #[command(after_help = "Examples:
   cloudparity export CLOUD.blend -o CLOUD.scene.json
   cloudparity export CLOUD.scene.json -o CLOUD.blend
+  cloudparity export CLOUD.scene.json --model bolt -o BOLT.scene.json
   cloudparity export CLOUD.exr -o CLOUD.png --view Filmic")]
 pub(super) struct Arguments {
     /// The .blend, the scene file (*.scene.json), or the scene-linear EXR; several pictures are averaged.
@@ -37,6 +39,15 @@ pub(super) struct Arguments {
     /// The file to write.
     #[arg(short, long, value_name = "FILE")]
     output: PathBuf,
+    /// Of a scene file: a cloud system whose density is a node graph, in place of the scene's material.
+    #[arg(long, value_name = "MODEL")]
+    model: Option<String>,
+    /// Value sets of the system, such as a level of quality or a genus: high,cirrus.
+    #[arg(long, value_name = "NAMES", requires = "model")]
+    quality: Option<String>,
+    /// A parameter of the system. May be given several times.
+    #[arg(long = "parameter", value_name = "NAME=VALUE", requires = "model")]
+    parameters: Vec<String>,
     #[command(flatten)]
     display: DisplayArguments,
 }
@@ -54,6 +65,15 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
             "one .blend or one scene file; of pictures several",
             "Convert them one by one.",
         ));
+    }
+    if let Some(model) = &arguments.model {
+        let scene = Scene::load(first)?;
+        let given = (arguments.quality.as_deref(), arguments.parameters.as_slice());
+        let engine = super::engine::build(&scene, model, &Defects::NONE, given, 0.0)?;
+        let made = engine.scene(&scene)?;
+        files::write_atomically(output, files::json(&made).as_bytes())?;
+        super::print(&format!("{}: the cloud of {model} as nodes\n", output.display()))?;
+        return Ok(ExitCode::SUCCESS);
     }
     if is_picture {
         let view = display::convert(&arguments.inputs, output, &arguments.display)?;

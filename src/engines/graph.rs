@@ -148,12 +148,8 @@ fn engine(request: &Request<'_>) -> Result<Engine> {
     let light = LightModel {
         suns: Vec::new(),
         ambient: [0.0; 3],
-        phase: TwoLobes { anisotropy: [medium.anisotropy; 2], second: 0.0 },
-        shadow: ShadowMarch {
-            steps: values.get("light_steps") as u32,
-            length: ShadowLength::ToExit,
-            extinction: ShadowExtinction::View,
-        },
+        phase: TwoLobes::new([medium.anisotropy; 2], 0.0),
+        shadow: ShadowMarch::new(values.get("light_steps") as u32, ShadowLength::ToExit, ShadowExtinction::View),
         source: SourceFactor::Albedo(albedo),
         terms: Terms::NONE,
     };
@@ -165,6 +161,7 @@ fn engine(request: &Request<'_>) -> Result<Engine> {
         density,
         extinction,
         light,
+        graph: None,
         terms: Vec::new(),
         passes: Vec::new(),
         march: RealTimeSettings {

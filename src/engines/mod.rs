@@ -4,21 +4,27 @@
 //! ([`light`]), a march ([`march`]) and passes over the finished picture ([`passes`]). A published system is one folder that names its
 //! parts, its parameters, its presets and its defects; the scene's own material is one of them ([`graph`]).
 
+pub mod bfwe;
+pub mod bolt;
 pub mod defects;
 pub mod domain;
+pub mod frame;
 pub mod graph;
 pub mod light;
 pub mod march;
+pub mod node_graph;
 pub mod parameters;
 pub mod passes;
 pub mod perlin_fbm;
 pub mod render;
+pub mod skill;
 
 use crate::base::error::{Error, Result};
 use crate::engines::defects::{Defect, Defects};
 use crate::engines::domain::{Container, Domain, DomainKind, Outline};
 use crate::engines::light::{LightModel, LightTerm, SourceFactor};
 use crate::engines::march::{Marched, RealTimeSettings};
+use crate::engines::node_graph::GraphDensity;
 use crate::engines::passes::Pass;
 use crate::engines::passes::compositing::Compositing;
 use crate::engines::passes::god_rays::GodRays;
@@ -83,6 +89,8 @@ pub struct Engine {
     pub container: Container,
     /// The density, in the frame of the container.
     pub density: Density,
+    /// The density as a node graph, where it is one.
+    pub graph: Option<GraphDensity>,
     /// Extinction of a view ray per unit of density and of length, per channel.
     pub extinction: [f64; 3],
     /// The engine's light; a scene brings its own suns and world.
@@ -120,9 +128,9 @@ impl Engine {
         Ok(Marched { container, density, extinction: *extinction, averages, light, terms })
     }
 
-    /// The medium as path tracing knows it: the light transport that the light model stands for. An error where it has none, because the
-    /// source is no albedo times extinction, or where the domain is no object.
-    pub fn medium(&self) -> Result<ObjectMedium> {
+    /// Extinction and scattering per unit of density and metre, for light transport. An error where the source is no albedo times
+    /// extinction, or where the domain is no object.
+    fn coefficients(&self) -> Result<[[f64; 3]; 2]> {
         let wrong = |found: &str, expected: &str, remedy: &str| {
             Err(Error::new(format!("the medium of model {}", self.model), found, expected, remedy))
         };
@@ -133,13 +141,43 @@ impl Engine {
                 "Leave out the defect that takes it away.",
             );
         };
+        if albedo.iter().any(|&channel| channel > 1.0) {
+            return wrong(
+                "an albedo above 1: light that comes from nowhere",
+                "an albedo of at most 1",
+                "Leave out the defect that makes it.",
+            );
+        }
         if self.container.domain != Domain::Object {
             return wrong("a domain without end", "an object", "Take the domain of the object.");
         }
         let extinction = self.extinction.map(|channel| channel / self.container.unit);
-        let scattering = std::array::from_fn(|channel| extinction[channel] * albedo[channel]);
+        Ok([extinction, std::array::from_fn(|channel| extinction[channel] * albedo[channel])])
+    }
+
+    /// The scene with the system's cloud as the material of its only volume, which any renderer takes that knows the nodes: the light
+    /// transport that the light model stands for, as in [`Self::medium`].
+    pub fn scene(&self, scene: &Scene) -> Result<Scene> {
+        let Some(graph) = &self.graph else {
+            return Err(Error::new(
+                format!("model {}", self.model),
+                "a density that is no node graph",
+                "a density made of nodes, as that of bolt",
+                "Take an OpenVDB grid of it: cloudparity grid SCENE --model MODEL -o FILE.vdb.",
+            ));
+        };
+        let [extinction, scattering] = self.coefficients()?;
+        let material = graph.material(self.model, extinction, scattering, &self.light.phase)?;
+        Ok(node_graph::scene_of(scene, material))
+    }
+
+    /// The medium as path tracing knows it: the light transport that the light model stands for. An error where it has none, because the
+    /// source is no albedo times extinction, or where the domain is no object.
+    pub fn medium(&self) -> Result<ObjectMedium> {
+        let [extinction, scattering] = self.coefficients()?;
         let phase = &self.light.phase;
-        let lobes = [(1.0 - phase.second, phase.anisotropy[0]), (phase.second, phase.anisotropy[1])];
+        let lobe = |number: usize, share: f64| (share, phase.anisotropy[number], phase.alpha[number]);
+        let lobes = [lobe(0, 1.0 - phase.second), lobe(1, phase.second)];
         let Container { to_local, outline, .. } = &self.container;
         let mesh = if let Outline::Mesh(mesh) = outline { Some(Arc::clone(mesh)) } else { None };
         let medium = ObjectMedium::of_density(self.model, *to_local, &self.density, extinction, scattering, &lobes);
@@ -169,6 +207,8 @@ impl Engine {
             values: self.values.clone(),
             container: self.container.clone(),
             light: self.light.clone(),
+            // It is that of the other density.
+            graph: None,
             terms: self.terms.clone(),
             passes: self.passes.clone(),
             march: self.march.clone(),
@@ -184,7 +224,7 @@ static REGISTERED: RwLock<Vec<&'static Model>> = RwLock::new(Vec::new());
 
 /// All models: those of this program, and then those that [`register`] has added.
 pub fn models() -> Vec<&'static Model> {
-    static MODELS: [&Model; 2] = [&graph::MODEL, &perlin_fbm::MODEL];
+    static MODELS: [&Model; 5] = [&graph::MODEL, &perlin_fbm::MODEL, &bolt::MODEL, &bfwe::MODEL, &skill::MODEL];
     let added = REGISTERED.read().unwrap_or_else(PoisonError::into_inner);
     MODELS.iter().chain(added.iter()).copied().collect()
 }
@@ -279,10 +319,11 @@ impl Model {
         (self.build)(&Request { scene, values, defects, seconds, domain })
     }
 
-    /// The default values, changed by a level of quality and by texts `NAME=VALUE`, in this order.
+    /// The default values, changed by a level of quality (or several, `high,cirrus`, one after the other) and by texts `NAME=VALUE`, in this
+    /// order.
     pub fn values(&self, quality: Option<&str>, texts: &[String]) -> Result<parameters::Values> {
         let mut values = parameters::Values::defaults(self.parameters);
-        if let Some(wanted) = quality {
+        for wanted in quality.iter().flat_map(|names| names.split(',')).map(str::trim) {
             let Some((_, settings)) = self.qualities.iter().find(|(name, _)| *name == wanted) else {
                 let known: Vec<&str> = self.qualities.iter().map(|(name, _)| *name).collect();
                 return Err(Error::new(

@@ -25,6 +25,18 @@ pub struct Parameter {
     pub usual: [f64; 2],
 }
 
+/// Short to write in tables.
+pub const fn parameter(
+    name: &'static str,
+    default: f64,
+    range: Range,
+    usual: [f64; 2],
+    unit: &'static str,
+    about: &'static str,
+) -> Parameter {
+    Parameter { name, about, unit, range, default, usual }
+}
+
 impl Parameter {
     /// Its value where none is given; none where that is derived from others.
     pub fn fixed_default(&self) -> Option<f64> {

@@ -242,21 +242,22 @@ impl ObjectMedium {
     }
 
     /// The medium of a density in a box: extinction and scattering per unit of density and metre, and the lobes of its phase function,
-    /// each a share of the scattering and a mean cosine. It scatters and absorbs, and emits nothing.
+    /// each a share of the scattering, an anisotropy and
+    /// Draine's alpha. It scatters and absorbs, and emits nothing.
     pub fn of_density(
         name: &str,
         to_object: DMat4,
         density: &Density,
         extinction: [f64; 3],
         scattering: [f64; 3],
-        lobes: &[(f64, f64)],
+        lobes: &[(f64, f64, f64)],
     ) -> Self {
         let label = || format!("medium of {name}");
-        let closure = |extinction: [f64; 3], scattering: [f64; 3], anisotropy: f64| Closure {
+        let closure = |extinction: [f64; 3], scattering: [f64; 3], [anisotropy, alpha]: [f64; 2]| Closure {
             label: label(),
             node_type: &density_medium::TYPE,
             mode: Mode::of_data(&density_medium::TYPE, Vec::new()),
-            formula: DensityMedium { extinction, scattering, anisotropy }.boxed(),
+            formula: DensityMedium { extinction, scattering, anisotropy, alpha }.boxed(),
             inputs: vec![match density.program().outputs[0].operands[0] {
                 Operand::Constant(value) => Value::Constant(value),
                 _ => Value::Column(0),
@@ -266,11 +267,11 @@ impl ObjectMedium {
         let absorbed = std::array::from_fn(|channel| (extinction[channel] - scattering[channel]).max(0.0));
         let mut closures = Vec::new();
         if absorbed != [0.0; 3] {
-            closures.push(closure(absorbed, [0.0; 3], 0.0));
+            closures.push(closure(absorbed, [0.0; 3], [0.0; 2]));
         }
-        for &(share, anisotropy) in lobes.iter().filter(|(share, _)| *share > 0.0) {
+        for &(share, anisotropy, alpha) in lobes.iter().filter(|(share, ..)| *share > 0.0) {
             let part = scattering.map(|channel| share * channel);
-            closures.push(closure(part, part, anisotropy));
+            closures.push(closure(part, part, [anisotropy, alpha]));
         }
         let program = match closures.first().map(|closure| closure.inputs[0]) {
             Some(Value::Column(_)) => Arc::clone(density.program()),

@@ -155,6 +155,13 @@ pub fn henyey_greenstein_by_lack<T: Float>(g: T, lack: T) -> T {
     least * (T::one() + g) / (constant::<T>(SPHERE) * (base * base.sqrt()))
 }
 
+/// Draine's phase function in 1/sr (Draine 2003, equation 4): Henyey-Greenstein for alpha = 0, Cornette and Shanks' for alpha = 1.
+pub fn draine<T: Float>(anisotropy: T, alpha: T, cosine: T) -> T {
+    let (one, two, three) = (T::one(), constant::<T>(2.0), constant::<T>(3.0));
+    let norm = one + alpha * (one + two * anisotropy * anisotropy) / three;
+    smooth_henyey_greenstein(anisotropy, cosine) * (one + alpha * cosine * cosine) / norm
+}
+
 /// The cosine of [`henyey_greenstein`] for a number uniform in [0, 1).
 pub fn sample_henyey_greenstein<T: Float>(anisotropy: T, uniform: T) -> T {
     let (one, two, half) = (T::one(), constant::<T>(2.0), constant::<T>(0.5));
@@ -243,7 +250,7 @@ impl Draine {
     }
 
     fn evaluate(&self, cosine: f64) -> f64 {
-        smooth_henyey_greenstein(self.anisotropy, cosine) * (1.0 + self.alpha * cosine * cosine) / self.norm()
+        draine(self.anisotropy, self.alpha, cosine)
     }
 
     /// Probability of a cosine below this one.

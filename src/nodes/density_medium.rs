@@ -17,7 +17,7 @@ pub static TYPE: NodeType = NodeType {
     inputs: &[InputSocket::float("Density", "Density", &[1.0], always)],
     outputs: &[OutputSocket::new("Volume", SocketType::Shader, always)],
     role: Role::Closure(ClosureRole::Medium(|_| {
-        Box::new(DensityMedium { extinction: [0.0; 3], scattering: [0.0; 3], anisotropy: 0.0 })
+        Box::new(DensityMedium { extinction: [0.0; 3], scattering: [0.0; 3], anisotropy: 0.0, alpha: 0.0 })
     })),
 };
 
@@ -28,8 +28,10 @@ pub struct DensityMedium {
     pub extinction: [f64; 3],
     /// Per channel; at least 0.
     pub scattering: [f64; 3],
-    /// Of Henyey-Greenstein's function.
+    /// Of the phase function.
     pub anisotropy: f64,
+    /// Draine's alpha; 0 is Henyey and Greenstein's function.
+    pub alpha: f64,
 }
 
 impl DensityMedium {
@@ -47,6 +49,7 @@ impl Formula for DensityMedium {
     }
 
     fn phase(&self, _: &[f64]) -> Option<Phase> {
-        Some(Phase::HenyeyGreenstein { anisotropy: self.anisotropy })
+        let Self { anisotropy, alpha, .. } = *self;
+        Some(if alpha == 0.0 { Phase::HenyeyGreenstein { anisotropy } } else { Phase::Draine { anisotropy, alpha } })
     }
 }

@@ -36,6 +36,7 @@ pub mod invert;
 #[cfg(test)]
 mod lane_tests;
 mod lanes;
+pub mod lattice_noise;
 pub mod lookup_table;
 pub mod magic_texture;
 pub mod map_range;
@@ -994,7 +995,7 @@ pub fn registry() -> &'static [&'static NodeType] {
 }
 
 /// Node types of ours that stand for published densities: scene files may hold them, Blender has none of them.
-pub static OWN: &[&NodeType] = &[&perlin_fbm::TYPE];
+pub static OWN: &[&NodeType] = &[&perlin_fbm::TYPE, &lattice_noise::TYPE];
 
 /// The node type of Blender's `bl_idname`, or of ours.
 pub fn find(type_name: &str) -> Option<&'static NodeType> {

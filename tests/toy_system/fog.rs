@@ -63,11 +63,12 @@ fn build(request: &Request<'_>) -> Result<Engine> {
         light: LightModel {
             suns: Vec::new(),
             ambient: [0.0; 3],
-            phase: TwoLobes { anisotropy: [0.0; 2], second: 0.0 },
-            shadow: ShadowMarch { steps: 1, length: ShadowLength::ToExit, extinction: ShadowExtinction::View },
+            phase: TwoLobes::new([0.0; 2], 0.0),
+            shadow: ShadowMarch::new(1, ShadowLength::ToExit, ShadowExtinction::View),
             source: SourceFactor::Albedo([1.0; 3]),
             terms: Terms::NONE,
         },
+        graph: None,
         terms: vec![Arc::new(Glow(values.get("glow")))],
         march: RealTimeSettings {
             steps: values.get("march_steps") as u32,

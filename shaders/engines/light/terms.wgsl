@@ -19,6 +19,12 @@ fn compressed(compression: f32, depth: vec3f) -> vec3f {
     return 2.0 * depth / (1.0 + sqrt(1.0 + bent));
 }
 
+// What the powder of the light ray leaves of the octaves' sum.
+fn ray_powder(sum: vec3f, depth: vec3f, cosine: f32) -> vec3f {
+    let behind = 2.0 * transfer::absorbed(2.0 * depth);
+    return sum * (behind + (1.0 - behind) * (0.5 * (1.0 + cosine)));
+}
+
 // 1 - strength exp(-length extinction), of thin parts without the difference of nearly equal numbers.
 fn powder(strength: f32, length: f32, extinction: f32) -> f32 {
     return (1.0 - strength) + strength * transfer::absorbed(vec3f(length * extinction)).x;

@@ -7,31 +7,60 @@
 pub mod models;
 pub mod terms;
 
+use crate::base::choice::choice;
 use crate::engines::domain::unit;
-use crate::media::phase::henyey_greenstein;
+use crate::media::phase::{draine, henyey_greenstein};
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 use terms::Terms;
 
-/// A sum of two Henyey-Greenstein phase functions, normalised to 1 over the sphere.
+/// A sum of two phase functions of Henyey and Greenstein or, with an alpha, of Draine: Cornette and Shanks' for alpha 1, the fit to Mie's of
+/// droplets where one lobe has an alpha and the other none. Normalised to 1 over the sphere, but for what published systems add.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct TwoLobes {
-    /// Mean cosine of each lobe.
+    /// Anisotropy of each lobe; of Henyey and Greenstein's it is the mean cosine.
     pub anisotropy: [f64; 2],
     /// Share of the second lobe.
     pub second: f64,
+    /// Draine's alpha of each lobe; 0 is Henyey and Greenstein's.
+    #[serde(default)]
+    pub alpha: [f64; 2],
+    /// What both are multiplied with: 1, or the sum of weights that a system did not normalise.
+    #[serde(default = "one")]
+    pub gain: f64,
+    /// Added at right angles to the light: this times (1 - |cosine|)^4, per steradian.
+    #[serde(default)]
+    pub rim: f64,
+}
+
+fn one() -> f64 {
+    1.0
 }
 
 impl TwoLobes {
-    /// Per steradian, for the cosine between the view ray and the direction to the light.
-    pub fn evaluate(&self, cosine: f64) -> f64 {
-        let [first, second] = self.anisotropy.map(|anisotropy| henyey_greenstein(anisotropy, cosine));
-        first * (1.0 - self.second) + second * self.second
+    /// Henyey and Greenstein's with mean cosines and the share of the second.
+    pub const fn new(anisotropy: [f64; 2], second: f64) -> Self {
+        Self { anisotropy, second, alpha: [0.0; 2], gain: 1.0, rim: 0.0 }
     }
 
-    /// Mean cosine.
+    /// Per steradian, for the cosine between the view ray and the direction to the light.
+    pub fn evaluate(&self, cosine: f64) -> f64 {
+        let [first, second] = std::array::from_fn(|lobe| match (self.anisotropy[lobe], self.alpha[lobe]) {
+            (anisotropy, 0.0) => henyey_greenstein(anisotropy, cosine),
+            (anisotropy, alpha) => draine(anisotropy, alpha, cosine),
+        });
+        let lobes = self.gain * (first * (1.0 - self.second) + second * self.second);
+        if self.rim == 0.0 { lobes } else { lobes + self.rim * (1.0 - cosine.abs()).max(0.0).powi(4) }
+    }
+
+    /// Mean cosine of the lobes.
     pub fn mean_cosine(&self) -> f64 {
-        self.anisotropy[0] * (1.0 - self.second) + self.anisotropy[1] * self.second
+        let [first, second] = std::array::from_fn(|lobe| {
+            let (g, alpha) = (self.anisotropy[lobe], self.alpha[lobe]);
+            let square = g * g;
+            g * (1.0 + alpha * (3.0 + 2.0 * square) / 5.0) / (1.0 + alpha * (1.0 + 2.0 * square) / 3.0)
+        });
+        first * (1.0 - self.second) + second * self.second
     }
 }
 
@@ -43,27 +72,102 @@ pub enum ShadowLength {
     Fixed(f64),
     /// Until the ray leaves the domain.
     ToExit,
+    /// The same, but at most that many units of length.
+    ToExitAtMost(f64),
+}
+
+impl ShadowLength {
+    /// Of a ray that leaves the domain after `exit`.
+    pub fn of(self, exit: f64) -> f64 {
+        match self {
+            Self::Fixed(length) => length,
+            Self::ToExit => exit,
+            Self::ToExitAtMost(most) => exit.min(most),
+        }
+    }
 }
 
 /// What dims the light per unit of density and length.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum ShadowExtinction {
     /// The density itself, alike for all channels: not what dims the view ray.
     Density,
     /// The extinction of the view ray, per channel.
     View,
+    /// This much per unit of density and length, alike for all channels.
+    Of(f64),
 }
 
-/// A march of equal steps from a sample towards the sun; the density in the middle of a step stands for all of it.
+choice! {
+    "kebab-case",
+    /// Where in a step towards the sun the density is read that stands for all of it.
+    pub enum ShadowSample {
+        /// At its begin: the first is the shaded place itself.
+        Left,
+        /// In its middle.
+        Middle,
+        /// At its end.
+        Right,
+    }
+}
+
+impl ShadowSample {
+    /// Part of the step before the place.
+    pub fn part(self) -> f64 {
+        match self {
+            Self::Left => 0.0,
+            Self::Middle => 0.5,
+            Self::Right => 1.0,
+        }
+    }
+}
+
+/// A march from a sample towards the sun; the density at one place of a step stands for all of it.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct ShadowMarch {
     /// Number of steps; at least 1.
     pub steps: u32,
+    /// Which place of a step is read.
+    #[serde(default = "middle")]
+    pub sample: ShadowSample,
+    /// Length of a step over that of the one before, above 0; 1: equal steps.
+    #[serde(default = "one")]
+    pub growth: f64,
+    /// The depth is multiplied with 1 minus this times the cosine between view ray and sun; 0 as light has it.
+    #[serde(default)]
+    pub by_angle: f64,
     /// Their length together.
     pub length: ShadowLength,
     /// What dims the light.
     pub extinction: ShadowExtinction,
+}
+
+fn middle() -> ShadowSample {
+    ShadowSample::Middle
+}
+
+impl ShadowMarch {
+    /// Equal steps, read in their middle.
+    pub const fn new(steps: u32, length: ShadowLength, extinction: ShadowExtinction) -> Self {
+        Self { steps, sample: ShadowSample::Middle, growth: 1.0, by_angle: 0.0, length, extinction }
+    }
+
+    /// Begin and length of a step as parts of the whole march.
+    pub fn step(&self, number: u32) -> [f64; 2] {
+        let count = f64::from(self.steps);
+        if self.growth == 1.0 {
+            return [f64::from(number) / count, 1.0 / count];
+        }
+        let upto = |number: u32| self.growth.powi(number as i32) - 1.0;
+        let all = upto(self.steps);
+        [upto(number) / all, (upto(number + 1) - upto(number)) / all]
+    }
+
+    /// Factor on the depth for the cosine between view ray and sun.
+    pub fn angle_factor(&self, cosine: f64) -> f64 {
+        1.0 - self.by_angle * cosine
+    }
 }
 
 /// What the radiance of the light is multiplied with.

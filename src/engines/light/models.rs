@@ -4,7 +4,7 @@
 
 use crate::base::error::{Error, Result};
 use crate::engines::light::terms::{MOST_OCTAVES, Terms};
-use crate::engines::light::{LightModel, SourceFactor};
+use crate::engines::light::{LightModel, ShadowSample, SourceFactor};
 use crate::engines::parameters::{Parameter, Range};
 
 /// A light model by name.
@@ -42,9 +42,9 @@ pub const PARAMETERS: &[Parameter] = &[
     },
     Parameter {
         name: "contribution",
-        about: "weight of an octave over that of the one before",
+        about: "weight of an octave over that of the one before; below 0 it takes light away",
         unit: "",
-        range: Range::NotNegative,
+        range: Range::Any,
         default: Terms::NONE.octaves.contribution,
         usual: [0.2, 1.0],
     },
@@ -52,7 +52,7 @@ pub const PARAMETERS: &[Parameter] = &[
         name: "attenuation",
         about: "optical depth of an octave over that of the one before",
         unit: "",
-        range: UNIT,
+        range: Range::NotNegative,
         default: Terms::NONE.octaves.attenuation,
         usual: [0.1, 1.0],
     },
@@ -153,6 +153,102 @@ pub const PARAMETERS: &[Parameter] = &[
         usual: [0.0, 2.0],
     },
     Parameter {
+        name: "ray_powder",
+        about: "1: light from behind loses what has no depth before it",
+        unit: "",
+        range: Range::Whole(0, 1),
+        default: 0.0,
+        usual: [0.0, 1.0],
+    },
+    Parameter {
+        name: "boost_light",
+        about: "share by which the light grows where extinction is high, for a second order",
+        unit: "",
+        range: Range::NotNegative,
+        default: Terms::NONE.boost.light,
+        usual: [0.0, 1.0],
+    },
+    Parameter {
+        name: "boost_ambient",
+        about: "ambient light that a second order adds where extinction is high",
+        unit: "",
+        range: Range::NotNegative,
+        default: Terms::NONE.boost.ambient,
+        usual: [0.0, 1.0],
+    },
+    Parameter {
+        name: "boost_length",
+        about: "length over which extinction counts for the boost",
+        unit: "sides of the box",
+        range: Range::NotNegative,
+        default: Terms::NONE.boost.length,
+        usual: [0.0, 1.0],
+    },
+    Parameter {
+        name: "boost_by_angle",
+        about: "1: the ambient boost follows (1 + cosine^2) / 2",
+        unit: "",
+        range: Range::Whole(0, 1),
+        default: 1.0,
+        usual: [0.0, 1.0],
+    },
+    Parameter {
+        name: "rim_strength",
+        about: "added to the phase function at right angles to the sun, times (1 - |cosine|)^4",
+        unit: "per steradian",
+        range: Range::NotNegative,
+        default: 0.0,
+        usual: [0.0, 0.5],
+    },
+    Parameter {
+        name: "phase_gain",
+        about: "factor on the phase function's lobes; light transport has 1",
+        unit: "",
+        range: Range::NotNegative,
+        default: 1.0,
+        usual: [0.5, 2.0],
+    },
+    Parameter {
+        name: "first_alpha",
+        about: "Draine's alpha of the first lobe: 0 Henyey and Greenstein, 1 Cornette and Shanks",
+        unit: "",
+        range: Range::NotNegative,
+        default: 0.0,
+        usual: [0.0, 30.0],
+    },
+    Parameter {
+        name: "second_alpha",
+        about: "the same of the second lobe",
+        unit: "",
+        range: Range::NotNegative,
+        default: 0.0,
+        usual: [0.0, 30.0],
+    },
+    Parameter {
+        name: "shadow_sample",
+        about: "where a step towards the sun reads the density: 0 begin, 1 middle, 2 end",
+        unit: "",
+        range: Range::Whole(0, 2),
+        default: 1.0,
+        usual: [0.0, 2.0],
+    },
+    Parameter {
+        name: "shadow_growth",
+        about: "length of a step towards the sun over that of the one before",
+        unit: "",
+        range: Range::Between(0.1, 10.0),
+        default: 1.0,
+        usual: [1.0, 3.0],
+    },
+    Parameter {
+        name: "shadow_by_angle",
+        about: "the depth towards the sun is multiplied with 1 minus this times the cosine",
+        unit: "",
+        range: UNIT,
+        default: 0.0,
+        usual: [0.0, 0.5],
+    },
+    Parameter {
         name: "first_lobe",
         about: "mean cosine of the first lobe of the phase function",
         unit: "",
@@ -208,6 +304,33 @@ pub const LIGHTS: &[NamedLight] = &[
         id: "silver",
         about: "single scattering with a silver lining around the sun",
         settings: &[("silver_strength", 0.5), ("silver_exponent", 8.0)],
+    },
+    NamedLight {
+        id: "half-powder",
+        about: "single scattering times (1 + powder of the depth towards the sun) / 2, as the procedural-clouds skill has it",
+        settings: &[("octaves", 2.0), ("contribution", -0.5), ("attenuation", 3.0), ("eccentricity", 1.0)],
+    },
+    NamedLight {
+        id: "light-ray",
+        about: "four octaves with powder of the light ray, as bestclouds has it",
+        settings: &[
+            ("octaves", 4.0),
+            ("contribution", 0.5),
+            ("attenuation", 0.25),
+            ("eccentricity", 0.5),
+            ("ray_powder", 1.0),
+        ],
+    },
+    NamedLight {
+        id: "boosted",
+        about: "single scattering with powder and a boost for a second order, as boltbestclouds32 has it",
+        settings: &[
+            ("powder_strength", 1.0),
+            ("powder_length", 0.1),
+            ("boost_light", 0.6),
+            ("boost_ambient", 0.3),
+            ("boost_length", 0.1),
+        ],
     },
     NamedLight {
         id: "gradient",
@@ -286,6 +409,20 @@ pub fn set(light: &mut LightModel, name: &str, value: f64, place: &str) -> Resul
         "silver_exponent" => light.terms.silver.exponent = value,
         "ambient_bottom" => light.terms.ambient[0] = value,
         "ambient_top" => light.terms.ambient[1] = value,
+        "ray_powder" => light.terms.ray_powder = value == 1.0,
+        "boost_light" => light.terms.boost.light = value,
+        "boost_ambient" => light.terms.boost.ambient = value,
+        "boost_length" => light.terms.boost.length = value,
+        "boost_by_angle" => light.terms.boost.by_angle = value == 1.0,
+        "rim_strength" => light.phase.rim = value,
+        "phase_gain" => light.phase.gain = value,
+        "first_alpha" => light.phase.alpha[0] = value,
+        "second_alpha" => light.phase.alpha[1] = value,
+        "shadow_sample" => {
+            light.shadow.sample = [ShadowSample::Left, ShadowSample::Middle, ShadowSample::Right][value as usize];
+        }
+        "shadow_growth" => light.shadow.growth = value,
+        "shadow_by_angle" => light.shadow.by_angle = value,
         "first_lobe" => light.phase.anisotropy[0] = value,
         "second_lobe" => light.phase.anisotropy[1] = value,
         "second_share" => light.phase.second = value,
@@ -340,7 +477,7 @@ mod tests {
         let mut changed = light();
         let error = set(&mut changed, "octave", 2.0, "a parameter of the light").expect_err("unknown").to_string();
         assert!(error.contains("a parameter of the light") && error.contains("contribution"), "{error}");
-        for (name, value) in [("octaves", 2.5), ("octaves", 0.0), ("attenuation", 1.5), ("contribution", f64::NAN)] {
+        for (name, value) in [("octaves", 2.5), ("octaves", 0.0), ("attenuation", -0.5), ("contribution", f64::NAN)] {
             assert!(set(&mut changed, name, value, "test").is_err(), "{name} {value}");
         }
     }

@@ -8,6 +8,13 @@
 //! P = 1 - w exp(-l e)      B = 1 - v exp(-m f)      D = 2 t / (1 + sqrt(1 + 2 r t))
 //! ```
 //!
+//! and, where they are asked for, with the octaves' sum O as it stands in the brackets,
+//!
+//! ```text
+//! O' = lerp( 2 O (1 - exp(-2 D)), O, (1 + c) / 2 )
+//! L' = L (1 + u m) + A v m r      m = 1 - exp(-x e)      r = (1 + c^2) / 2, or 1
+//! ```
+//!
 //! - octaves n = 0..N with contribution b, attenuation a and eccentricity g: Wrenninge, Kulla and Lundqvist 2013, "Oz: The Great and
 //!   Volumetric"; one octave is single scattering;
 //! - compression r of the depth: scattered light falls more slowly than exp(-t), D grows as t where r t is far below 1 and as sqrt(2 t / r)
@@ -17,6 +24,8 @@
 //! - powder of strength w and length l, with the extinction e (mean of the channels): thin parts scatter less because less light has
 //!   gathered in them (Schneider and Vos 2015, "The Real-time Volumetric Cloudscapes of Horizon: Zero Dawn"); ambient light has the
 //!   share q of it, as published all;
+//! - powder of the light ray, O': light from behind loses what has no depth before it (bestclouds);
+//! - a boost, L', for scattering of a second order (boltbestclouds32): u on the light that there is, v of the ambient colour, x the length;
 //! - body of strength v and length m, with the extinction f around the place; t may be that of the density's averages, too
 //!   ([`crate::media::averages`]).
 
@@ -77,6 +86,19 @@ pub struct SilverLining {
     pub exponent: f64,
 }
 
+/// More light where extinction is high, for a second order of scattering.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Boost {
+    /// Of the light that there is; 0 is none.
+    pub light: f64,
+    /// Of the ambient light at the top, as radiance without a gradient; 0 is none.
+    pub ambient: f64,
+    /// Length over which extinction counts, in sides of the box.
+    pub length: f64,
+    /// Whether the ambient part follows the cosine to the sun.
+    pub by_angle: bool,
+}
+
 /// All of them.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Terms {
@@ -92,6 +114,12 @@ pub struct Terms {
     pub silver: SilverLining,
     /// Factor on the ambient light at the bottom of the box and at its top, linear between.
     pub ambient: [f64; 2],
+    /// Whether the light ray has powder of its own.
+    #[serde(default)]
+    pub ray_powder: bool,
+    /// A second order of scattering.
+    #[serde(default = "Boost::none")]
+    pub boost: Boost,
 }
 
 impl Terms {
@@ -103,6 +131,8 @@ impl Terms {
         body: Body { strength: 0.0, length: 0.1, shadow: false },
         silver: SilverLining { strength: 0.0, exponent: 8.0 },
         ambient: [1.0; 2],
+        ray_powder: false,
+        boost: Boost { light: 0.0, ambient: 0.0, length: 0.1, by_angle: true },
     };
 }
 
@@ -132,6 +162,25 @@ impl Powder {
     }
 }
 
+impl Boost {
+    fn none() -> Self {
+        Terms::NONE.boost
+    }
+
+    /// Whether there is any.
+    pub fn is_on(&self) -> bool {
+        self.light != 0.0 || self.ambient != 0.0
+    }
+
+    /// Factor on the light that there is, and on the ambient light that is added, for an extinction per side of the box and the cosine to
+    /// the sun.
+    pub fn factors(&self, extinction: f64, cosine: f64) -> [f64; 2] {
+        let gathered = absorbed(self.length * extinction);
+        let turned = if self.by_angle { (1.0 + cosine * cosine) / 2.0 } else { 1.0 };
+        [1.0 + self.light * gathered, self.ambient * gathered * turned]
+    }
+}
+
 impl Body {
     /// Factor on the sun's light, for an extinction around a place per side of the box.
     pub fn factor(&self, extinction: f64) -> f64 {
@@ -154,6 +203,13 @@ pub fn octaves<T: Float>(weights: &[T], attenuation: T, depth: T) -> T {
         dimmed = dimmed * attenuation;
     }
     sum
+}
+
+/// What the powder of the light ray leaves of the octaves' sum, in f32 or f64.
+pub fn ray_powder<T: Float>(sum: T, depth: T, cosine: T) -> T {
+    let two = T::one() + T::one();
+    let behind = two * absorbed(two * depth);
+    sum * (behind + (T::one() - behind) * (T::one() + cosine) / two)
 }
 
 /// [`Octaves::compressed`] in f32 or f64: nothing is subtracted, so that each rounding counts once.

@@ -62,6 +62,17 @@ shader_struct! {
         inner: f32,
         outer: f32,
         suns: u32,
+        phase_gain: f32,
+        alpha: [f32; 2],
+        rim: f32,
+        shadow_sample: f32,
+        shadow_growth: f32,
+        shadow_first: f32,
+        shadow_by_angle: f32,
+        boost_light: f32,
+        boost_ambient: f32,
+        boost_length: f32,
+        shadow_extinction: f32,
         end_padding: u32,
     }
 }
@@ -179,7 +190,12 @@ impl<'a> MarchKernel<'a> {
         let mut define = |is_wanted: bool, name: &'static str| definitions.extend(is_wanted.then_some(name));
         define(settings.integration == Integration::Plain, "PLAIN");
         define(settings.exit_fade, "EXIT_FADE");
-        define(light.shadow.length == ShadowLength::ToExit, "SHADOW_TO_EXIT");
+        define(!matches!(light.shadow.length, ShadowLength::Fixed(_)), "SHADOW_TO_EXIT");
+        define(matches!(light.shadow.length, ShadowLength::ToExitAtMost(_)), "SHADOW_AT_MOST");
+        define(light.shadow.growth != 1.0, "SHADOW_GROWTH");
+        define(light.shadow.by_angle != 0.0, "SHADOW_BY_ANGLE");
+        define(light.phase.alpha != [0.0; 2], "DRAINE");
+        define(light.phase.gain != 1.0 || light.phase.rim != 0.0, "OWN_PHASE");
         define(light.shadow.extinction == ShadowExtinction::View, "SHADOW_VIEW");
         define(light.source == SourceFactor::Density, "SOURCE_DENSITY");
         let terms = &light.terms;
@@ -188,6 +204,9 @@ impl<'a> MarchKernel<'a> {
         define(terms.powder.strength > 0.0, "POWDER");
         define(terms.silver.strength > 0.0, "SILVER");
         define(terms.ambient != [1.0; 2], "AMBIENT_GRADIENT");
+        define(terms.ray_powder, "RAY_POWDER");
+        define(terms.boost.is_on(), "BOOST");
+        define(terms.boost.is_on() && terms.boost.by_angle, "BOOST_BY_ANGLE");
         define(terms.body.strength > 0.0, "BODY");
         define(terms.body.shadow, "COARSE_SHADOW");
         define(!density.fills_all_cells(), "EMPTY_CELLS");
@@ -246,7 +265,7 @@ impl<'a> MarchKernel<'a> {
             shadow_steps: light.shadow.steps,
             low: vector(region.low),
             shadow_length: match light.shadow.length {
-                ShadowLength::Fixed(length) => length as f32,
+                ShadowLength::Fixed(length) | ShadowLength::ToExitAtMost(length) => length as f32,
                 ShadowLength::ToExit => 0.0,
             },
             high: vector(region.high),
@@ -275,6 +294,20 @@ impl<'a> MarchKernel<'a> {
             inner,
             outer,
             suns: light.suns.len() as u32,
+            phase_gain: light.phase.gain as f32,
+            alpha: light.phase.alpha.map(|alpha| alpha as f32),
+            rim: light.phase.rim as f32,
+            shadow_sample: light.shadow.sample.part() as f32,
+            shadow_growth: light.shadow.growth as f32,
+            shadow_first: light.shadow.step(0)[1] as f32,
+            shadow_by_angle: light.shadow.by_angle as f32,
+            boost_light: terms.boost.light as f32,
+            boost_ambient: terms.boost.ambient as f32,
+            boost_length: terms.boost.length as f32,
+            shadow_extinction: match light.shadow.extinction {
+                ShadowExtinction::Of(extinction) => extinction as f32,
+                ShadowExtinction::Density | ShadowExtinction::View => 1.0,
+            },
             ..MarchUniform::zeroed()
         };
         let is_software = gpu.adapter().is_software();

@@ -19,6 +19,7 @@ pub mod gpu;
 
 use crate::base::error::{Error, Result};
 use crate::engines::domain::{Container, Outline, Parts, unit};
+use crate::engines::light::terms::ray_powder;
 use crate::engines::light::{LightModel, LightTerm, Lit, ShadowExtinction, ShadowLength, SourceFactor};
 use crate::media::averages::Averages;
 use crate::media::density::{Density, DensityEvaluator};
@@ -162,6 +163,8 @@ struct Way {
     jitter: f64,
     /// Of the octaves of the light of each sun, phase functions included.
     weights: Vec<Vec<f64>>,
+    /// To each sun.
+    cosines: Vec<f64>,
     is_done: bool,
     pixel: RealTimePixel,
 }
@@ -230,7 +233,11 @@ impl Marched<'_> {
             let lit: Vec<DVec3> = dense.iter().map(|&at| places[at]).collect();
             let depths: Vec<Vec<[f64; 3]>> = ways_to_suns
                 .iter()
-                .map(|&to_sun| self.shadow_depths(along.as_mut().unwrap_or(&mut density), to_sun, &lit))
+                .enumerate()
+                .map(|(sun, &to_sun)| {
+                    let cosines: Vec<f64> = dense.iter().map(|&at| ways[samples[at].0].cosines[sun]).collect();
+                    self.shadow_depths(along.as_mut().unwrap_or(&mut density), to_sun, &lit, &cosines)
+                })
                 .collect();
             let surroundings = around.as_mut().map(|around| around.values(&lit));
             for (order, (&at, place)) in dense.iter().zip(lit).enumerate() {
@@ -246,6 +253,12 @@ impl Marched<'_> {
                 let height = outline.height(place);
                 let sun_factor = fade * powder * body;
                 let ambient_factor = fade * light.ambient_factor(height) * (1.0 + (powder - 1.0) * share);
+                let boost = &light.terms.boost;
+                let cosine = way.cosines.first().copied().unwrap_or(0.0);
+                let [boosted, added] = match boost.is_on() {
+                    true => boost.factors(densities[at] * mean_extinction, cosine),
+                    false => [1.0, 0.0],
+                };
                 let at_place = Lit { place, height, extinction: densities[at] * mean_extinction };
                 let mut further = [0.0; 3];
                 for term in self.terms {
@@ -259,12 +272,20 @@ impl Marched<'_> {
                         SourceFactor::Albedo(albedo) => albedo[channel] * extinct,
                     };
                     let mut from_suns = 0.0;
-                    for ((sun, weights), depths) in light.suns.iter().zip(&way.weights).zip(&depths) {
-                        let scattered = light.terms.octaves.sum(weights, depths[order][channel]);
+                    for (number, (sun, weights)) in light.suns.iter().zip(&way.weights).enumerate() {
+                        let depth = depths[number][order][channel];
+                        let mut scattered = light.terms.octaves.sum(weights, depth);
+                        if light.terms.ray_powder {
+                            scattered = ray_powder(scattered, depth, way.cosines[number]);
+                        }
                         from_suns += sun.irradiance[channel] * scattered * sun_factor;
                     }
                     let ambient = light.ambient[channel] * ambient_factor;
-                    let source = factor * (from_suns + ambient + further[channel]);
+                    let mut all = from_suns + ambient + further[channel];
+                    if boost.is_on() {
+                        all = all * boosted + fade * light.ambient[channel] * added;
+                    }
+                    let source = factor * all;
                     let through = transmittance(extinct * step);
                     let weight = step_weight(settings.integration, extinct, step);
                     way.pixel.radiance[channel] += way.pixel.transmittance[channel] * source * weight;
@@ -276,14 +297,23 @@ impl Marched<'_> {
         Ok(ways.into_iter().map(|way| way.pixel).collect())
     }
 
-    /// Optical depth towards a sun at each place, per channel, as it counts for the octaves. `read` evaluates the density, or its averages.
-    fn shadow_depths(&self, read: &mut DensityEvaluator<'_>, to_sun: DVec3, places: &[DVec3]) -> Vec<[f64; 3]> {
+    /// Optical depth towards a sun at each place, per channel, as it counts for the octaves. `read` evaluates the density, or its averages;
+    /// `cosines` are those of the view rays to the sun.
+    fn shadow_depths(
+        &self,
+        read: &mut DensityEvaluator<'_>,
+        to_sun: DVec3,
+        places: &[DVec3],
+        cosines: &[f64],
+    ) -> Vec<[f64; 3]> {
         let light = self.light;
         let outline = &self.container.outline;
-        let steps = light.shadow.steps;
+        let shadow = &light.shadow;
+        let steps = shadow.steps;
         let scale = match light.shadow.extinction {
             ShadowExtinction::Density => [1.0; 3],
             ShadowExtinction::View => self.extinction,
+            ShadowExtinction::Of(extinction) => [extinction; 3],
         };
         let mut lengths = Vec::with_capacity(places.len());
         let mut owners = Vec::new();
@@ -295,31 +325,30 @@ impl Marched<'_> {
                 ShadowLength::Fixed(_) if !is_mesh => Parts::default(),
                 _ => outline.parts_to_light(place, to_sun),
             };
-            let length = match light.shadow.length {
-                ShadowLength::Fixed(length) => length,
-                ShadowLength::ToExit => parts.length,
-            };
+            let length = shadow.length.of(parts.length);
             lengths.push(length);
             for number in 0..steps {
-                let passed = length * (f64::from(number) + 0.5) / f64::from(steps);
-                let distance = match light.shadow.length {
+                let [begin, step] = shadow.step(number);
+                let passed = length * (begin + step * shadow.sample.part());
+                let distance = match shadow.length {
                     ShadowLength::Fixed(_) => passed,
-                    ShadowLength::ToExit => parts.start + parts.distance(passed),
+                    ShadowLength::ToExit | ShadowLength::ToExitAtMost(_) => parts.start + parts.distance(passed),
                 };
                 let at = place + to_sun * distance;
                 let is_inside = if is_mesh { parts.holds(distance - parts.start) } else { outline.holds(at) };
                 if is_inside {
-                    owners.push(index);
+                    owners.push((index, step));
                     asked.push(at);
                 }
             }
         }
         let mut sums = vec![0.0; places.len()];
-        for (owner, found) in owners.into_iter().zip(read.values(&asked)) {
-            sums[owner] += found;
+        for ((owner, step), found) in owners.into_iter().zip(read.values(&asked)) {
+            sums[owner] += found * step;
         }
         let octaves = &light.terms.octaves;
-        let depths = sums.iter().zip(&lengths).map(|(sum, length)| sum * length / f64::from(steps));
+        let ways = lengths.iter().zip(cosines).map(|(length, &cosine)| length * shadow.angle_factor(cosine));
+        let depths = sums.iter().zip(ways).map(|(sum, length)| sum * length);
         depths.map(|depth| scale.map(|scale| octaves.compressed(scale * depth))).collect()
     }
 }
@@ -327,9 +356,12 @@ impl Marched<'_> {
 impl Way {
     fn new(ray: &RealTimeRay, outline: &Outline, light: &LightModel) -> Self {
         let inside = ray.inside(outline);
+        let cosines: Vec<f64> =
+            light.suns.iter().map(|sun| inside.direction.dot(sun.towards()).clamp(-1.0, 1.0)).collect();
         Self {
             jitter: ray.jitter,
-            weights: light.suns.iter().map(|sun| light.weights(inside.direction.dot(sun.towards()))).collect(),
+            weights: cosines.iter().map(|&cosine| light.weights(cosine)).collect(),
+            cosines,
             is_done: inside.length == 0.0,
             inside,
             pixel: RealTimePixel { radiance: [0.0; 3], transmittance: [1.0; 3], samples: 0, dense: 0 },

@@ -43,6 +43,7 @@ fn engine(request: &Request<'_>) -> Result<Engine> {
         container,
         extinction: TINT.map(|tint| tint * opacity),
         light: settings::light(values, defects),
+        graph: None,
         terms: Vec::new(),
         passes: Vec::new(),
         march: settings::march(values, defects),

@@ -8,7 +8,7 @@ use crate::engines::defects::Defects;
 use crate::engines::light::terms::Terms;
 use crate::engines::light::{LightModel, ShadowExtinction, ShadowLength, ShadowMarch, SourceFactor, Sun, TwoLobes};
 use crate::engines::march::RealTimeSettings;
-use crate::engines::parameters::{DERIVED, Parameter, Range, Values};
+use crate::engines::parameters::{DERIVED, Parameter, Range, Values, parameter};
 use crate::engines::passes::compositing::Compositing;
 use crate::engines::passes::god_rays::GodRays;
 use crate::engines::perlin_fbm::TINT;
@@ -18,18 +18,6 @@ use crate::nodes::perlin_fbm::bake::{Bake, LARGEST, MOST_OCTAVES};
 use crate::nodes::perlin_fbm::mask::{Deformation, Mask};
 use crate::nodes::perlin_fbm::noise::Octaves;
 use crate::nodes::perlin_fbm::{Evaluation, Parameters};
-
-/// Short to write.
-const fn parameter(
-    name: &'static str,
-    default: f64,
-    range: Range,
-    usual: [f64; 2],
-    unit: &'static str,
-    about: &'static str,
-) -> Parameter {
-    Parameter { name, about, unit, range, default, usual }
-}
 
 const BOX_SIDES: &str = "sides of the box";
 const PERIODS: &str = "periods of the texture";
@@ -220,8 +208,8 @@ pub fn light(values: &Values, kept: &Defects) -> LightModel {
     LightModel {
         suns: vec![Sun { direction: [1.0; 3], irradiance: [1.0; 3] }],
         ambient: [0.3; 3],
-        phase: TwoLobes { anisotropy: [-0.3, 0.3], second: 0.8 },
-        shadow: ShadowMarch { steps: values.get("light_steps") as u32, length: shadow_length, extinction },
+        phase: TwoLobes::new([-0.3, 0.3], 0.8),
+        shadow: ShadowMarch::new(values.get("light_steps") as u32, shadow_length, extinction),
         source,
         terms: Terms::NONE,
     }

@@ -412,8 +412,8 @@ pub fn light(sun_direction: Option<[f64; 3]>, anisotropy: f64) -> LightModel {
     LightModel {
         suns: sun_direction.map(|direction| Sun { direction, irradiance: [10.0, 9.0, 8.0] }).into_iter().collect(),
         ambient: if sun_direction.is_some() { [0.0; 3] } else { [1.0, 0.5, 0.25] },
-        phase: TwoLobes { anisotropy: [anisotropy; 2], second: 0.0 },
-        shadow: ShadowMarch { steps: 6, length: ShadowLength::ToExit, extinction: ShadowExtinction::View },
+        phase: TwoLobes::new([anisotropy; 2], 0.0),
+        shadow: ShadowMarch::new(6, ShadowLength::ToExit, ShadowExtinction::View),
         source: SourceFactor::Albedo([1.0; 3]),
         terms: Terms::NONE,
     }

@@ -144,7 +144,7 @@ def ocean_haze(folder):
     world((0.2, 0.35, 0.6))
 
 
-@file("storm-cloud", "dense and dark, forward scattering, a flash of a point light inside", samples=256)
+@file("storm-cloud", "dense and dark, forward scattering, a flash of a point light inside", samples=1024)
 def storm_cloud(folder):
     owner, graph = material("Storm")
     shape = graph.noise(graph.coordinates("Object"), inputs={"Scale": 1.1, "Detail": 3.0, "Lacunarity": 2.3})

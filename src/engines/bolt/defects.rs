@@ -1,0 +1,50 @@
+//! Defects of boltbestclouds32 that this program can keep. Those of passes and levels of detail that are not here, and those that cannot be
+//! kept, are in docs/published-systems.md.
+
+use crate::engines::defects::Defect;
+
+/// BO-1.
+pub const SOURCE_WITHOUT_ABSORPTION: Defect = Defect {
+    id: "BO-1",
+    about: "the source is 0.01 times the density, whatever the light absorption A of the extinction is: an albedo of 1 / A",
+    corrected: "it is extinction times the parameter albedo",
+};
+
+/// BO-2.
+pub const ALPHA_TWICE: Defect = Defect {
+    id: "BO-2",
+    about: "the colour, weighted already, is multiplied by alpha again over a background",
+    corrected: "colour + transmittance x background",
+};
+
+/// BO-6.
+pub const VERTICAL_LIGHT_STEP: Defect = Defect {
+    id: "BO-6",
+    about: "the march towards the sun is as long as the layer is thick, however low the sun stands, and reads the ends of its steps",
+    corrected: "it goes to the exit, at most four thicknesses, and reads the middles",
+};
+
+/// BO-7.
+pub const POWDER_ON_ALL: Defect = Defect {
+    id: "BO-7",
+    about: "powder dims the ambient light, too, and leaves nothing of thin cloud",
+    corrected: "no powder",
+};
+
+/// BO-8.
+pub const BIASED_GRADIENTS: Defect = Defect {
+    id: "BO-8",
+    about: "gradients of the noise lie mostly in the positive octant",
+    corrected: "they are even (Blender's Noise Texture)",
+};
+
+/// BO-14, of chapter 2.6; the number is ours.
+pub const PLAIN_SUM: Defect = Defect {
+    id: "BO-14",
+    about: "a step adds its source times its length, however dense it is",
+    corrected: "it adds the integral over the step",
+};
+
+/// All of them.
+pub const DEFECTS: &[Defect] =
+    &[SOURCE_WITHOUT_ABSORPTION, ALPHA_TWICE, VERTICAL_LIGHT_STEP, POWDER_ON_ALL, BIASED_GRADIENTS, PLAIN_SUM];

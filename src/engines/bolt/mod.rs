@@ -1,0 +1,219 @@
+//! boltbestclouds32: a procedural slab of Perlin-Worley noise, with single scattering of Cornette and Shanks' phase function, powder and a
+//! boost for a second order of scattering.
+//!
+//! With the published place p in metres (y up), the height h in the slab, coverage c, and noises of [`NodeGraph`]:
+//!
+//! ```text
+//! p  <- p + t speed (10, 0, 5);   p <- p + 100 w ( sin(t w + 0.01 p_z), 0, cos(t w + 0.01 p_x) )
+//! G  = sat(h / 0.15) sat((1 - h) / 0.15);   q = 0.00015 scale p
+//! PW = w' + (0.5 + 0.5 g(q)) (1 - w'),   w' = 0.625 W(2 q) + 0.375 W(8 q)
+//! WF = 0.625 W(3 q) + 0.25 W(6 q) + 0.125 W(12 q)
+//! d  = ( (PW - 0.3 WF) / (1 - 0.3 WF) - (1 - c) ) / c
+//! density = sat( k (1 + 0.4 precipitation) G d ),   extinction = 0.01 A density per metre
+//! ```
+
+pub mod defects;
+
+use crate::base::error::Result;
+use crate::engines::defects::Defects;
+use crate::engines::domain::{Domain, DomainKind};
+use crate::engines::frame::SlabFrame;
+use crate::engines::light::terms::{Boost, Powder, SilverLining, Terms};
+use crate::engines::light::{
+    LightModel, ShadowExtinction, ShadowLength, ShadowMarch, ShadowSample, SourceFactor, Sun, TwoLobes,
+};
+use crate::engines::march::RealTimeSettings;
+use crate::engines::node_graph::{GraphDensity, Input, NodeGraph};
+use crate::engines::parameters::{Parameter, Range, Values, parameter};
+use crate::engines::passes::compositing::Compositing;
+use crate::engines::passes::god_rays::GodRays;
+use crate::engines::{Engine, Model, Request};
+use crate::media::density::Density;
+use crate::media::transfer::Integration;
+use std::sync::{Arc, OnceLock};
+
+const UNIT: Range = Range::Between(0.0, 1.0);
+
+/// All parameters.
+pub const PARAMETERS: &[Parameter] = &[
+    parameter("coverage", 0.5, UNIT, [0.0, 1.0], "", "share of the noise that is cloud; 0 is no cloud"),
+    parameter("density", 1.0, Range::NotNegative, [0.1, 3.0], "", "factor on the density before it is cut at 1"),
+    parameter("scale", 1.0, Range::Positive, [0.1, 5.0], "", "factor on the frequency of the noise"),
+    parameter("speed", 0.05, UNIT, [0.0, 1.0], "", "factor on the wind of (10, 0, 5) metres per second"),
+    parameter("height", 1500.0, Range::NotNegative, [500.0, 5000.0], "m", "height of the base"),
+    parameter("thickness", 1000.0, Range::Positive, [200.0, 3000.0], "m", "from the base to the top"),
+    parameter("light_absorption", 0.3, Range::Positive, [0.1, 1.0], "per 100 m", "extinction at a density of 1"),
+    parameter("silver", 0.5, Range::NotNegative, [0.0, 2.0], "per steradian", "silver lining, cosine^8"),
+    parameter("wind_influence", 0.3, UNIT, [0.0, 1.0], "", "displacement by the wind, of up to 100 m"),
+    parameter("precipitation", 0.0, UNIT, [0.0, 1.0], "", "makes the cloud up to 1.4 times as dense"),
+    parameter("multi_scattering", 1.0, Range::Whole(0, 1), [0.0, 1.0], "", "1: a boost for a second order"),
+    parameter(
+        "thunderstorm",
+        0.0,
+        Range::Whole(0, 1),
+        [0.0, 1.0],
+        "",
+        "1: less light, and half as much extinction more",
+    ),
+    parameter("march_steps", 64.0, Range::Whole(1, 100_000), [8.0, 128.0], "", "steps of a view ray"),
+    parameter("light_steps", 6.0, Range::Whole(1, 1000), [1.0, 8.0], "", "steps towards the sun"),
+    parameter("albedo", 1.0, UNIT, [0.0, 1.0], "", "single-scattering albedo; without defect BO-1 only"),
+];
+
+/// Levels of quality of the document's hardware tiers, then its presets.
+const QUALITIES: &[(&str, &[(&str, f64)])] = &[
+    ("mobile", &[("march_steps", 20.0), ("light_steps", 2.0)]),
+    ("low", &[("march_steps", 32.0), ("light_steps", 4.0)]),
+    ("medium", &[("march_steps", 64.0), ("light_steps", 6.0)]),
+    ("high", &[("march_steps", 96.0), ("light_steps", 8.0)]),
+    ("morning", &[("coverage", 0.4), ("density", 0.8), ("silver", 0.8)]),
+    ("storm", &[("coverage", 0.9), ("density", 2.0), ("silver", 0.2), ("thunderstorm", 1.0)]),
+    ("cirrus", &[("coverage", 0.3), ("density", 0.5), ("height", 4000.0), ("thickness", 500.0), ("scale", 2.0)]),
+];
+
+/// The model under its name.
+pub static MODEL: Model = Model {
+    id: "bolt",
+    title: "Procedural Perlin-Worley slab (boltbestclouds32)",
+    about: "A layer of gradient noise and inverted cells between two heights, eroded by finer cells; single scattering with powder, a \
+            silver lining and a boost where the cloud is dense.",
+    parameters: PARAMETERS,
+    qualities: QUALITIES,
+    defects: defects::DEFECTS,
+    is_of_scene: false,
+    domains: &[DomainKind::Object, DomainKind::Slab],
+    build: engine,
+};
+
+/// Frequency of the noise per metre.
+const FREQUENCY: f64 = 0.00015;
+
+/// Extinction per metre and unit of density and absorption.
+const EXTINCTION: f64 = 0.01;
+
+fn engine(request: &Request<'_>) -> Result<Engine> {
+    let Request { scene, values, defects, seconds, .. } = *request;
+    let container = request.domain_or(Domain::Object)?;
+    let base = values.get("height");
+    let frame = SlabFrame::new(&container, base, base + values.get("thickness"));
+    let mut graph = NodeGraph::default();
+    let density = density(&mut graph, &frame, values, defects, seconds);
+    let graph = GraphDensity { graph, density };
+    let program = graph.program(MODEL.id, scene)?;
+    let is_storm = values.get("thunderstorm") == 1.0;
+    // Per unit of length, without the storm's factor and with it.
+    let calm = EXTINCTION * values.get("light_absorption") * frame.unit;
+    let extinction = if is_storm { 1.5 * calm } else { calm };
+    Ok(Engine {
+        model: MODEL.id,
+        defects: defects.clone(),
+        values: values.clone(),
+        density: Density::new(Arc::new(program), container.outline.region())?,
+        container,
+        extinction: [extinction; 3],
+        light: light(values, defects, &frame, calm, extinction),
+        graph: Some(graph),
+        terms: Vec::new(),
+        passes: Vec::new(),
+        march: RealTimeSettings {
+            steps: values.get("march_steps") as u32,
+            integration: match defects.has(&defects::PLAIN_SUM) {
+                true => Integration::Plain,
+                false => Integration::EnergyConserving,
+            },
+            exit_fade: false,
+            least_density: 0.001,
+            // The transmittance of all three channels falls to 0.01.
+            least_transmittance: 0.01 * 3.0_f64.sqrt(),
+        },
+        compositing: Compositing { alpha_of_red: false, alpha_twice: defects.has(&defects::ALPHA_TWICE) },
+        god_rays: GodRays::default(),
+        warnings: Vec::new(),
+        averages: OnceLock::new(),
+    })
+}
+
+/// The density of the slab.
+fn density(graph: &mut NodeGraph, frame: &SlabFrame, values: &Values, kept: &Defects, seconds: f64) -> Input {
+    let get = |name: &str| values.get(name);
+    let coverage = get("coverage");
+    // Where nothing is covered there is no cloud; the document divides by the coverage.
+    if coverage <= 0.0 {
+        return 0.0.into();
+    }
+    let (place, height) = frame.place(graph);
+    let drift = seconds * get("speed");
+    let influence = get("wind_influence");
+    let mut moved = graph.affine(&place, [1.0; 3], [10.0 * drift, 0.0, 5.0 * drift]);
+    if influence > 0.0 {
+        let [x, y, z] = graph.separate(&moved);
+        let phase = seconds * influence;
+        let of_z = graph.multiply_add(&z, 0.01, phase);
+        let of_x = graph.multiply_add(&x, 0.01, phase);
+        let sine = graph.math("SINE", &[of_z]);
+        let cosine = graph.math("COSINE", &[of_x]);
+        let x = graph.multiply_add(sine, 100.0 * influence, x);
+        let z = graph.multiply_add(cosine, 100.0 * influence, z);
+        moved = graph.combine([x, y, z]);
+    }
+    let q = graph.affine(&moved, [FREQUENCY * get("scale"); 3], [0.0; 3]);
+    let base = match kept.has(&defects::BIASED_GRADIENTS) {
+        true => {
+            let signed = graph.lattice_noise("GRADIENT_289", &q);
+            graph.multiply_add(signed, 0.5, 0.5)
+        }
+        false => graph.gradient_noise(&q, 1.0, 1),
+    };
+    let cells = |graph: &mut NodeGraph, parts: &[(f64, f64)]| {
+        let terms: Vec<(f64, Input)> = parts.iter().map(|&(weight, scale)| (weight, graph.cells(&q, scale))).collect();
+        graph.weighted(&terms)
+    };
+    let coarse = cells(graph, &[(0.625, 2.0), (0.375, 8.0)]);
+    let rest = graph.subtract(1.0, &coarse);
+    let perlin_worley = graph.multiply_add(base, rest, &coarse);
+    let fine = cells(graph, &[(0.625, 3.0), (0.25, 6.0), (0.125, 12.0)]);
+    let eroded_from = graph.multiply(fine, 0.3);
+    let eroded = graph.remap(&perlin_worley, [eroded_from, 1.0.into()], [0.0, 1.0], false);
+    let shape = graph.remap(&eroded, [(1.0 - coverage).into(), 1.0.into()], [0.0, 1.0], false);
+    let low = graph.remap(&height, [0.0.into(), 0.15.into()], [0.0, 1.0], true);
+    let high = graph.remap(&height, [0.85.into(), 1.0.into()], [1.0, 0.0], true);
+    let profile = graph.multiply(low, high);
+    let factor = get("density") * (1.0 + 0.4 * get("precipitation"));
+    let profile = graph.multiply(profile, factor);
+    graph.multiply_clamped(profile, shape)
+}
+
+/// The engine's light. `calm` and `extinction` are per unit of density and length, for the march to the sun and for that of the view.
+fn light(values: &Values, kept: &Defects, frame: &SlabFrame, calm: f64, extinction: f64) -> LightModel {
+    let thickness = values.get("thickness") / frame.unit;
+    // As a length over which extinction counts twice the density.
+    let twice_density = if extinction > 0.0 { 2.0 / extinction } else { 0.0 };
+    let steps = values.get("light_steps") as u32;
+    let shadow = if kept.has(&defects::VERTICAL_LIGHT_STEP) {
+        ShadowMarch {
+            sample: ShadowSample::Right,
+            ..ShadowMarch::new(steps, ShadowLength::Fixed(thickness), ShadowExtinction::Of(calm))
+        }
+    } else {
+        ShadowMarch::new(steps, ShadowLength::ToExitAtMost(4.0 * thickness), ShadowExtinction::View)
+    };
+    let powder = if kept.has(&defects::POWDER_ON_ALL) { 1.0 } else { 0.0 };
+    let boost = values.get("multi_scattering");
+    LightModel {
+        suns: vec![Sun { direction: [0.417, 0.558, 0.717], irradiance: [2.0, 1.9, 1.6] }],
+        ambient: [0.6, 0.7, 0.9].map(|channel| 0.3 * channel),
+        phase: TwoLobes { alpha: [1.0; 2], ..TwoLobes::new([0.3; 2], 0.0) },
+        shadow,
+        source: match kept.has(&defects::SOURCE_WITHOUT_ABSORPTION) {
+            true => SourceFactor::Albedo([1.0 / values.get("light_absorption"); 3]),
+            false => SourceFactor::Albedo([values.get("albedo"); 3]),
+        },
+        terms: Terms {
+            exposure: if values.get("thunderstorm") == 1.0 { 0.4 } else { 1.0 },
+            powder: Powder { strength: powder, length: twice_density, ambient: 1.0 },
+            silver: SilverLining { strength: values.get("silver"), exponent: 8.0 },
+            boost: Boost { light: 0.6 * boost, ambient: 0.3 * boost, length: twice_density, by_angle: true },
+            ..Terms::NONE
+        },
+    }
+}

@@ -1,0 +1,306 @@
+//! Densities of published systems as node graphs: put together from Blender's own nodes, they have their evaluators, bounds and shaders,
+//! and Blender renders them as they are. Noises that Blender does not have are nodes of ours ([`crate::nodes::lattice_noise`]).
+
+use crate::base::error::{Error, Result};
+use crate::engines::light::TwoLobes;
+use crate::graph::Program;
+use crate::scene::{Graph, GraphSource, Scene};
+use serde_json::{Map, Value, json};
+
+/// What goes into a node: a number, or another node's output.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Input {
+    /// The same everywhere.
+    Number(f64),
+    /// An output by its node and identifier.
+    Output(String, &'static str),
+}
+
+impl From<f64> for Input {
+    fn from(number: f64) -> Self {
+        Self::Number(number)
+    }
+}
+
+impl From<&Input> for Input {
+    fn from(input: &Self) -> Self {
+        input.clone()
+    }
+}
+
+impl Input {
+    fn json(&self) -> Value {
+        match self {
+            // Stored numbers are f32.
+            Self::Number(number) => json!(*number as f32),
+            Self::Output(node, socket) => json!({ "node": node, "socket": socket }),
+        }
+    }
+}
+
+/// A graph under construction.
+#[derive(Debug, Clone, Default)]
+pub struct NodeGraph {
+    nodes: Vec<Value>,
+}
+
+impl NodeGraph {
+    /// Adds a node; `inputs` by their identifiers.
+    fn node(&mut self, kind: &str, properties: Value, inputs: &[(&str, Value)], output: &'static str) -> Input {
+        let name = format!("Node {}", self.nodes.len() + 1);
+        let column = self.nodes.len() as f32;
+        let inputs: Map<String, Value> =
+            inputs.iter().map(|(name, value)| ((*name).to_owned(), value.clone())).collect();
+        self.nodes.push(json!({
+            "name": name,
+            "type": kind,
+            "location": [160.0 * column, 0.0],
+            "properties": properties,
+            "inputs": inputs,
+        }));
+        Input::Output(name, output)
+    }
+
+    /// The place in the object.
+    pub fn place(&mut self) -> Input {
+        self.node("ShaderNodeTexCoord", json!({}), &[], "Object")
+    }
+
+    /// A Math node's operation on one to three inputs.
+    pub fn math(&mut self, operation: &str, inputs: &[Input]) -> Input {
+        self.calculated(operation, inputs, false)
+    }
+
+    fn calculated(&mut self, operation: &str, inputs: &[Input], clamps: bool) -> Input {
+        let given: Vec<(&str, Value)> =
+            ["Value", "Value_001", "Value_002"].into_iter().zip(inputs.iter().map(Input::json)).collect();
+        self.node("ShaderNodeMath", json!({ "operation": operation, "use_clamp": clamps }), &given, "Value")
+    }
+
+    /// a + b.
+    pub fn add(&mut self, a: impl Into<Input>, b: impl Into<Input>) -> Input {
+        self.math("ADD", &[a.into(), b.into()])
+    }
+
+    /// a - b.
+    pub fn subtract(&mut self, a: impl Into<Input>, b: impl Into<Input>) -> Input {
+        self.math("SUBTRACT", &[a.into(), b.into()])
+    }
+
+    /// a b.
+    pub fn multiply(&mut self, a: impl Into<Input>, b: impl Into<Input>) -> Input {
+        self.math("MULTIPLY", &[a.into(), b.into()])
+    }
+
+    /// a b, kept within [0, 1].
+    pub fn multiply_clamped(&mut self, a: impl Into<Input>, b: impl Into<Input>) -> Input {
+        self.calculated("MULTIPLY", &[a.into(), b.into()], true)
+    }
+
+    /// a b + c.
+    pub fn multiply_add(&mut self, a: impl Into<Input>, b: impl Into<Input>, c: impl Into<Input>) -> Input {
+        self.math("MULTIPLY_ADD", &[a.into(), b.into(), c.into()])
+    }
+
+    /// The larger.
+    pub fn maximum(&mut self, a: impl Into<Input>, b: impl Into<Input>) -> Input {
+        self.math("MAXIMUM", &[a.into(), b.into()])
+    }
+
+    /// `to[0] + (x - from[0]) (to[1] - to[0]) / (from[1] - from[0])`, which is `to[0]` for an empty range; kept within `to` where asked for.
+    pub fn remap(&mut self, x: &Input, from: [Input; 2], to: [f64; 2], clamps: bool) -> Input {
+        self.mapped(x, from, to, "LINEAR", clamps)
+    }
+
+    /// The cubic step from 0 at `from` to 1 at `to`.
+    pub fn smooth(&mut self, from: f64, to: f64, x: &Input) -> Input {
+        self.mapped(x, [from.into(), to.into()], [0.0, 1.0], "SMOOTHSTEP", true)
+    }
+
+    fn mapped(&mut self, x: &Input, from: [Input; 2], to: [f64; 2], interpolation: &str, clamps: bool) -> Input {
+        let inputs = [
+            ("Value", x.json()),
+            ("From Min", from[0].json()),
+            ("From Max", from[1].json()),
+            ("To Min", Input::Number(to[0]).json()),
+            ("To Max", Input::Number(to[1]).json()),
+        ];
+        let properties = json!({ "interpolation_type": interpolation, "data_type": "FLOAT", "clamp": clamps });
+        self.node("ShaderNodeMapRange", properties, &inputs, "Result")
+    }
+
+    /// Coordinates of a vector.
+    pub fn separate(&mut self, vector: &Input) -> [Input; 3] {
+        let Input::Output(name, _) = self.node("ShaderNodeSeparateXYZ", json!({}), &[("Vector", vector.json())], "X")
+        else {
+            unreachable!("a node has outputs")
+        };
+        ["X", "Y", "Z"].map(|axis| Input::Output(name.clone(), axis))
+    }
+
+    /// A vector of coordinates.
+    pub fn combine(&mut self, [x, y, z]: [Input; 3]) -> Input {
+        let inputs = [("X", x.json()), ("Y", y.json()), ("Z", z.json())];
+        self.node("ShaderNodeCombineXYZ", json!({}), &inputs, "Vector")
+    }
+
+    /// `factor v + added`, component by component.
+    pub fn affine(&mut self, vector: &Input, factor: [f64; 3], added: [f64; 3]) -> Input {
+        let inputs = [
+            ("Vector", vector.json()),
+            ("Vector_001", json!(factor.map(|part| part as f32))),
+            ("Vector_002", json!(added.map(|part| part as f32))),
+        ];
+        self.node("ShaderNodeVectorMath", json!({ "operation": "MULTIPLY_ADD" }), &inputs, "Vector")
+    }
+
+    /// A vector's length.
+    pub fn length(&mut self, vector: &Input) -> Input {
+        self.node("ShaderNodeVectorMath", json!({ "operation": "LENGTH" }), &[("Vector", vector.json())], "Value")
+    }
+
+    /// Gradient noise of `scale` times a place, as 0.5 + 0.5 g with g in about [-1, 1], of octaves with half the amplitude each.
+    pub fn gradient_noise(&mut self, place: &Input, scale: f64, octaves: u32) -> Input {
+        let inputs = [
+            ("Vector", place.json()),
+            ("Scale", Input::Number(scale).json()),
+            ("Detail", json!(octaves.saturating_sub(1) as f32)),
+            ("Roughness", json!(0.5)),
+            ("Lacunarity", json!(2.0)),
+            ("Distortion", json!(0.0)),
+        ];
+        let properties = json!({ "noise_dimensions": "3D", "noise_type": "FBM", "normalize": true });
+        self.node("ShaderNodeTexNoise", properties, &inputs, "Fac")
+    }
+
+    /// 1 minus the distance to the nearest feature point, at most 1, of `scale` times a place: one point in each cell.
+    pub fn cells(&mut self, place: &Input, scale: f64) -> Input {
+        let inputs = [
+            ("Vector", place.json()),
+            ("Scale", Input::Number(scale).json()),
+            ("Detail", json!(0.0)),
+            ("Randomness", json!(1.0)),
+        ];
+        let properties = json!({
+            "voronoi_dimensions": "3D", "distance": "EUCLIDEAN", "feature": "F1", "normalize": false
+        });
+        let distance = self.node("ShaderNodeTexVoronoi", properties, &inputs, "Distance");
+        self.calculated("SUBTRACT", &[1.0.into(), distance], true)
+    }
+
+    /// Noise on a lattice of ours ([`crate::nodes::lattice_noise`]).
+    pub fn lattice_noise(&mut self, kind: &str, place: &Input) -> Input {
+        self.node("cloudparity.LatticeNoise", json!({ "kind": kind }), &[("Vector", place.json())], "Value")
+    }
+
+    /// Sum of terms with weights.
+    pub fn weighted(&mut self, terms: &[(f64, Input)]) -> Input {
+        let mut sum: Option<Input> = None;
+        for (weight, term) in terms {
+            sum = Some(match sum {
+                None => self.multiply(term, *weight),
+                Some(sum) => self.multiply_add(term, *weight, sum),
+            });
+        }
+        sum.unwrap_or(Input::Number(0.0))
+    }
+
+    /// The sum of two volumes.
+    fn add_volumes(&mut self, a: &Input, b: &Input) -> Input {
+        self.node("ShaderNodeAddShader", json!({}), &[("Shader", a.json()), ("Shader_001", b.json())], "Shader")
+    }
+
+    /// The graph of a material with a volume.
+    fn finish(mut self, name: &str, volume: &Input) -> Result<Graph> {
+        let properties = json!({ "is_active_output": true, "target": "ALL" });
+        self.node("ShaderNodeOutputMaterial", properties, &[("Volume", volume.json())], "");
+        serde_json::from_value(json!({ "material": name, "nodes": self.nodes, "groups": [] })).map_err(|cause| {
+            Error::new(
+                format!("the node graph of {name}"),
+                cause.to_string(),
+                "a graph of nodes",
+                "Please report this: it is a mistake of the program.",
+            )
+        })
+    }
+}
+
+/// The density of a system as a graph.
+#[derive(Debug, Clone)]
+pub struct GraphDensity {
+    /// The nodes.
+    pub graph: NodeGraph,
+    /// The density.
+    pub density: Input,
+}
+
+impl GraphDensity {
+    /// As a program of the places in the object.
+    pub fn program(&self, name: &str, scene: &Scene) -> Result<Program> {
+        let mut graph = self.graph.clone();
+        let inputs = [("Density", self.density.json())];
+        let volume = graph.node("ShaderNodeVolumeScatter", json!({ "phase": "HENYEY_GREENSTEIN" }), &inputs, "Volume");
+        Program::density(&scene_of(scene, graph.finish(name, &volume)?))
+    }
+
+    /// As a material: extinction and scattering per unit of density and metre, alike for all channels up to their colour, and a phase
+    /// function. Lobes with a share of 0 are left out.
+    pub fn material(&self, name: &str, extinction: [f64; 3], scattering: [f64; 3], phase: &TwoLobes) -> Result<Graph> {
+        let mut graph = self.graph.clone();
+        let mut volumes = Vec::new();
+        let largest = |channels: [f64; 3]| channels.into_iter().fold(0.0, f64::max);
+        let color = |channels: [f64; 3], whole: f64| {
+            let part = |channel: usize| if whole > 0.0 { (channels[channel] / whole) as f32 } else { 0.0 };
+            json!([part(0), part(1), part(2), 1.0])
+        };
+        let shares = [1.0 - phase.second, phase.second];
+        // Lobes of one shape are one.
+        let is_one = phase.anisotropy[0] == phase.anisotropy[1] && phase.alpha[0] == phase.alpha[1];
+        for lobe in 0..2 {
+            let share = if !is_one { shares[lobe] } else { [1.0, 0.0][lobe] };
+            if share <= 0.0 {
+                continue;
+            }
+            let most = largest(scattering);
+            let density = graph.multiply(&self.density, most * share);
+            let (g, alpha) = (phase.anisotropy[lobe], phase.alpha[lobe]);
+            let kind = if alpha == 0.0 { "HENYEY_GREENSTEIN" } else { "DRAINE" };
+            let mut inputs =
+                vec![("Color", color(scattering, most)), ("Density", density.json()), ("Anisotropy", json!(g as f32))];
+            if alpha != 0.0 {
+                inputs.push(("Alpha", json!(alpha as f32)));
+            }
+            volumes.push(graph.node("ShaderNodeVolumeScatter", json!({ "phase": kind }), &inputs, "Volume"));
+        }
+        let absorbed: [f64; 3] = std::array::from_fn(|channel| (extinction[channel] - scattering[channel]).max(0.0));
+        // What is left of roundings is nothing that absorbs.
+        if largest(absorbed) > 1e-12 * largest(extinction) {
+            let most = largest(absorbed);
+            let density = graph.multiply(&self.density, most);
+            // Blender's node absorbs 1 - colour.
+            let kept = std::array::from_fn::<f64, 3, _>(|channel| most - absorbed[channel]);
+            let inputs = [("Color", color(kept, most)), ("Density", density.json())];
+            volumes.push(graph.node("ShaderNodeVolumeAbsorption", json!({}), &inputs, "Volume"));
+        }
+        let first = volumes.first().cloned().ok_or_else(|| {
+            Error::new(
+                format!("the material of {name}"),
+                "a cloud that neither scatters nor absorbs",
+                "an extinction above 0",
+                "Raise the extinction.",
+            )
+        })?;
+        let sum = volumes[1..].iter().fold(first, |sum, volume| graph.add_volumes(&sum, volume));
+        graph.finish(name, &sum)
+    }
+}
+
+/// The scene with a graph as the material of its only volume.
+pub fn scene_of(scene: &Scene, graph: Graph) -> Scene {
+    let mut changed = scene.clone();
+    changed.volume.material.clone_from(&graph.material);
+    changed.graph = GraphSource::Inline(graph);
+    changed.other_volumes.clear();
+    changed.other_graphs.clear();
+    changed
+}
