@@ -438,3 +438,25 @@ fn paths_go_through_a_published_density_itself() {
     let (without, _) = mean(&render(Subject::from(&Scene { lights: Vec::new(), ..scene.clone() }), &others[..2]));
     assert!((own - without).abs() > 0.01 * own, "the cloud is seen");
 }
+
+#[test]
+fn published_systems_are_the_same_on_the_adapter() {
+    let Some(gpu) = adapter() else { return };
+    let mut scene = support::scene("cloud-layer");
+    scene.film.resolution = [16, 9];
+    for (model, qualities) in [
+        ("bolt", &["low", "mobile,storm"][..]),
+        ("bfwe", &["low"]),
+        ("skill", &["performance", "performance,cumulonimbus", "performance,cirrus", "performance,nimbostratus"]),
+    ] {
+        let model = engines::find(model).expect("it is there");
+        for quality in qualities {
+            let changes = ["march_steps=12".to_owned(), "light_steps=2".to_owned()];
+            let values = model.values(Some(quality), &changes).expect("in range");
+            for defects in [Defects::NONE, Defects::ALL] {
+                let engine = model.engine(&scene, &values, &defects, 3.0).expect("an engine");
+                compare(&format!("{} {quality}, defects {defects}", model.id), &scene, &engine, &gpu);
+            }
+        }
+    }
+}

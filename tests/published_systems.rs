@@ -1,0 +1,197 @@
+//! Published systems whose densities are node graphs: their bounds hold, no parameters make a value that is no number, each defect shows, and
+//! their clouds are scenes of their own.
+
+mod support;
+
+use cloudparity::engines;
+use cloudparity::engines::defects::Defects;
+use cloudparity::engines::domain::Domain;
+use cloudparity::engines::parameters::{Range, Values};
+use cloudparity::engines::render::{EngineJitter, EngineRenderer, EngineSettings};
+use cloudparity::engines::{Engine, Model};
+use cloudparity::gpu::Backend;
+use cloudparity::graph::bounds_check::{Survey, layer};
+use cloudparity::integrators::path;
+use cloudparity::integrators::path::{GivenMedium, PathSettings, Subject};
+use cloudparity::scene::Scene;
+use glam::DVec3;
+use rand::{Rng, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use std::sync::Arc;
+
+const SETTINGS: EngineSettings =
+    EngineSettings { jitter: EngineJitter::None, frame: 0, sub_pixels: 1, god_rays: false };
+
+fn systems() -> Vec<&'static Model> {
+    ["bolt", "bfwe", "skill"].map(|id| engines::find(id).expect("it is there")).to_vec()
+}
+
+fn layer_scene(resolution: [u32; 2]) -> Scene {
+    let mut scene = support::scene("cloud-layer");
+    scene.film.resolution = resolution;
+    scene
+}
+
+fn engine(model: &Model, scene: &Scene, defects: &Defects, quality: Option<&str>) -> Engine {
+    model.engine(scene, &model.values(quality, &[]).expect("in range"), defects, 0.0).expect("an engine")
+}
+
+fn picture(scene: &Scene, engine: &Engine) -> Vec<f32> {
+    let renderer = EngineRenderer::new(scene, engine, None).expect("a renderer");
+    renderer.picture(&SETTINGS, &|_, _| ()).expect("a picture").pixels.as_flattened().to_vec()
+}
+
+#[test]
+fn values_lie_within_their_bounds() {
+    let scene = layer_scene([8, 5]);
+    for model in systems() {
+        for defects in [Defects::NONE, Defects::ALL] {
+            for quality in model.qualities.iter().map(|(name, _)| Some(*name)) {
+                let engine = engine(model, &scene, &defects, quality);
+                // 10,000 boxes of a density with its own values, fewer of its presets.
+                let boxes = if quality == Some(model.qualities[0].0) { 10_000 } else { 500 };
+                let survey =
+                    Survey { layer: layer(&scene, 1.0), boxes, samples: 20, grid: 0, cells: 0, refine: 0, seed: 3 };
+                let report = survey.run(engine.density.program()).expect("bounds");
+                assert_eq!(report.violations, 0, "{} {quality:?}, defects {defects}: {report}", model.id);
+            }
+        }
+    }
+}
+
+/// Random values within the usual ranges; one in four is an end of its range, where things break.
+fn random_values(model: &Model, random: &mut ChaCha8Rng) -> Values {
+    let mut values = Values::defaults(model.parameters);
+    for parameter in model.parameters {
+        let [low, high] = parameter.usual;
+        let drawn = match random.random_range(0..8) {
+            0 => low,
+            1 => high,
+            _ => random.random_range(low..=high),
+        };
+        let value = match parameter.range {
+            Range::Whole(..) => drawn.round().clamp(low, high.min(12.0)),
+            _ => drawn,
+        };
+        values.set(model.parameters, parameter.name, value, "a random trial").expect("usual values are allowed");
+    }
+    values
+}
+
+#[test]
+fn no_parameters_make_a_value_that_is_no_number() {
+    let scene = layer_scene([6, 4]);
+    let mut random = ChaCha8Rng::seed_from_u64(8);
+    for model in systems() {
+        let mut seen = 0;
+        for number in 0..200 {
+            let values = random_values(model, &mut random);
+            let defects = if number % 2 == 0 { Defects::NONE } else { Defects::ALL };
+            let seconds = [0.0, 1e6][usize::from(number % 5 == 0)];
+            let engine = model.engine(&scene, &values, &defects, seconds).expect("an engine");
+            let found = picture(&scene, &engine);
+            assert!(found.iter().all(|value| value.is_finite() && *value >= 0.0), "{} {values:?}", model.id);
+            let first = found[0];
+            seen += usize::from(found.iter().any(|value| *value != first));
+        }
+        assert!(seen > 50, "{}: {seen} of 200 sets show anything", model.id);
+    }
+}
+
+#[test]
+fn each_defect_shows() {
+    let scene = layer_scene([32, 18]);
+    for model in systems() {
+        let values = match model.id {
+            // Noise of one cell and more across the piece of the shell.
+            "bfwe" => vec!["coverage=0.8".to_owned()],
+            _ => Vec::new(),
+        };
+        let values = model.values(None, &values).expect("in range");
+        let of = |defects: &Defects| picture(&scene, &model.engine(&scene, &values, defects, 0.0).expect("an engine"));
+        let corrected = of(&Defects::NONE);
+        for defect in model.defects {
+            assert_ne!(of(&Defects::only(defect)), corrected, "{}", defect.id);
+        }
+    }
+}
+
+#[test]
+fn nothing_is_covered_without_coverage_and_an_unknown_set_is_refused() {
+    let scene = layer_scene([6, 4]);
+    for model in systems() {
+        let values = model.values(None, &["coverage=0".to_owned()]).expect("in range");
+        let engine = model.engine(&scene, &values, &Defects::ALL, 0.0).expect("an engine");
+        let found = picture(&scene, &engine);
+        assert!(found.chunks(4).all(|pixel| pixel == &found[..4]), "{}: something is seen", model.id);
+        let error = model.values(Some("low,moon"), &[]).expect_err("unknown").to_string();
+        assert!(error.contains("moon") || error.contains("low"), "{error}");
+    }
+}
+
+#[test]
+fn a_cloud_as_a_scene_is_the_engines_medium() {
+    let scene = layer_scene([24, 14]);
+    for model in systems() {
+        let engine = engine(model, &scene, &Defects::NONE, None);
+        let own = engine.scene(&scene).expect("a scene");
+        let given =
+            GivenMedium { identity: engine.medium_identity(), object: Arc::new(engine.medium().expect("a medium")) };
+        let settings = PathSettings { samples: 24, ..PathSettings::default() };
+        let render = |subject: Subject<'_>| {
+            let images = path::render_replicas(subject, &settings, Backend::Cpu, &[1, 2, 3, 4, 5, 6, 7, 8], &|_, _| ());
+            let images = images.expect("pictures");
+            assert!(images.iter().all(|image| image.provenance["violations"] == "0"), "{}", model.id);
+            let means: Vec<f64> = images
+                .iter()
+                .map(|image| {
+                    let values = image.pixels.iter().map(|pixel| f64::from(pixel[1]));
+                    values.sum::<f64>() / image.pixels.len() as f64
+                })
+                .collect();
+            let mean = means.iter().sum::<f64>() / 8.0;
+            let variance = means.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / 7.0;
+            (mean, (variance / 8.0).sqrt())
+        };
+        let (of_medium, first) = render(Subject { medium: Some(&given), ..Subject::from(&scene) });
+        let (of_scene, second) = render(Subject::from(&own));
+        // Five standard errors of independent pictures, and what f32 rounds of the coefficients.
+        let limit = 5.0 * first.hypot(second) + 1e-5 * of_medium;
+        assert!((of_medium - of_scene).abs() <= limit, "{}: {of_medium}, not {of_scene}", model.id);
+    }
+}
+
+#[test]
+fn a_shell_and_a_slab_are_domains_of_their_own() {
+    let scene = layer_scene([16, 9]);
+    let radius = 6.36e6;
+    let shell = Domain::Shell { centre: [0.0, 0.0, -radius], inner: radius + 1.2e5, outer: radius + 1.9e5 };
+    let model = engines::find("bfwe").expect("it is there");
+    let values = model.values(None, &["coverage=0.9".to_owned()]).expect("in range");
+    let engine = model.engine_in(Some(shell), &scene, &values, &Defects::NONE, 0.0).expect("an engine");
+    assert!((engine.extinction[0] - 400.0 * 1.02 / (radius + 1.2e5)).abs() < 1e-12);
+    // Straight up through half the shell: the same cloud whether the centre is near or far, in units of the planet.
+    let density = |place: DVec3| engine.density.values(&[place.as_vec3().to_array()]).expect("a value")[0];
+    let values: Vec<f32> = (0..200)
+        .map(|number| {
+            let angle = f64::from(number) * 0.01;
+            density(DVec3::new(angle.sin(), 0.0, angle.cos()) * (radius + 1.5e5))
+        })
+        .collect();
+    assert!(values.iter().all(|value| value.is_finite()) && values.iter().any(|value| *value > 0.0));
+    assert!(
+        model
+            .engine_in(
+                Some(Domain::Slab { bottom: 0.0, top: 1.0 }),
+                &scene,
+                engine_values(&engine),
+                &Defects::NONE,
+                0.0
+            )
+            .is_err()
+    );
+}
+
+fn engine_values(engine: &Engine) -> &Values {
+    &engine.values
+}
