@@ -27,7 +27,7 @@ pub(super) struct EngineArguments {
     light: Option<String>,
     #[command(flatten)]
     defects: DefectsArgument,
-    /// engine: a level of quality of the system.
+    /// engine: a level of quality of the system, or several of its value sets: high,cirrus.
     #[arg(long, value_name = "LEVEL")]
     quality: Option<String>,
     /// engine: a parameter of the system. May be given several times.

@@ -43,7 +43,7 @@ pub(super) struct Arguments {
     #[arg(long, value_name = "MODEL")]
     model: Option<String>,
     /// Value sets of the system, such as a level of quality or a genus: high,cirrus.
-    #[arg(long, value_name = "NAMES", requires = "model")]
+    #[arg(long, value_name = "LEVEL", requires = "model")]
     quality: Option<String>,
     /// A parameter of the system. May be given several times.
     #[arg(long = "parameter", value_name = "NAME=VALUE", requires = "model")]

@@ -163,7 +163,7 @@ impl Engine {
                 format!("model {}", self.model),
                 "a density that is no node graph",
                 "a density made of nodes, as that of bolt",
-                "Take an OpenVDB grid of it: cloudparity grid SCENE --model MODEL -o FILE.vdb.",
+                "Take an OpenVDB grid of it, or another model.",
             ));
         };
         let [extinction, scattering] = self.coefficients()?;

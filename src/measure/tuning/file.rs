@@ -297,7 +297,7 @@ mod tests {
             |from: &str, to: &str| TuningFile::parse(&FILE.replace(from, to), "a.tune.toml").expect_err("refused");
         assert!(error("exposure =", "exposures =").to_string().contains("contribution"));
         assert!(error("[0.1, 1.0]", "[1.0, 0.1]").place.contains("parameters.contribution"));
-        assert!(error("[0.1, 1.0]", "[-0.1, 1.0]").place.contains("contribution"));
+        assert!(error("contribution = { range = [0.1", "attenuation = { range = [-0.1").place.contains("attenuation"));
         assert!(error("[0.5, 2.0]", "[0.0, 2.0]").place.contains("exposure"));
         assert!(error("initial = 1.0", "initial = 9.0").found.contains('9'));
         assert!(error("\"perlin-fbm\"", "\"fog\"").place.contains("engine.density"));
