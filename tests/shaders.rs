@@ -404,7 +404,25 @@ fn every_mode_and_every_file_links_and_validates() {
         used.insert(shader.path.clone());
     }
     // The march of engines with all terms, in a box, in a shell and in a mesh, with one sun and with several.
-    let terms = ["OCTAVES", "COMPRESSION", "SILVER", "POWDER", "AMBIENT_GRADIENT", "BODY", "COARSE_SHADOW", "TERMS"];
+    let terms = [
+        "OCTAVES",
+        "COMPRESSION",
+        "SILVER",
+        "POWDER",
+        "AMBIENT_GRADIENT",
+        "BODY",
+        "COARSE_SHADOW",
+        "TERMS",
+        "SHADOW_TO_EXIT",
+        "SHADOW_AT_MOST",
+        "SHADOW_GROWTH",
+        "SHADOW_BY_ANGLE",
+        "DRAINE",
+        "OWN_PHASE",
+        "RAY_POWDER",
+        "BOOST",
+        "BOOST_BY_ANGLE",
+    ];
     for more in [&[][..], &["SHELL"], &["MESH"], &["SEVERAL_SUNS"], &["NO_SUN", "SHELL", "EMPTY_CELLS"]] {
         check(&programs[2], "engines/march.wgsl", &[&terms, more].concat());
     }
@@ -413,7 +431,7 @@ fn every_mode_and_every_file_links_and_validates() {
             .map(|path| (path, definitions(&all[path].text).len()))
             .to_vec();
     // Conditions that the search finds: were it blind, nothing would be tried.
-    assert_eq!(conditions.iter().map(|(_, count)| *count).collect::<Vec<_>>(), [18, 7, 5], "{conditions:?}");
+    assert_eq!(conditions.iter().map(|(_, count)| *count).collect::<Vec<_>>(), [26, 7, 5], "{conditions:?}");
     for shader in all.values().filter(|shader| !shader.is_entry) {
         let stem = Path::new(&shader.path).file_stem().expect("a name").to_string_lossy().into_owned();
         let prefix = match &shader.import_path {
