@@ -12,6 +12,7 @@ use cloudparity::graph::wgsl::{self, Linker};
 use cloudparity::graph::{Program, Target};
 use cloudparity::integrators::{march, path};
 use cloudparity::measure::nodes::suite::modes;
+use cloudparity::nodes::lattice_noise;
 use cloudparity::nodes::perlin_fbm::{self, Cloud, Parameters};
 use cloudparity::nodes::{self, Data, Mode, NodeType, Role};
 use cloudparity::scene::bare_scene;
@@ -348,7 +349,11 @@ fn perlin_fbm_cloud() -> Program {
 /// Nodes of ours that no file of Blender holds, linked and validated.
 fn link_own_nodes() -> BTreeSet<String> {
     let mut names = BTreeSet::new();
-    for program in textures().map(lookup).into_iter().chain([perlin_fbm_cloud()]) {
+    let lattices = modes(&lattice_noise::TYPE)
+        .into_iter()
+        .map(|properties| Mode::read(&lattice_noise::TYPE, &properties, "test").expect("a mode of the node"))
+        .map(|mode| Program::of_node("lattice noise", &lattice_noise::TYPE, mode, IDENTITY));
+    for program in textures().map(lookup).into_iter().chain([perlin_fbm_cloud()]).chain(lattices) {
         let module = linked(&program);
         validate("a node of ours", &module);
         names.extend(function_names(&module));
