@@ -24,7 +24,7 @@ use crate::engines::defects::{Defect, Defects};
 use crate::engines::domain::{Container, Domain, DomainKind, Outline};
 use crate::engines::light::{LightModel, LightTerm, SourceFactor};
 use crate::engines::march::{Marched, RealTimeSettings};
-use crate::engines::node_graph::GraphDensity;
+use crate::engines::node_graph::{GraphDensity, Input, NodeGraph};
 use crate::engines::passes::Pass;
 use crate::engines::passes::compositing::Compositing;
 use crate::engines::passes::god_rays::GodRays;
@@ -75,6 +75,51 @@ impl Request<'_> {
     pub fn domain_or(&self, own: Domain) -> Result<Container> {
         self.domain.clone().map_or_else(|| own.place(self.scene), Ok)
     }
+
+    /// An engine whose density is a node graph, without passes.
+    pub fn engine_of_graph(&self, model: &'static str, parts: GraphParts) -> Result<Engine> {
+        let GraphParts { container, graph, density, extinction, light, march } = parts;
+        let graph = GraphDensity { graph, density };
+        let program = Arc::new(graph.program(model, self.scene)?);
+        let region = container.outline.region();
+        Ok(Engine {
+            model,
+            defects: self.defects.clone(),
+            values: self.values.clone(),
+            density: match container.outline {
+                // Its cells would be as large as a planet.
+                Outline::Shell { .. } => Density::filling(program, region),
+                _ => Density::new(program, region)?,
+            },
+            container,
+            extinction,
+            light,
+            graph: Some(graph),
+            terms: Vec::new(),
+            passes: Vec::new(),
+            march,
+            compositing: Compositing::default(),
+            god_rays: GodRays::default(),
+            warnings: Vec::new(),
+            averages: OnceLock::new(),
+        })
+    }
+}
+
+/// What an engine whose density is a node graph is put together from.
+pub struct GraphParts {
+    /// Where it is.
+    pub container: Container,
+    /// The nodes.
+    pub graph: NodeGraph,
+    /// The one that gives the density.
+    pub density: Input,
+    /// Extinction per unit of density and of length, per channel.
+    pub extinction: [f64; 3],
+    /// The light.
+    pub light: LightModel,
+    /// The march.
+    pub march: RealTimeSettings,
 }
 
 /// An engine, put together.
@@ -167,7 +212,7 @@ impl Engine {
             ));
         };
         let [extinction, scattering] = self.coefficients()?;
-        let material = graph.material(self.model, extinction, scattering, &self.light.phase)?;
+        let material = graph.material(self.model, extinction, scattering, &self.light.phase.lobes())?;
         Ok(node_graph::scene_of(scene, material))
     }
 
@@ -175,9 +220,7 @@ impl Engine {
     /// source is no albedo times extinction, or where the domain is no object.
     pub fn medium(&self) -> Result<ObjectMedium> {
         let [extinction, scattering] = self.coefficients()?;
-        let phase = &self.light.phase;
-        let lobe = |number: usize, share: f64| (share, phase.anisotropy[number], phase.alpha[number]);
-        let lobes = [lobe(0, 1.0 - phase.second), lobe(1, phase.second)];
+        let lobes = self.light.phase.lobes();
         let Container { to_local, outline, .. } = &self.container;
         let mesh = if let Outline::Mesh(mesh) = outline { Some(Arc::clone(mesh)) } else { None };
         let medium = ObjectMedium::of_density(self.model, *to_local, &self.density, extinction, scattering, &lobes);

@@ -2,10 +2,12 @@
 //! and Blender renders them as they are. Noises that Blender does not have are nodes of ours ([`crate::nodes::lattice_noise`]).
 
 use crate::base::error::{Error, Result};
-use crate::engines::light::TwoLobes;
 use crate::graph::Program;
+use crate::media::phase::ScatteringLobe;
+use crate::nodes;
 use crate::scene::{Graph, GraphSource, Scene};
 use serde_json::{Map, Value, json};
+use std::collections::HashMap;
 
 /// What goes into a node: a number, or another node's output.
 #[derive(Debug, Clone, PartialEq)]
@@ -42,12 +44,18 @@ impl Input {
 #[derive(Debug, Clone, Default)]
 pub struct NodeGraph {
     nodes: Vec<Value>,
+    /// How many nodes there are of each type.
+    counts: HashMap<String, usize>,
 }
 
 impl NodeGraph {
     /// Adds a node; `inputs` by their identifiers.
     fn node(&mut self, kind: &str, properties: Value, inputs: &[(&str, Value)], output: &'static str) -> Input {
-        let name = format!("Node {}", self.nodes.len() + 1);
+        // As Blender names new nodes: Math, Math.001, Math.002.
+        let label = nodes::find(kind).map_or(kind, |found| found.label);
+        let count = self.counts.entry(label.to_owned()).or_default();
+        let name = if *count == 0 { label.to_owned() } else { format!("{label}.{count:03}") };
+        *count += 1;
         let column = self.nodes.len() as f32;
         let inputs: Map<String, Value> =
             inputs.iter().map(|(name, value)| ((*name).to_owned(), value.clone())).collect();
@@ -115,6 +123,13 @@ impl NodeGraph {
     /// The cubic step from 0 at `from` to 1 at `to`.
     pub fn smooth(&mut self, from: f64, to: f64, x: &Input) -> Input {
         self.mapped(x, [from.into(), to.into()], [0.0, 1.0], "SMOOTHSTEP", true)
+    }
+
+    /// 1 in the middle of [0, 1], falling to 0 over 0.15 at both ends, and 0 outside.
+    pub fn trapezoid(&mut self, height: &Input) -> Input {
+        let low = self.remap(height, [0.0.into(), 0.15.into()], [0.0, 1.0], true);
+        let high = self.remap(height, [0.85.into(), 1.0.into()], [1.0, 0.0], true);
+        self.multiply(low, high)
     }
 
     fn mapped(&mut self, x: &Input, from: [Input; 2], to: [f64; 2], interpolation: &str, clamps: bool) -> Input {
@@ -243,9 +258,15 @@ impl GraphDensity {
         Program::density(&scene_of(scene, graph.finish(name, &volume)?))
     }
 
-    /// As a material: extinction and scattering per unit of density and metre, alike for all channels up to their colour, and a phase
-    /// function. Lobes with a share of 0 are left out.
-    pub fn material(&self, name: &str, extinction: [f64; 3], scattering: [f64; 3], phase: &TwoLobes) -> Result<Graph> {
+    /// As a material: extinction and scattering per unit of density and metre, alike for all channels up to their colour, and the lobes of
+    /// a phase function.
+    pub fn material(
+        &self,
+        name: &str,
+        extinction: [f64; 3],
+        scattering: [f64; 3],
+        lobes: &[ScatteringLobe],
+    ) -> Result<Graph> {
         let mut graph = self.graph.clone();
         let mut volumes = Vec::new();
         let largest = |channels: [f64; 3]| channels.into_iter().fold(0.0, f64::max);
@@ -253,20 +274,15 @@ impl GraphDensity {
             let part = |channel: usize| if whole > 0.0 { (channels[channel] / whole) as f32 } else { 0.0 };
             json!([part(0), part(1), part(2), 1.0])
         };
-        let shares = [1.0 - phase.second, phase.second];
-        // Lobes of one shape are one.
-        let is_one = phase.anisotropy[0] == phase.anisotropy[1] && phase.alpha[0] == phase.alpha[1];
-        for lobe in 0..2 {
-            let share = if !is_one { shares[lobe] } else { [1.0, 0.0][lobe] };
-            if share <= 0.0 {
-                continue;
-            }
-            let most = largest(scattering);
+        let most = largest(scattering);
+        for &ScatteringLobe { share, anisotropy, alpha } in lobes.iter().filter(|_| most > 0.0) {
             let density = graph.multiply(&self.density, most * share);
-            let (g, alpha) = (phase.anisotropy[lobe], phase.alpha[lobe]);
             let kind = if alpha == 0.0 { "HENYEY_GREENSTEIN" } else { "DRAINE" };
-            let mut inputs =
-                vec![("Color", color(scattering, most)), ("Density", density.json()), ("Anisotropy", json!(g as f32))];
+            let mut inputs = vec![
+                ("Color", color(scattering, most)),
+                ("Density", density.json()),
+                ("Anisotropy", json!(anisotropy as f32)),
+            ];
             if alpha != 0.0 {
                 inputs.push(("Alpha", json!(alpha as f32)));
             }

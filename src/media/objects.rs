@@ -13,7 +13,7 @@ use crate::graph::evaluate::Points;
 use crate::graph::{Operand, Program};
 use crate::media::density::Density;
 use crate::media::mesh::{Mesh, PlacedMesh, as_box};
-use crate::media::phase::PhaseFunction;
+use crate::media::phase::{PhaseFunction, ScatteringLobe};
 use crate::media::region::Region;
 use crate::nodes::closure::{Coefficients, Phase, Quantity, per_channel};
 use crate::nodes::density_medium::DensityMedium;
@@ -250,7 +250,7 @@ impl ObjectMedium {
         density: &Density,
         extinction: [f64; 3],
         scattering: [f64; 3],
-        lobes: &[(f64, f64, f64)],
+        lobes: &[ScatteringLobe],
     ) -> Self {
         let label = || format!("medium of {name}");
         let closure = |extinction: [f64; 3], scattering: [f64; 3], [anisotropy, alpha]: [f64; 2]| Closure {
@@ -269,7 +269,7 @@ impl ObjectMedium {
         if absorbed != [0.0; 3] {
             closures.push(closure(absorbed, [0.0; 3], [0.0; 2]));
         }
-        for &(share, anisotropy, alpha) in lobes.iter().filter(|(share, ..)| *share > 0.0) {
+        for &ScatteringLobe { share, anisotropy, alpha } in lobes {
             let part = scattering.map(|channel| share * channel);
             closures.push(closure(part, part, [anisotropy, alpha]));
         }

@@ -33,6 +33,17 @@ const SMALLEST_ANISOTROPY: f64 = 0.001;
 /// is written without that division.
 const SMALL_ANISOTROPY: f64 = 0.25;
 
+/// A lobe of a phase function that is a sum of several: Henyey and Greenstein's, or with an alpha Draine's.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ScatteringLobe {
+    /// Its share of the light that is scattered, 0 to 1.
+    pub share: f64,
+    /// Its anisotropy.
+    pub anisotropy: f64,
+    /// Draine's alpha; 0 is Henyey and Greenstein's.
+    pub alpha: f64,
+}
+
 /// A phase function, prepared to be evaluated and sampled.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PhaseFunction {

@@ -19,14 +19,10 @@ use crate::engines::frame::SlabFrame;
 use crate::engines::light::terms::{Powder, Terms};
 use crate::engines::light::{LightModel, ShadowExtinction, ShadowLength, ShadowMarch, SourceFactor, Sun, TwoLobes};
 use crate::engines::march::RealTimeSettings;
-use crate::engines::node_graph::{GraphDensity, Input, NodeGraph};
+use crate::engines::node_graph::{Input, NodeGraph};
 use crate::engines::parameters::{Parameter, Range, Values, parameter};
-use crate::engines::passes::compositing::Compositing;
-use crate::engines::passes::god_rays::GodRays;
-use crate::engines::{Engine, Model, Request};
-use crate::media::density::Density;
+use crate::engines::{Engine, GraphParts, Model, Request};
 use crate::media::transfer::Integration;
-use std::sync::{Arc, OnceLock};
 
 const UNIT: Range = Range::Between(0.0, 1.0);
 
@@ -63,43 +59,19 @@ const EXTINCTION: f64 = 400.0;
 const AMPLITUDES: f64 = 0.9375;
 
 fn engine(request: &Request<'_>) -> Result<Engine> {
-    let Request { scene, values, defects, .. } = *request;
+    let Request { values, defects, .. } = *request;
     let container = request.domain_or(Domain::Object)?;
     let mut graph = NodeGraph::default();
     let (place, height, unit) = placed(&mut graph, &container, values);
     let density = density(&mut graph, &place, &height, values);
-    let graph = GraphDensity { graph, density };
-    let program = graph.program(MODEL.id, scene)?;
-    Ok(Engine {
-        model: MODEL.id,
-        defects: defects.clone(),
-        values: values.clone(),
-        density: match container.outline {
-            Outline::Shell { .. } => Density::filling(Arc::new(program), container.outline.region()),
-            _ => Density::new(Arc::new(program), container.outline.region())?,
-        },
-        container,
-        extinction: [EXTINCTION * unit; 3],
-        light: light(values, defects, unit),
-        graph: Some(graph),
-        terms: Vec::new(),
-        passes: Vec::new(),
-        march: RealTimeSettings {
-            steps: values.get("march_steps") as u32,
-            integration: match defects.has(&defects::PLAIN_SUM) {
-                true => Integration::Plain,
-                false => Integration::EnergyConserving,
-            },
-            exit_fade: false,
-            least_density: 0.0,
-            // All three channels fall to 0.01.
-            least_transmittance: 0.01 * 3.0_f64.sqrt(),
-        },
-        compositing: Compositing::default(),
-        god_rays: GodRays::default(),
-        warnings: Vec::new(),
-        averages: OnceLock::new(),
-    })
+    let integration = match defects.has(&defects::PLAIN_SUM) {
+        true => Integration::Plain,
+        false => Integration::EnergyConserving,
+    };
+    let march = RealTimeSettings::until_one_percent(values.get("march_steps"), integration);
+    let light = light(values, defects, unit);
+    let extinction = [EXTINCTION * unit; 3];
+    request.engine_of_graph(MODEL.id, GraphParts { container, graph, density, extinction, light, march })
 }
 
 /// The place in planet radii, the height as a part of the shell's, and planet radii in the engine's unit of length.
@@ -132,9 +104,7 @@ fn density(graph: &mut NodeGraph, place: &Input, height: &Input, values: &Values
     let noise = graph.gradient_noise(place, scale, 4);
     let noise = graph.multiply_add(noise, AMPLITUDES, 0.5 * (1.0 - AMPLITUDES));
     let shape = graph.remap(&noise, [(1.0 - coverage).into(), 1.0.into()], [0.0, 1.0], false);
-    let low = graph.remap(height, [0.0.into(), 0.15.into()], [0.0, 1.0], true);
-    let high = graph.remap(height, [0.85.into(), 1.0.into()], [1.0, 0.0], true);
-    let profile = graph.multiply(low, high);
+    let profile = graph.trapezoid(height);
     let shape = graph.multiply(shape, profile);
     let cells = graph.cells(place, 4.0 * scale);
     let eroded_from = graph.multiply_add(cells, -0.3, 0.3);

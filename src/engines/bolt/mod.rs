@@ -19,18 +19,12 @@ use crate::engines::defects::Defects;
 use crate::engines::domain::{Domain, DomainKind};
 use crate::engines::frame::SlabFrame;
 use crate::engines::light::terms::{Boost, Powder, SilverLining, Terms};
-use crate::engines::light::{
-    LightModel, ShadowExtinction, ShadowLength, ShadowMarch, ShadowSample, SourceFactor, Sun, TwoLobes,
-};
+use crate::engines::light::{LightModel, ShadowExtinction, ShadowMarch, SourceFactor, Sun, TwoLobes};
 use crate::engines::march::RealTimeSettings;
-use crate::engines::node_graph::{GraphDensity, Input, NodeGraph};
+use crate::engines::node_graph::{Input, NodeGraph};
 use crate::engines::parameters::{Parameter, Range, Values, parameter};
-use crate::engines::passes::compositing::Compositing;
-use crate::engines::passes::god_rays::GodRays;
-use crate::engines::{Engine, Model, Request};
-use crate::media::density::Density;
+use crate::engines::{Engine, GraphParts, Model, Request};
 use crate::media::transfer::Integration;
-use std::sync::{Arc, OnceLock};
 
 const UNIT: Range = Range::Between(0.0, 1.0);
 
@@ -92,45 +86,35 @@ const FREQUENCY: f64 = 0.00015;
 const EXTINCTION: f64 = 0.01;
 
 fn engine(request: &Request<'_>) -> Result<Engine> {
-    let Request { scene, values, defects, seconds, .. } = *request;
+    let Request { values, defects, seconds, .. } = *request;
     let container = request.domain_or(Domain::Object)?;
     let base = values.get("height");
     let frame = SlabFrame::new(&container, base, base + values.get("thickness"));
     let mut graph = NodeGraph::default();
     let density = density(&mut graph, &frame, values, defects, seconds);
-    let graph = GraphDensity { graph, density };
-    let program = graph.program(MODEL.id, scene)?;
     let is_storm = values.get("thunderstorm") == 1.0;
     // Per unit of length, without the storm's factor and with it.
     let calm = EXTINCTION * values.get("light_absorption") * frame.unit;
     let extinction = if is_storm { 1.5 * calm } else { calm };
-    Ok(Engine {
-        model: MODEL.id,
-        defects: defects.clone(),
-        values: values.clone(),
-        density: Density::new(Arc::new(program), container.outline.region())?,
-        container,
-        extinction: [extinction; 3],
-        light: light(values, defects, &frame, calm, extinction),
-        graph: Some(graph),
-        terms: Vec::new(),
-        passes: Vec::new(),
-        march: RealTimeSettings {
-            steps: values.get("march_steps") as u32,
-            integration: match defects.has(&defects::PLAIN_SUM) {
-                true => Integration::Plain,
-                false => Integration::EnergyConserving,
-            },
-            exit_fade: false,
-            least_density: 0.001,
-            // The transmittance of all three channels falls to 0.01.
-            least_transmittance: 0.01 * 3.0_f64.sqrt(),
+    let integration = match defects.has(&defects::PLAIN_SUM) {
+        true => Integration::Plain,
+        false => Integration::EnergyConserving,
+    };
+    let march = RealTimeSettings::until_one_percent(values.get("march_steps"), integration);
+    let light = light(values, defects, &frame, calm, extinction);
+    let mut engine = request.engine_of_graph(
+        MODEL.id,
+        GraphParts {
+            container,
+            graph,
+            density,
+            extinction: [extinction; 3],
+            light,
+            march: RealTimeSettings { least_density: 0.001, ..march },
         },
-        compositing: Compositing { alpha_of_red: false, alpha_twice: defects.has(&defects::ALPHA_TWICE) },
-        god_rays: GodRays::default(),
-        warnings: Vec::new(),
-        averages: OnceLock::new(),
-    })
+    )?;
+    engine.compositing.alpha_twice = defects.has(&defects::ALPHA_TWICE);
+    Ok(engine)
 }
 
 /// The density of the slab.
@@ -175,9 +159,7 @@ fn density(graph: &mut NodeGraph, frame: &SlabFrame, values: &Values, kept: &Def
     let eroded_from = graph.multiply(fine, 0.3);
     let eroded = graph.remap(&perlin_worley, [eroded_from, 1.0.into()], [0.0, 1.0], false);
     let shape = graph.remap(&eroded, [(1.0 - coverage).into(), 1.0.into()], [0.0, 1.0], false);
-    let low = graph.remap(&height, [0.0.into(), 0.15.into()], [0.0, 1.0], true);
-    let high = graph.remap(&height, [0.85.into(), 1.0.into()], [1.0, 0.0], true);
-    let profile = graph.multiply(low, high);
+    let profile = graph.trapezoid(&height);
     let factor = get("density") * (1.0 + 0.4 * get("precipitation"));
     let profile = graph.multiply(profile, factor);
     graph.multiply_clamped(profile, shape)
@@ -189,14 +171,9 @@ fn light(values: &Values, kept: &Defects, frame: &SlabFrame, calm: f64, extincti
     // As a length over which extinction counts twice the density.
     let twice_density = if extinction > 0.0 { 2.0 / extinction } else { 0.0 };
     let steps = values.get("light_steps") as u32;
-    let shadow = if kept.has(&defects::VERTICAL_LIGHT_STEP) {
-        ShadowMarch {
-            sample: ShadowSample::Right,
-            ..ShadowMarch::new(steps, ShadowLength::Fixed(thickness), ShadowExtinction::Of(calm))
-        }
-    } else {
-        ShadowMarch::new(steps, ShadowLength::ToExitAtMost(4.0 * thickness), ShadowExtinction::View)
-    };
+    let is_vertical = kept.has(&defects::VERTICAL_LIGHT_STEP);
+    let dims = if is_vertical { ShadowExtinction::Of(calm) } else { ShadowExtinction::View };
+    let shadow = ShadowMarch::of_slab(steps, thickness, is_vertical, dims);
     let powder = if kept.has(&defects::POWDER_ON_ALL) { 1.0 } else { 0.0 };
     let boost = values.get("multi_scattering");
     LightModel {

@@ -9,7 +9,7 @@ pub mod terms;
 
 use crate::base::choice::choice;
 use crate::engines::domain::unit;
-use crate::media::phase::{draine, henyey_greenstein};
+use crate::media::phase::{ScatteringLobe, draine, henyey_greenstein};
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 use terms::Terms;
@@ -51,6 +51,15 @@ impl TwoLobes {
         });
         let lobes = self.gain * (first * (1.0 - self.second) + second * self.second);
         if self.rim == 0.0 { lobes } else { lobes + self.rim * (1.0 - cosine.abs()).max(0.0).powi(4) }
+    }
+
+    /// The lobes that light transport knows, without gain and rim: those with a share, two of one shape as one.
+    pub fn lobes(&self) -> Vec<ScatteringLobe> {
+        let [first, second] = [0, 1].map(|lobe| (self.anisotropy[lobe], self.alpha[lobe]));
+        let shares = if first == second { [1.0, 0.0] } else { [1.0 - self.second, self.second] };
+        let lobes = shares.into_iter().zip([first, second]);
+        let lobes = lobes.map(|(share, (anisotropy, alpha))| ScatteringLobe { share, anisotropy, alpha });
+        lobes.filter(|lobe| lobe.share > 0.0).collect()
     }
 
     /// Mean cosine of the lobes.
@@ -153,15 +162,26 @@ impl ShadowMarch {
         Self { steps, sample: ShadowSample::Middle, growth: 1.0, by_angle: 0.0, length, extinction }
     }
 
-    /// Begin and length of a step as parts of the whole march.
-    pub fn step(&self, number: u32) -> [f64; 2] {
+    /// The march of published slabs: as long as the slab is thick however low the sun stands, read at the ends of its steps
+    /// (`is_vertical`, BO-6 and SK-8), or to the exit, at most four thicknesses, read in the middles.
+    pub fn of_slab(steps: u32, thickness: f64, is_vertical: bool, extinction: ShadowExtinction) -> Self {
+        match is_vertical {
+            true => {
+                Self { sample: ShadowSample::Right, ..Self::new(steps, ShadowLength::Fixed(thickness), extinction) }
+            }
+            false => Self::new(steps, ShadowLength::ToExitAtMost(4.0 * thickness), extinction),
+        }
+    }
+
+    /// Begin and length of each step as parts of the whole march.
+    pub fn parts(&self) -> Vec<[f64; 2]> {
         let count = f64::from(self.steps);
         if self.growth == 1.0 {
-            return [f64::from(number) / count, 1.0 / count];
+            return (0..self.steps).map(|number| [f64::from(number) / count, 1.0 / count]).collect();
         }
         let upto = |number: u32| self.growth.powi(number as i32) - 1.0;
         let all = upto(self.steps);
-        [upto(number) / all, (upto(number + 1) - upto(number)) / all]
+        (0..self.steps).map(|number| [upto(number) / all, (upto(number + 1) - upto(number)) / all]).collect()
     }
 
     /// Factor on the depth for the cosine between view ray and sun.

@@ -299,7 +299,7 @@ impl<'a> MarchKernel<'a> {
             rim: light.phase.rim as f32,
             shadow_sample: light.shadow.sample.part() as f32,
             shadow_growth: light.shadow.growth as f32,
-            shadow_first: light.shadow.step(0)[1] as f32,
+            shadow_first: light.shadow.parts()[0][1] as f32,
             shadow_by_angle: light.shadow.by_angle as f32,
             boost_light: terms.boost.light as f32,
             boost_ambient: terms.boost.ambient as f32,

@@ -50,6 +50,19 @@ pub struct RealTimeSettings {
     pub least_transmittance: f64,
 }
 
+impl RealTimeSettings {
+    /// As published systems have it: until the transmittance of all channels falls to 0.01.
+    pub fn until_one_percent(steps: f64, integration: Integration) -> Self {
+        Self {
+            steps: steps as u32,
+            integration,
+            exit_fade: false,
+            least_density: 0.0,
+            least_transmittance: 0.01 * 3.0_f64.sqrt(),
+        }
+    }
+}
+
 /// What is marched through: a density in its domain, with what it does to light.
 pub struct Marched<'a> {
     /// The domain in the scene.
@@ -309,7 +322,7 @@ impl Marched<'_> {
         let light = self.light;
         let outline = &self.container.outline;
         let shadow = &light.shadow;
-        let steps = shadow.steps;
+        let steps = shadow.parts();
         let scale = match light.shadow.extinction {
             ShadowExtinction::Density => [1.0; 3],
             ShadowExtinction::View => self.extinction,
@@ -327,8 +340,7 @@ impl Marched<'_> {
             };
             let length = shadow.length.of(parts.length);
             lengths.push(length);
-            for number in 0..steps {
-                let [begin, step] = shadow.step(number);
+            for &[begin, step] in &steps {
                 let passed = length * (begin + step * shadow.sample.part());
                 let distance = match shadow.length {
                     ShadowLength::Fixed(_) => passed,

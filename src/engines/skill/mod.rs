@@ -18,18 +18,12 @@ use crate::engines::defects::Defects;
 use crate::engines::domain::{Domain, DomainKind};
 use crate::engines::frame::SlabFrame;
 use crate::engines::light::terms::{Octaves, SilverLining, Terms};
-use crate::engines::light::{
-    LightModel, ShadowExtinction, ShadowLength, ShadowMarch, ShadowSample, SourceFactor, Sun, TwoLobes,
-};
+use crate::engines::light::{LightModel, ShadowExtinction, ShadowMarch, SourceFactor, Sun, TwoLobes};
 use crate::engines::march::RealTimeSettings;
-use crate::engines::node_graph::{GraphDensity, Input, NodeGraph};
+use crate::engines::node_graph::{Input, NodeGraph};
 use crate::engines::parameters::{Parameter, Range, Values, parameter};
-use crate::engines::passes::compositing::Compositing;
-use crate::engines::passes::god_rays::GodRays;
-use crate::engines::{Engine, Model, Request};
-use crate::media::density::Density;
+use crate::engines::{Engine, GraphParts, Model, Request};
 use crate::media::transfer::Integration;
-use std::sync::{Arc, OnceLock};
 
 const UNIT: Range = Range::Between(0.0, 1.0);
 
@@ -143,40 +137,26 @@ const SHEAR: f64 = 1500.0;
 const RAGGED: f64 = 400.0;
 
 fn engine(request: &Request<'_>) -> Result<Engine> {
-    let Request { scene, values, defects, seconds, .. } = *request;
+    let Request { values, defects, seconds, .. } = *request;
     let container = request.domain_or(Domain::Object)?;
     let base = values.get("base");
     let frame = SlabFrame::new(&container, base, base + values.get("thickness"));
     let mut graph = NodeGraph::default();
     let density = density(&mut graph, &frame, values, defects, seconds);
     let light = light(values, defects, &frame);
-    let graph = GraphDensity { graph, density };
-    let program = graph.program(MODEL.id, scene)?;
-    Ok(Engine {
-        model: MODEL.id,
-        defects: defects.clone(),
-        values: values.clone(),
-        density: Density::new(Arc::new(program), container.outline.region())?,
-        container,
-        extinction: [values.get("absorption") * frame.unit; 3],
-        light,
-        graph: Some(graph),
-        terms: Vec::new(),
-        passes: Vec::new(),
-        march: RealTimeSettings {
-            steps: values.get("march_steps") as u32,
-            // Laying a colour over another with 1 - exp(-e s) is the same for an albedo of 1.
-            integration: Integration::EnergyConserving,
-            exit_fade: false,
-            least_density: 0.001,
-            // All three channels fall to 0.01.
-            least_transmittance: 0.01 * 3.0_f64.sqrt(),
+    // Laying a colour over another with 1 - exp(-e s) conserves energy, too, for an albedo of 1.
+    let march = RealTimeSettings::until_one_percent(values.get("march_steps"), Integration::EnergyConserving);
+    request.engine_of_graph(
+        MODEL.id,
+        GraphParts {
+            container,
+            graph,
+            density,
+            extinction: [values.get("absorption") * frame.unit; 3],
+            light,
+            march: RealTimeSettings { least_density: 0.001, ..march },
         },
-        compositing: Compositing::default(),
-        god_rays: GodRays::default(),
-        warnings: Vec::new(),
-        averages: OnceLock::new(),
-    })
+    )
 }
 
 /// The density of the slab.
@@ -293,14 +273,8 @@ fn profile_over(graph: &mut NodeGraph, height: &Input, values: &Values, shape_at
 fn light(values: &Values, kept: &Defects, frame: &SlabFrame) -> LightModel {
     let thickness = values.get("thickness") / frame.unit;
     let steps = values.get("light_steps") as u32;
-    let shadow = if kept.has(&defects::VERTICAL_LIGHT_STEP) {
-        ShadowMarch {
-            sample: ShadowSample::Right,
-            ..ShadowMarch::new(steps, ShadowLength::Fixed(thickness), ShadowExtinction::View)
-        }
-    } else {
-        ShadowMarch::new(steps, ShadowLength::ToExitAtMost(4.0 * thickness), ShadowExtinction::View)
-    };
+    let is_vertical = kept.has(&defects::VERTICAL_LIGHT_STEP);
+    let shadow = ShadowMarch::of_slab(steps, thickness, is_vertical, ShadowExtinction::View);
     let rims = kept.has(&defects::RIM_AT_RIGHT_ANGLES);
     // exp(-t) (0.5 + 0.5 (1 - exp(-2 t))) = exp(-t) - 0.5 exp(-3 t): a second octave that takes away.
     let octaves = match kept.has(&defects::HALF_POWDER) {
