@@ -286,10 +286,20 @@ fn files_in_the_wrong_place_are_recognised() {
         (&["tune", "x.study.toml", "-o", "out"], &["a study file", "a tuning file", "cloudparity study x.study.toml"]),
         (&["export", "x.scene.json", "-o", "y.scene.json"], &["a scene file", "a .blend"]),
         (&["render", "x.scene.json", "-o", "a.exr", "--preset", "x.exr"], &["an OpenEXR picture", "a preset"]),
+        (&["export", "x.scene.json", "--model", "bolt", "-o", "y.blend"], &["y.blend", "a scene file", "afterwards"]),
+        (&["export", "x.scene.json", "--model", "bolt", "-o", "y.png"], &["y.png", "NAME.scene.json"]),
     ];
     for (arguments, parts) in cases {
         run(folder.path(), arguments).is_refused(&arguments.join(" "), parts);
     }
+    // What belongs to a .blend or to a picture is not passed over for a cloud system.
+    for unfit in [["--object", "Cloud"], ["--frame", "3"], ["--view", "Filmic"], ["--exposure", "1"]] {
+        let line = ["export", "x.scene.json", "--model", "bolt", unfit[0], unfit[1], "-o", "y.scene.json"];
+        let found = run(folder.path(), &line);
+        assert_eq!(found.status, Some(2), "{}", found.stdout);
+        assert!(found.stderr.contains("cannot be used with") && found.stderr.contains(unfit[0]), "{}", found.stderr);
+    }
+    assert!(!folder.path().join("y.scene.json").exists() && !folder.path().join("y.blend").exists());
     assert!(!folder.path().join("out").exists() && !folder.path().join("a.exr").exists());
 }
 

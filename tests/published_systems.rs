@@ -23,7 +23,7 @@ const SETTINGS: EngineSettings =
     EngineSettings { jitter: EngineJitter::None, frame: 0, sub_pixels: 1, god_rays: false };
 
 fn systems() -> Vec<&'static Model> {
-    ["bolt", "bfwe", "skill"].map(|id| engines::find(id).expect("it is there")).to_vec()
+    ["bolt", "best", "bfwe", "takram", "skill"].map(|id| engines::find(id).expect("it is there")).to_vec()
 }
 
 fn layer_scene(resolution: [u32; 2]) -> Scene {
@@ -124,8 +124,10 @@ fn nothing_is_covered_without_coverage_and_an_unknown_set_is_refused() {
         let engine = model.engine(&scene, &values, &Defects::ALL, 0.0).expect("an engine");
         let found = picture(&scene, &engine);
         assert!(found.chunks(4).all(|pixel| pixel == &found[..4]), "{}: something is seen", model.id);
-        let error = model.values(Some("low,moon"), &[]).expect_err("unknown").to_string();
-        assert!(error.contains("moon") || error.contains("low"), "{error}");
+        // The first of two names is known.
+        let known = model.qualities[0].0;
+        let error = model.values(Some(&format!("{known},moon")), &[]).expect_err("unknown").to_string();
+        assert!(error.contains("\"moon\"") && error.contains(known), "{error}");
     }
 }
 

@@ -3,7 +3,7 @@
 // Conditions: PLAIN (else energy-conserving), EXIT_FADE, SHADOW_TO_EXIT (else of fixed length), SHADOW_VIEW (dimmed as the view
 // ray, else by the density), SOURCE_DENSITY (else extinction times albedo), EMPTY_CELLS (the table of what is provably empty is read),
 // SHADOW_AT_MOST (but not beyond a length), SHADOW_GROWTH (steps that grow), SHADOW_BY_ANGLE, DRAINE (else Henyey and Greenstein's), OWN_PHASE (a gain and a
-// rim), NO_SUN, SEVERAL_SUNS, SHELL (the domain lies between spheres), MESH (in a mesh), else in a box, TERMS (those of a system's own), and the terms of
+// rim), PHASE_TWICE (lobes once more), LEFTOVER_DROPPED and LEFTOVER_RESCALED (what a ray has left), NO_SUN, SEVERAL_SUNS, SHELL (the domain lies between spheres), MESH (in a mesh), else in a box, TERMS (those of a system's own), and the terms of
 // src/engines/light/terms.rs: OCTAVES (else one), COMPRESSION, SILVER, POWDER, AMBIENT_GRADIENT, RAY_POWDER, BOOST, BOOST_BY_ANGLE, BODY, COARSE_SHADOW (both read averages of
 // the density).
 #import cloudparity::graph
@@ -57,6 +57,8 @@ struct March {
     phase_gain: f32,
     // Draine's of each lobe.
     alpha: vec2f,
+    // Anisotropies of the lobes by which everything is multiplied once more.
+    again: vec2f,
     rim: f32,
     // Part of a step towards the sun before the place that is read.
     shadow_sample: f32,
@@ -336,6 +338,10 @@ fn two_lobes(anisotropy: vec2f, direction: vec3f, to_sun: vec3f) -> f32 {
     let aside = 0.5 * dot(apart, apart);
     sum = march.phase_gain * sum + march.rim * (aside * aside) * (aside * aside);
 #endif
+#ifdef PHASE_TWICE
+    sum *= 12.566371 * (phase::henyey_greenstein(march.again.x, direction, to_sun) * (1.0 - march.second)
+        + phase::henyey_greenstein(march.again.y, direction, to_sun) * march.second);
+#endif
     return sum;
 }
 
@@ -500,5 +506,15 @@ fn main(@builtin(global_invocation_id) invocation: vec3u) {
             if length(pixel.transmittance) < march.least_transmittance { break; }
         }
     }
+#ifdef LEFTOVER_DROPPED
+    if length(pixel.transmittance) < march.least_transmittance { pixel.transmittance = vec3f(0.0); }
+#else ifdef LEFTOVER_RESCALED
+    // Once, in the ray's last dispatch.
+    if march.end_step >= march.steps {
+        let least = march.least_transmittance * inverseSqrt(3.0);
+        let scaled = (pixel.transmittance - least) / (1.0 - least);
+        pixel.transmittance = select(scaled, vec3f(0.0), scaled < vec3f(0.0));
+    }
+#endif
     pixels[index] = pixel;
 }

@@ -40,7 +40,11 @@ pub(super) struct Arguments {
     #[arg(short, long, value_name = "FILE")]
     output: PathBuf,
     /// Of a scene file: a cloud system whose density is a node graph, in place of the scene's material.
-    #[arg(long, value_name = "MODEL")]
+    #[arg(
+        long,
+        value_name = "MODEL",
+        conflicts_with_all = ["object", "frame", "view", "look", "exposure", "gamma", "background", "rgb", "part"]
+    )]
     model: Option<String>,
     /// Value sets of the system, such as a level of quality or a genus: high,cirrus.
     #[arg(long, value_name = "LEVEL", requires = "model")]
@@ -67,6 +71,14 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
         ));
     }
     if let Some(model) = &arguments.model {
+        if extension.as_deref() != Some("json") {
+            return Err(Error::new(
+                output.display().to_string(),
+                "a name of another file than a scene file",
+                "NAME.scene.json: a cloud system becomes a scene file",
+                "Name a scene file; export that to a .blend afterwards.",
+            ));
+        }
         let scene = Scene::load(first)?;
         let given = (arguments.quality.as_deref(), arguments.parameters.as_slice());
         let engine = super::engine::build(&scene, model, &Defects::NONE, given, 0.0)?;

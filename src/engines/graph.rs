@@ -7,7 +7,7 @@ use crate::engines::defects::Defects;
 use crate::engines::domain::{Domain, DomainKind};
 use crate::engines::light::terms::Terms;
 use crate::engines::light::{LightModel, ShadowExtinction, ShadowLength, ShadowMarch, SourceFactor, TwoLobes};
-use crate::engines::march::RealTimeSettings;
+use crate::engines::march::{Leftover, RealTimeSettings};
 use crate::engines::parameters::{Parameter, Range};
 use crate::engines::passes::compositing::Compositing;
 use crate::engines::passes::god_rays::GodRays;
@@ -170,6 +170,7 @@ fn engine(request: &Request<'_>) -> Result<Engine> {
             exit_fade: false,
             least_density: 0.0,
             least_transmittance: 0.01,
+            leftover: Leftover::Kept,
         },
         compositing: Compositing::default(),
         god_rays: GodRays::default(),

@@ -4,6 +4,7 @@
 //! ([`light`]), a march ([`march`]) and passes over the finished picture ([`passes`]). A published system is one folder that names its
 //! parts, its parameters, its presets and its defects; the scene's own material is one of them ([`graph`]).
 
+pub mod best;
 pub mod bfwe;
 pub mod bolt;
 pub mod defects;
@@ -18,6 +19,7 @@ pub mod passes;
 pub mod perlin_fbm;
 pub mod render;
 pub mod skill;
+pub mod takram;
 
 use crate::base::error::{Error, Result};
 use crate::engines::defects::{Defect, Defects};
@@ -267,7 +269,15 @@ static REGISTERED: RwLock<Vec<&'static Model>> = RwLock::new(Vec::new());
 
 /// All models: those of this program, and then those that [`register`] has added.
 pub fn models() -> Vec<&'static Model> {
-    static MODELS: [&Model; 5] = [&graph::MODEL, &perlin_fbm::MODEL, &bolt::MODEL, &bfwe::MODEL, &skill::MODEL];
+    static MODELS: [&Model; 7] = [
+        &graph::MODEL,
+        &perlin_fbm::MODEL,
+        &bolt::MODEL,
+        &best::MODEL,
+        &bfwe::MODEL,
+        &takram::MODEL,
+        &skill::MODEL,
+    ];
     let added = REGISTERED.read().unwrap_or_else(PoisonError::into_inner);
     MODELS.iter().chain(added.iter()).copied().collect()
 }

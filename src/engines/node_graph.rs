@@ -5,6 +5,8 @@ use crate::base::error::{Error, Result};
 use crate::graph::Program;
 use crate::media::phase::ScatteringLobe;
 use crate::nodes;
+use crate::nodes::cloud_texture::bakes::FeaturePoints;
+use crate::nodes::cloud_texture::{FEATURE_POINTS, TEXTURE};
 use crate::scene::{Graph, GraphSource, Scene};
 use serde_json::{Map, Value, json};
 use std::collections::HashMap;
@@ -206,6 +208,19 @@ impl NodeGraph {
     /// Noise on a lattice of ours ([`crate::nodes::lattice_noise`]).
     pub fn lattice_noise(&mut self, kind: &str, place: &Input) -> Input {
         self.node("cloudparity.LatticeNoise", json!({ "kind": kind }), &[("Vector", place.json())], "Value")
+    }
+
+    /// `factor v + added` of two vectors.
+    pub fn affine_to(&mut self, vector: &Input, factor: f64, added: &Input) -> Input {
+        let factor = json!([factor as f32, factor as f32, factor as f32]);
+        let inputs = [("Vector", vector.json()), ("Vector_001", factor), ("Vector_002", added.json())];
+        self.node("ShaderNodeVectorMath", json!({ "operation": "MULTIPLY_ADD" }), &inputs, "Vector")
+    }
+
+    /// A published texture, read at a place in its periods ([`crate::nodes::cloud_texture`]).
+    pub fn cloud_texture(&mut self, texture: &str, points: FeaturePoints, place: &Input) -> Input {
+        let properties = json!({ TEXTURE: texture, FEATURE_POINTS: points.name() });
+        self.node("cloudparity.CloudTexture", properties, &[("Vector", place.json())], "Value")
     }
 
     /// Sum of terms with weights.

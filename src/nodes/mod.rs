@@ -16,6 +16,7 @@ pub mod bright_contrast;
 pub mod checker_texture;
 pub mod clamp;
 pub mod closure;
+pub mod cloud_texture;
 pub mod color_ramp;
 pub mod color_space;
 pub mod combine_color;
@@ -995,7 +996,7 @@ pub fn registry() -> &'static [&'static NodeType] {
 }
 
 /// Node types of ours that stand for published densities: scene files may hold them, Blender has none of them.
-pub static OWN: &[&NodeType] = &[&perlin_fbm::TYPE, &lattice_noise::TYPE];
+pub static OWN: &[&NodeType] = &[&perlin_fbm::TYPE, &lattice_noise::TYPE, &cloud_texture::TYPE];
 
 /// The node type of Blender's `bl_idname`, or of ours.
 pub fn find(type_name: &str) -> Option<&'static NodeType> {

@@ -7,7 +7,7 @@ use cloudparity::engines::light::terms::Terms;
 use cloudparity::engines::light::{
     LightModel, LightTerm, Lit, ShadowExtinction, ShadowLength, ShadowMarch, SourceFactor, TwoLobes,
 };
-use cloudparity::engines::march::RealTimeSettings;
+use cloudparity::engines::march::{Leftover, RealTimeSettings};
 use cloudparity::engines::parameters::{Parameter, Range};
 use cloudparity::engines::passes::compositing::Compositing;
 use cloudparity::engines::passes::frame::Frame;
@@ -75,6 +75,7 @@ fn build(request: &Request<'_>) -> Result<Engine> {
             integration: Integration::EnergyConserving,
             exit_fade: false,
             least_density: 0.0,
+            leftover: Leftover::Kept,
             least_transmittance: 0.0,
         },
         compositing: Compositing::default(),

@@ -31,6 +31,10 @@ pub struct TwoLobes {
     /// Added at right angles to the light: this times (1 - |cosine|)^4, per steradian.
     #[serde(default)]
     pub rim: f64,
+    /// Anisotropies of two lobes with the same shares, Henyey and Greenstein's, by which, times 4 pi, everything is multiplied once more
+    /// (defect BE-1 of `best`).
+    #[serde(default)]
+    pub again: Option<[f64; 2]>,
 }
 
 fn one() -> f64 {
@@ -40,7 +44,7 @@ fn one() -> f64 {
 impl TwoLobes {
     /// Henyey and Greenstein's with mean cosines and the share of the second.
     pub const fn new(anisotropy: [f64; 2], second: f64) -> Self {
-        Self { anisotropy, second, alpha: [0.0; 2], gain: 1.0, rim: 0.0 }
+        Self { anisotropy, second, alpha: [0.0; 2], gain: 1.0, rim: 0.0, again: None }
     }
 
     /// Per steradian, for the cosine between the view ray and the direction to the light.
@@ -50,10 +54,14 @@ impl TwoLobes {
             (anisotropy, alpha) => draine(anisotropy, alpha, cosine),
         });
         let lobes = self.gain * (first * (1.0 - self.second) + second * self.second);
-        if self.rim == 0.0 { lobes } else { lobes + self.rim * (1.0 - cosine.abs()).max(0.0).powi(4) }
+        let all = if self.rim == 0.0 { lobes } else { lobes + self.rim * (1.0 - cosine.abs()).max(0.0).powi(4) };
+        self.again.map_or(all, |again| {
+            let [first, second] = again.map(|anisotropy| henyey_greenstein(anisotropy, cosine));
+            all * 4.0 * std::f64::consts::PI * (first * (1.0 - self.second) + second * self.second)
+        })
     }
 
-    /// The lobes that light transport knows, without gain and rim: those with a share, two of one shape as one.
+    /// The lobes that light transport knows, without gain, rim and what is multiplied once more: those with a share, two of one shape as one.
     pub fn lobes(&self) -> Vec<ScatteringLobe> {
         let [first, second] = [0, 1].map(|lobe| (self.anisotropy[lobe], self.alpha[lobe]));
         let shares = if first == second { [1.0, 0.0] } else { [1.0 - self.second, self.second] };

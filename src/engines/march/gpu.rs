@@ -3,7 +3,7 @@
 use crate::base::error::{Error, Result};
 use crate::engines::domain::Outline;
 use crate::engines::light::{MOST_SUNS, ShadowExtinction, ShadowLength, SourceFactor};
-use crate::engines::march::{Marched, RealTimePixel, RealTimeRay, RealTimeSettings};
+use crate::engines::march::{Leftover, Marched, RealTimePixel, RealTimeRay, RealTimeSettings};
 use crate::gpu::{Bindings, ComputeKernel, Gpu, Layout, SOFTWARE_LOOPS};
 use crate::graph::Program;
 use crate::graph::constants::{SharedConstants, SharedNumber};
@@ -64,6 +64,7 @@ shader_struct! {
         suns: u32,
         phase_gain: f32,
         alpha: [f32; 2],
+        again: [f32; 2],
         rim: f32,
         shadow_sample: f32,
         shadow_growth: f32,
@@ -190,12 +191,15 @@ impl<'a> MarchKernel<'a> {
         let mut define = |is_wanted: bool, name: &'static str| definitions.extend(is_wanted.then_some(name));
         define(settings.integration == Integration::Plain, "PLAIN");
         define(settings.exit_fade, "EXIT_FADE");
+        define(settings.leftover == Leftover::Dropped, "LEFTOVER_DROPPED");
+        define(settings.leftover == Leftover::Rescaled, "LEFTOVER_RESCALED");
         define(!matches!(light.shadow.length, ShadowLength::Fixed(_)), "SHADOW_TO_EXIT");
         define(matches!(light.shadow.length, ShadowLength::ToExitAtMost(_)), "SHADOW_AT_MOST");
         define(light.shadow.growth != 1.0, "SHADOW_GROWTH");
         define(light.shadow.by_angle != 0.0, "SHADOW_BY_ANGLE");
         define(light.phase.alpha != [0.0; 2], "DRAINE");
         define(light.phase.gain != 1.0 || light.phase.rim != 0.0, "OWN_PHASE");
+        define(light.phase.again.is_some(), "PHASE_TWICE");
         define(light.shadow.extinction == ShadowExtinction::View, "SHADOW_VIEW");
         define(light.source == SourceFactor::Density, "SOURCE_DENSITY");
         let terms = &light.terms;
@@ -297,6 +301,7 @@ impl<'a> MarchKernel<'a> {
             phase_gain: light.phase.gain as f32,
             alpha: light.phase.alpha.map(|alpha| alpha as f32),
             rim: light.phase.rim as f32,
+            again: light.phase.again.unwrap_or_default().map(|anisotropy| anisotropy as f32),
             shadow_sample: light.shadow.sample.part() as f32,
             shadow_growth: light.shadow.growth as f32,
             shadow_first: light.shadow.parts()[0][1] as f32,

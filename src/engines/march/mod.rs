@@ -17,6 +17,7 @@
 
 pub mod gpu;
 
+use crate::base::choice::choice;
 use crate::base::error::{Error, Result};
 use crate::engines::domain::{Container, Outline, Parts, unit};
 use crate::engines::light::terms::ray_powder;
@@ -48,6 +49,26 @@ pub struct RealTimeSettings {
     pub least_density: f64,
     /// A ray ends when its transmittance, as a vector of the channels, is shorter than this.
     pub least_transmittance: f64,
+    /// What becomes of the transmittance that an ended ray has left.
+    #[serde(default = "kept")]
+    pub leftover: Leftover,
+}
+
+fn kept() -> Leftover {
+    Leftover::Kept
+}
+
+choice! {
+    "kebab-case",
+    /// What becomes of the transmittance that a ray has left when it ends early, below a least one m per channel.
+    pub enum Leftover {
+        /// It stays: the background shines through.
+        Kept,
+        /// It counts as 0, so that opacity jumps by m (defect BE-9 of `best`).
+        Dropped,
+        /// Every transmittance T becomes (T - m) / (1 - m), at least 0 (defect TK-12 of `takram`).
+        Rescaled,
+    }
 }
 
 impl RealTimeSettings {
@@ -59,6 +80,22 @@ impl RealTimeSettings {
             exit_fade: false,
             least_density: 0.0,
             least_transmittance: 0.01 * 3.0_f64.sqrt(),
+            leftover: Leftover::Kept,
+        }
+    }
+
+    /// Transmittance of an ended ray, as it counts.
+    fn ended(&self, transmittance: [f64; 3]) -> [f64; 3] {
+        let least = self.least_transmittance / 3.0_f64.sqrt();
+        match self.leftover {
+            Leftover::Kept => transmittance,
+            Leftover::Dropped if DVec3::from(transmittance).length() < self.least_transmittance => [0.0; 3],
+            Leftover::Dropped => transmittance,
+            // What is no number stays to be seen.
+            Leftover::Rescaled => transmittance.map(|channel| {
+                let scaled = (channel - least) / (1.0 - least);
+                if scaled < 0.0 { 0.0 } else { scaled }
+            }),
         }
     }
 }
@@ -307,7 +344,8 @@ impl Marched<'_> {
                 way.is_done = DVec3::from(way.pixel.transmittance).length() < settings.least_transmittance;
             }
         }
-        Ok(ways.into_iter().map(|way| way.pixel).collect())
+        let pixels = ways.into_iter().map(|way| way.pixel);
+        Ok(pixels.map(|pixel| RealTimePixel { transmittance: settings.ended(pixel.transmittance), ..pixel }).collect())
     }
 
     /// Optical depth towards a sun at each place, per channel, as it counts for the octaves. `read` evaluates the density, or its averages;

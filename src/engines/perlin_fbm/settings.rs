@@ -7,7 +7,7 @@ use crate::base::error::Result;
 use crate::engines::defects::Defects;
 use crate::engines::light::terms::Terms;
 use crate::engines::light::{LightModel, ShadowExtinction, ShadowLength, ShadowMarch, SourceFactor, Sun, TwoLobes};
-use crate::engines::march::RealTimeSettings;
+use crate::engines::march::{Leftover, RealTimeSettings};
 use crate::engines::parameters::{DERIVED, Parameter, Range, Values, parameter};
 use crate::engines::passes::compositing::Compositing;
 use crate::engines::passes::god_rays::GodRays;
@@ -231,6 +231,7 @@ pub fn march(values: &Values, kept: &Defects) -> RealTimeSettings {
         exit_fade: kept.has(&defects::EXIT_FADE),
         least_density: 0.01,
         least_transmittance: 0.01,
+        leftover: Leftover::Kept,
     }
 }
 

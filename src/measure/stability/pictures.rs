@@ -11,7 +11,7 @@ use crate::engines::domain::{Container, Domain, Outline};
 use crate::engines::light::terms::Terms;
 use crate::engines::light::{LightModel, ShadowExtinction, ShadowLength, ShadowMarch, SourceFactor, Sun, TwoLobes};
 use crate::engines::march::gpu::MarchKernel;
-use crate::engines::march::{Marched, RealTimePixel, RealTimeRay, RealTimeSettings};
+use crate::engines::march::{Leftover, Marched, RealTimePixel, RealTimeRay, RealTimeSettings};
 use crate::gpu::Backend;
 use crate::gpu::Gpu;
 use crate::graph::Program;
@@ -421,7 +421,14 @@ pub fn light(sun_direction: Option<[f64; 3]>, anisotropy: f64) -> LightModel {
 
 /// A march of equal steps without early end.
 pub fn steps(steps: u32, integration: Integration) -> RealTimeSettings {
-    RealTimeSettings { steps, integration, exit_fade: false, least_density: 0.0, least_transmittance: 0.0 }
+    RealTimeSettings {
+        steps,
+        integration,
+        exit_fade: false,
+        least_density: 0.0,
+        least_transmittance: 0.0,
+        leftover: Leftover::Kept,
+    }
 }
 
 /// Rays through the box of engines: through it, in a face, along an edge, from inside, from a face, from 1e6 sides away, grazing a corner,

@@ -1,0 +1,281 @@
+//! @takram/three-clouds 0.1.0: layers of clouds over a globe, of a weather map, eroded by two volumes of noise.
+//!
+//! At a height of its layer eta, 0 to 1, with the weather map's channel w of the layer, C the coverage, S, D the shape's and the detail's noise
+//! and r(x; a, b) = clamp((x - a) / (b - a), 0, 1):
+//!
+//! ```text
+//! W   = r( lerp(w, 1, f);  c, c + f )       c = 1 - C (1 - (2 eta^0.35 - 1)^2)
+//! rho = r( W; (1 - S) A, 1 )                then r( 2 rho; M / 2, 1 ),  M = B lerp(D^6, 1 - D, r(eta; 0.2, 0.4))
+//! density = sum over layers of k rho (0.75 eta + 0.25),   extinction = density (scattering + absorption) per metre
+//! ```
+//!
+//! Here the globe is flat: over 30 km its surface falls by 18 m at the sides, and the weather's coordinates, those of the middle of a face of
+//! the cube sphere, differ by less than 1e-5 of their distance. Textures are read at their full resolution at every distance.
+
+pub mod defects;
+
+use crate::base::error::Result;
+use crate::engines::defects::Defects;
+use crate::engines::domain::{Domain, DomainKind};
+use crate::engines::frame::SlabFrame;
+use crate::engines::light::terms::{Octaves, Powder, Terms};
+use crate::engines::light::{LightModel, ShadowExtinction, ShadowLength, ShadowMarch, SourceFactor, Sun, TwoLobes};
+use crate::engines::march::{Leftover, RealTimeSettings};
+use crate::engines::node_graph::{Input, NodeGraph};
+use crate::engines::parameters::{Parameter, Range, Values, parameter};
+use crate::engines::{Engine, GraphParts, Model, Request};
+use crate::media::transfer::Integration;
+use crate::nodes::cloud_texture::bakes::FeaturePoints;
+use std::f64::consts::FRAC_1_SQRT_2;
+
+const UNIT: Range = Range::Between(0.0, 1.0);
+
+const SWITCH: Range = Range::Whole(0, 1);
+
+/// All parameters.
+pub const PARAMETERS: &[Parameter] = &[
+    parameter("coverage", 0.3, UNIT, [0.0, 1.0], "", "share of the weather map that is cloud; 0 is no cloud"),
+    parameter("bottom", 750.0, Range::Any, [0.0, 7500.0], "m", "height of the domain's lower face"),
+    parameter("thickness", 1450.0, Range::Positive, [500.0, 8000.0], "m", "to the domain's upper face"),
+    parameter("scattering", 1.0, Range::NotNegative, [0.1, 2.0], "1/m", "scattering at a density of 1"),
+    parameter("absorption", 0.0, Range::NotNegative, [0.0, 1.0], "1/m", "absorption at a density of 1"),
+    parameter("weather_repeat", 100.0, Range::Positive, [20.0, 400.0], "", "weather maps to a sixth of the globe"),
+    parameter("weather_speed", 0.0, Range::Any, [-1e-3, 1e-3], "1/s", "weather maps that pass along x"),
+    parameter("shape_repeat", 0.0003, Range::Positive, [0.0001, 0.001], "1/m", "periods of the shape's noise"),
+    parameter("detail_repeat", 0.006, Range::Positive, [0.002, 0.02], "1/m", "periods of the detail's noise"),
+    parameter("detail", 1.0, SWITCH, [0.0, 1.0], "", "1: the detail's noise is on"),
+    parameter("turbulence", 1.0, SWITCH, [0.0, 1.0], "", "1: the shape is displaced near the base"),
+    parameter("displacement", 350.0, Range::NotNegative, [0.0, 1000.0], "m", "of the turbulence"),
+    parameter("least_transmittance", 0.01, Range::Between(0.0, 0.5), [0.0, 0.1], "", "where rays end"),
+    parameter("march_steps", 128.0, Range::Whole(1, 100_000), [16.0, 500.0], "", "steps of a view ray"),
+];
+
+/// Levels of quality.
+const QUALITIES: &[(&str, &[(&str, f64)])] = &[
+    ("low", &[("detail", 0.0), ("turbulence", 0.0), ("least_transmittance", 0.1), ("march_steps", 64.0)]),
+    ("medium", &[("turbulence", 0.0), ("march_steps", 128.0)]),
+    ("high", &[("march_steps", 128.0)]),
+    ("with-cirrus", &[("thickness", 7250.0), ("march_steps", 256.0)]),
+];
+
+/// The model under its name.
+pub static MODEL: Model = Model {
+    id: "takram",
+    title: "Weather layers (@takram/three-clouds 0.1.0)",
+    about: "Layers of clouds from a weather map, each with its heights and profile, eroded by shape and detail noise; eight octaves of single \
+            scattering with powder.",
+    parameters: PARAMETERS,
+    qualities: QUALITIES,
+    defects: defects::DEFECTS,
+    is_of_scene: false,
+    domains: &[DomainKind::Object, DomainKind::Slab],
+    build: engine,
+};
+
+/// A layer with its constants.
+struct Layer {
+    weather: &'static str,
+    altitude: f64,
+    height: f64,
+    density: f64,
+    shape: f64,
+    detail: f64,
+    filter: f64,
+}
+
+/// The layers that have a height.
+const LAYERS: [Layer; 3] = [
+    Layer {
+        weather: "TAKRAM_WEATHER_R",
+        altitude: 750.0,
+        height: 650.0,
+        density: 0.2,
+        shape: 1.0,
+        detail: 1.0,
+        filter: 0.6,
+    },
+    Layer {
+        weather: "TAKRAM_WEATHER_G",
+        altitude: 1000.0,
+        height: 1200.0,
+        density: 0.2,
+        shape: 1.0,
+        detail: 1.0,
+        filter: 0.6,
+    },
+    Layer {
+        weather: "TAKRAM_WEATHER_B",
+        altitude: 7500.0,
+        height: 500.0,
+        density: 0.003,
+        shape: 0.4,
+        detail: 0.0,
+        filter: 0.5,
+    },
+];
+
+/// Exponent of the height in the profile of coverage.
+const BIAS: f64 = 0.35;
+
+/// Radius of the globe in metres.
+const RADIUS: f64 = 6.36e6;
+
+/// Periods of the turbulence to one of the weather.
+const TURBULENCE_REPEAT: f64 = 20.0;
+
+/// How far clouds sink while one weather map passes, in metres.
+const SINKING: f64 = 20_000.0;
+
+/// Least extinction that counts, per metre.
+const LEAST_EXTINCTION: f64 = 1e-5;
+
+fn engine(request: &Request<'_>) -> Result<Engine> {
+    let Request { values, defects, seconds, .. } = *request;
+    let container = request.domain_or(Domain::Object)?;
+    let bottom = values.get("bottom");
+    let frame = SlabFrame::new(&container, bottom, bottom + values.get("thickness"));
+    let mut graph = NodeGraph::default();
+    let density = density(&mut graph, &frame, values, defects, seconds);
+    let extinction = values.get("scattering") + values.get("absorption");
+    let march = RealTimeSettings::until_one_percent(values.get("march_steps"), Integration::EnergyConserving);
+    let march = RealTimeSettings {
+        least_density: if extinction > 0.0 { LEAST_EXTINCTION / extinction } else { 0.0 },
+        least_transmittance: values.get("least_transmittance") * 3.0_f64.sqrt(),
+        leftover: if defects.has(&defects::RESCALED_ALPHA) { Leftover::Rescaled } else { Leftover::Kept },
+        ..march
+    };
+    let light = light(values, defects, &frame);
+    let extinction = [extinction * frame.unit; 3];
+    request.engine_of_graph(MODEL.id, GraphParts { container, graph, density, extinction, light, march })
+}
+
+/// A layer at a place: its height as a part of the layer, and how much of it the weather leaves.
+struct Covered<'a> {
+    layer: &'a Layer,
+    height: Input,
+    left: Input,
+}
+
+fn density(graph: &mut NodeGraph, frame: &SlabFrame, values: &Values, kept: &Defects, seconds: f64) -> Input {
+    let get = |name: &str| values.get(name);
+    let points = match kept.has(&defects::DIAGONAL_FEATURES) {
+        true => FeaturePoints::Diagonal,
+        false => FeaturePoints::Even,
+    };
+    let (place, _) = frame.place(graph);
+    // East, up, south.
+    let [x, up, south] = graph.separate(&place);
+    let y = graph.multiply(south, -1.0);
+    let repeat = get("weather_repeat");
+    let passed = get("weather_speed") * seconds;
+    let per_metre = repeat * FRAC_1_SQRT_2 / RADIUS;
+    let u = graph.multiply_add(&x, per_metre, (0.5 * repeat).fract() + passed.fract());
+    let v = graph.multiply_add(&y, per_metre, (0.5 * repeat).fract());
+    let weather_at = graph.combine([u, v, 0.5.into()]);
+    let range = [frame.base, frame.base + get("thickness")];
+    let is_inside = |layer: &&Layer| layer.altitude < range[1] && layer.altitude + layer.height > range[0];
+    let layers: Vec<Covered<'_>> = LAYERS
+        .iter()
+        .filter(is_inside)
+        .map(|layer| {
+            let ends = [layer.altitude.into(), (layer.altitude + layer.height).into()];
+            let height = graph.remap(&up, ends, [0.0, 1.0], true);
+            let bent = graph.math("POWER", &[height.clone(), BIAS.into()]);
+            let bent = graph.multiply_add(bent, 2.0, -1.0);
+            let square = graph.multiply(&bent, &bent);
+            // 1 - C (1 - square)
+            let least = graph.multiply_add(square, get("coverage"), 1.0 - get("coverage"));
+            let weather = graph.cloud_texture(layer.weather, points, &weather_at);
+            let lifted = graph.multiply_add(weather, 1.0 - layer.filter, layer.filter);
+            let most = graph.add(&least, layer.filter);
+            let left = graph.remap(&lifted, [least, most], [0.0, 1.0], true);
+            Covered { layer, height, left }
+        })
+        .collect();
+    let own = graph.combine([x, y, up]);
+    let sinking = -passed.abs() * SINKING;
+    let turbulence = (get("turbulence") == 1.0 && !layers.is_empty())
+        .then(|| turbulence(graph, &layers, &weather_at, get("displacement")));
+    let shape_repeat = get("shape_repeat");
+    let sunk = graph.affine(&own, [shape_repeat; 3], [0.0, 0.0, sinking * shape_repeat]);
+    let shape_at = match &turbulence {
+        Some(moved) => graph.affine_to(moved, shape_repeat, &sunk),
+        None => sunk,
+    };
+    let shape = graph.cloud_texture("TAKRAM_SHAPE", points, &shape_at);
+    let detail = (get("detail") == 1.0).then(|| {
+        let detail_repeat = get("detail_repeat");
+        let at = graph.affine(&own, [detail_repeat; 3], [0.0; 3]);
+        let at = match &turbulence {
+            Some(moved) => graph.affine_to(moved, detail_repeat, &at),
+            None => at,
+        };
+        graph.cloud_texture("TAKRAM_DETAIL", points, &at)
+    });
+    let mut sum: Input = 0.0.into();
+    for Covered { layer, height, left } in &layers {
+        let gaps = graph.multiply_add(&shape, -layer.shape, layer.shape);
+        let mut density = graph.remap(left, [gaps, 1.0.into()], [0.0, 1.0], true);
+        // Without any of it, what is left is doubled and cut at 1.
+        if let Some(detail) = &detail {
+            density = if layer.detail > 0.0 {
+                let power = graph.math("POWER", &[detail.clone(), 6.0.into()]);
+                let lack = graph.subtract(1.0, detail);
+                let change = graph.subtract(lack, &power);
+                let above = graph.remap(height, [0.2.into(), 0.4.into()], [0.0, 1.0], true);
+                let mixed = graph.multiply_add(change, above, power);
+                let least = graph.multiply(mixed, 0.5 * layer.detail);
+                let doubled = graph.multiply(density, 2.0);
+                graph.remap(&doubled, [least, 1.0.into()], [0.0, 1.0], true)
+            } else {
+                graph.multiply_clamped(density, 2.0)
+            };
+        }
+        let profile = graph.multiply_add(height, 0.75 * layer.density, 0.25 * layer.density);
+        let density = graph.multiply_clamped(density, profile);
+        sum = graph.add(sum, density);
+    }
+    sum
+}
+
+/// The displacement by turbulence in metres: near the bases of what is covered.
+fn turbulence(graph: &mut NodeGraph, layers: &[Covered<'_>], weather_at: &Input, displacement: f64) -> Input {
+    let mut near: Input = 0.0.into();
+    for Covered { height, left, .. } in layers {
+        let low = graph.remap(height, [0.0.into(), 0.3.into()], [1.0, 0.0], true);
+        near = graph.multiply_add(low, left, near);
+    }
+    let near = graph.multiply(near, displacement);
+    let at = graph.affine(weather_at, [TURBULENCE_REPEAT, TURBULENCE_REPEAT, 1.0], [0.0; 3]);
+    let parts = ["TAKRAM_TURBULENCE_X", "TAKRAM_TURBULENCE_Y", "TAKRAM_TURBULENCE_Z"].map(|texture| {
+        let read = graph.cloud_texture(texture, FeaturePoints::Even, &at);
+        let signed = graph.multiply_add(read, 2.0, -1.0);
+        graph.multiply(signed, &near)
+    });
+    graph.combine(parts)
+}
+
+/// The engine's light.
+fn light(values: &Values, kept: &Defects, frame: &SlabFrame) -> LightModel {
+    let [scattering, absorption] = ["scattering", "absorption"].map(|name| values.get(name));
+    let whole = scattering + absorption;
+    let thickness = values.get("thickness") / frame.unit;
+    let (steps, length) = match kept.has(&defects::SHORT_LIGHT_MARCH) {
+        true => (2, ShadowLength::Fixed(150.0 / frame.unit)),
+        false => (6, ShadowLength::ToExitAtMost(4.0 * thickness)),
+    };
+    LightModel {
+        suns: vec![Sun { direction: [0.417, 0.558, 0.717], irradiance: [1.474, 1.8504, 1.91198] }],
+        ambient: [0.133, 0.319, 0.604],
+        phase: TwoLobes::new([0.7, -0.2], 0.5),
+        shadow: ShadowMarch { growth: 2.0, ..ShadowMarch::new(steps, length, ShadowExtinction::View) },
+        source: SourceFactor::Albedo([if whole > 0.0 { scattering / whole } else { 1.0 }; 3]),
+        terms: Terms {
+            octaves: Octaves { count: 8, contribution: 0.5, attenuation: 0.5, eccentricity: 0.5, compression: 0.0 },
+            powder: Powder { strength: 0.8, length: 150.0 / frame.unit, ambient: 1.0 },
+            // 2.5 / (4 pi) of a sky's irradiance, pi times its radiance, times 0.5 + eta: here of the domain's height.
+            ambient: [0.3125, 0.9375],
+            ..Terms::NONE
+        },
+    }
+}
