@@ -12,9 +12,9 @@ use cloudparity::graph::wgsl::{self, Linker};
 use cloudparity::graph::{Program, Target};
 use cloudparity::integrators::{march, path};
 use cloudparity::measure::nodes::suite::modes;
-use cloudparity::nodes::lattice_noise;
 use cloudparity::nodes::perlin_fbm::{self, Cloud, Parameters};
 use cloudparity::nodes::{self, Data, Mode, NodeType, Role};
+use cloudparity::nodes::{cloud_texture, lattice_noise};
 use cloudparity::scene::bare_scene;
 use rayon::prelude::*;
 use serde_json::{Map, Value as Json, json};
@@ -349,11 +349,12 @@ fn perlin_fbm_cloud() -> Program {
 /// Nodes of ours that no file of Blender holds, linked and validated.
 fn link_own_nodes() -> BTreeSet<String> {
     let mut names = BTreeSet::new();
-    let lattices = modes(&lattice_noise::TYPE)
-        .into_iter()
-        .map(|properties| Mode::read(&lattice_noise::TYPE, &properties, "test").expect("a mode of the node"))
-        .map(|mode| Program::of_node("lattice noise", &lattice_noise::TYPE, mode, IDENTITY));
-    for program in textures().map(lookup).into_iter().chain([perlin_fbm_cloud()]).chain(lattices) {
+    let in_modes = [&lattice_noise::TYPE, &cloud_texture::TYPE].into_iter().flat_map(|node| {
+        let read = |properties| Mode::read(node, &properties, "test").expect("a mode of the node");
+        let mode = move |properties| Program::of_node(node.module, node, read(properties), IDENTITY);
+        modes(node).into_iter().map(mode).collect::<Vec<_>>()
+    });
+    for program in textures().map(lookup).into_iter().chain([perlin_fbm_cloud()]).chain(in_modes) {
         let module = linked(&program);
         validate("a node of ours", &module);
         names.extend(function_names(&module));
@@ -427,8 +428,12 @@ fn every_mode_and_every_file_links_and_validates() {
         "RAY_POWDER",
         "BOOST",
         "BOOST_BY_ANGLE",
+        "PHASE_TWICE",
+        "LEFTOVER_RESCALED",
     ];
-    for more in [&[][..], &["SHELL"], &["MESH"], &["SEVERAL_SUNS"], &["NO_SUN", "SHELL", "EMPTY_CELLS"]] {
+    for more in
+        [&[][..], &["SHELL"], &["MESH"], &["SEVERAL_SUNS"], &["LEFTOVER_DROPPED"], &["NO_SUN", "SHELL", "EMPTY_CELLS"]]
+    {
         check(&programs[2], "engines/march.wgsl", &[&terms, more].concat());
     }
     let conditions: Vec<(&str, usize)> =
@@ -436,7 +441,7 @@ fn every_mode_and_every_file_links_and_validates() {
             .map(|path| (path, definitions(&all[path].text).len()))
             .to_vec();
     // Conditions that the search finds: were it blind, nothing would be tried.
-    assert_eq!(conditions.iter().map(|(_, count)| *count).collect::<Vec<_>>(), [26, 7, 5], "{conditions:?}");
+    assert_eq!(conditions.iter().map(|(_, count)| *count).collect::<Vec<_>>(), [29, 7, 5], "{conditions:?}");
     for shader in all.values().filter(|shader| !shader.is_entry) {
         let stem = Path::new(&shader.path).file_stem().expect("a name").to_string_lossy().into_owned();
         let prefix = match &shader.import_path {

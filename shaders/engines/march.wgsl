@@ -2,10 +2,11 @@
 //
 // Conditions: PLAIN (else energy-conserving), EXIT_FADE, SHADOW_TO_EXIT (else of fixed length), SHADOW_VIEW (dimmed as the view
 // ray, else by the density), SOURCE_DENSITY (else extinction times albedo), EMPTY_CELLS (the table of what is provably empty is read),
-// SHADOW_AT_MOST (but not beyond a length), SHADOW_GROWTH (steps that grow), SHADOW_BY_ANGLE, DRAINE (else Henyey and Greenstein's), OWN_PHASE (a gain and a
-// rim), PHASE_TWICE (lobes once more), LEFTOVER_DROPPED and LEFTOVER_RESCALED (what a ray has left), NO_SUN, SEVERAL_SUNS, SHELL (the domain lies between spheres), MESH (in a mesh), else in a box, TERMS (those of a system's own), and the terms of
-// src/engines/light/terms.rs: OCTAVES (else one), COMPRESSION, SILVER, POWDER, AMBIENT_GRADIENT, RAY_POWDER, BOOST, BOOST_BY_ANGLE, BODY, COARSE_SHADOW (both read averages of
-// the density).
+// SHADOW_AT_MOST (but not beyond a length), SHADOW_GROWTH (steps that grow), SHADOW_BY_ANGLE, DRAINE (else Henyey and Greenstein's),
+// OWN_PHASE (a gain and a rim), PHASE_TWICE (lobes once more), LEFTOVER_DROPPED and LEFTOVER_RESCALED (what an ended ray has left),
+// NO_SUN, SEVERAL_SUNS, SHELL (the domain lies between spheres), MESH (in a mesh), else in a box, TERMS (those of a system's own), and
+// the terms of src/engines/light/terms.rs: OCTAVES (else one), COMPRESSION, SILVER, POWDER, AMBIENT_GRADIENT, RAY_POWDER, BOOST,
+// BOOST_BY_ANGLE, BODY, COARSE_SHADOW (both read averages of the density).
 #import cloudparity::graph
 #import cloudparity::averages::along
 #import cloudparity::averages::around
@@ -72,6 +73,7 @@ struct March {
     // Per unit of density, where it is not that of the view ray.
     shadow_extinction: f32,
     end_padding: u32,
+    further_padding: vec2u,
 }
 
 struct Sun {

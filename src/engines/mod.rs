@@ -269,15 +269,8 @@ static REGISTERED: RwLock<Vec<&'static Model>> = RwLock::new(Vec::new());
 
 /// All models: those of this program, and then those that [`register`] has added.
 pub fn models() -> Vec<&'static Model> {
-    static MODELS: [&Model; 7] = [
-        &graph::MODEL,
-        &perlin_fbm::MODEL,
-        &bolt::MODEL,
-        &best::MODEL,
-        &bfwe::MODEL,
-        &takram::MODEL,
-        &skill::MODEL,
-    ];
+    static MODELS: [&Model; 7] =
+        [&graph::MODEL, &perlin_fbm::MODEL, &bolt::MODEL, &best::MODEL, &bfwe::MODEL, &takram::MODEL, &skill::MODEL];
     let added = REGISTERED.read().unwrap_or_else(PoisonError::into_inner);
     MODELS.iter().chain(added.iter()).copied().collect()
 }

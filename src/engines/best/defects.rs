@@ -31,11 +31,8 @@ pub const SHIFTED_SLICES: Defect = Defect {
 };
 
 /// BE-9.
-pub const LOST_TRANSMITTANCE: Defect = Defect {
-    id: "BE-9",
-    about: "below 0.01 the transmittance counts as 0",
-    corrected: "it stays",
-};
+pub const LOST_TRANSMITTANCE: Defect =
+    Defect { id: "BE-9", about: "below 0.01 the transmittance counts as 0", corrected: "it stays" };
 
 /// All of them.
 pub const DEFECTS: &[Defect] = &[PHASE_TWICE, LEFT_ENDS, DEPTH_BY_ANGLE, SHIFTED_SLICES, LOST_TRANSMITTANCE];

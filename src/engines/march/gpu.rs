@@ -75,6 +75,7 @@ shader_struct! {
         boost_length: f32,
         shadow_extinction: f32,
         end_padding: u32,
+        further_padding: [u32; 2],
     }
 }
 

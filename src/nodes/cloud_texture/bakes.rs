@@ -104,9 +104,7 @@ fn bake(texture: CloudTexture, points: FeaturePoints) -> TextureHandle {
             let spots = Spots::new(8, points);
             takram_flat(512, |p| second_layer(&spots, p))
         }
-        CloudTexture::TakramWeatherB => {
-            takram_flat(512, |p| smooth(-0.5, 0.5, perlin_octaves(p, [6.0, 12.0, 1.0], 8)))
-        }
+        CloudTexture::TakramWeatherB => takram_flat(512, |p| smooth(-0.5, 0.5, perlin_octaves(p, [6.0, 12.0, 1.0], 8))),
         CloudTexture::TakramTurbulenceX => takram_flat(128, |p| 0.5 + 0.5 * curl(p)[0]),
         CloudTexture::TakramTurbulenceY => takram_flat(128, |p| 0.5 + 0.5 * curl(p)[1]),
         CloudTexture::TakramTurbulenceZ => takram_flat(128, |p| 0.5 + 0.5 * curl(p)[2]),
@@ -186,8 +184,7 @@ fn best_noise() -> TextureHandle {
         1.0 - nearest(place, |cell| pcg_values(cell.map(|number| number.rem_euclid(period)))).min(1.0).sqrt()
     };
     bytes(SIZE, |texel| {
-        let place: [f64; 3] =
-            std::array::from_fn(|axis| (texel[axis] + 0.5) / SIZE[axis] as f64 * f64::from(CELLS));
+        let place: [f64; 3] = std::array::from_fn(|axis| (texel[axis] + 0.5) / SIZE[axis] as f64 * f64::from(CELLS));
         let worley = 0.625 * cells(place, 2) + 0.375 * cells(place, 8);
         worley + (0.5 + 0.5 * gradient_noise(place)) * (1.0 - worley)
     })
