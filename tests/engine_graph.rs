@@ -446,12 +446,18 @@ fn published_systems_are_the_same_on_the_adapter() {
     scene.film.resolution = [16, 9];
     for (model, qualities) in [
         ("bolt", &["low", "mobile,storm"][..]),
+        ("best", &["fast"]),
         ("bfwe", &["low"]),
+        ("takram", &["low", "high", "with-cirrus"]),
         ("skill", &["performance", "performance,cumulonimbus", "performance,cirrus", "performance,nimbostratus"]),
     ] {
         let model = engines::find(model).expect("it is there");
         for quality in qualities {
-            let changes = ["march_steps=12".to_owned(), "light_steps=2".to_owned()];
+            let changes: Vec<String> = [("march_steps", 12), ("light_steps", 2)]
+                .into_iter()
+                .filter(|(name, _)| model.has_parameter(name))
+                .map(|(name, value)| format!("{name}={value}"))
+                .collect();
             let values = model.values(Some(quality), &changes).expect("in range");
             for defects in [Defects::NONE, Defects::ALL] {
                 let engine = model.engine(&scene, &values, &defects, 3.0).expect("an engine");
