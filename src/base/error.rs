@@ -24,16 +24,17 @@ pub struct Error {
 pub type Result<T> = std::result::Result<T, Error>;
 
 impl Error {
-    /// Builds an error from its four parts.
+    /// Builds an error from its four parts. What was found may be an empty text of a file, which is said.
     pub fn new(
         place: impl Into<String>,
         found: impl Into<String>,
         expected: impl Into<String>,
         remedy: impl Into<String>,
     ) -> Self {
+        let found = found.into();
         Self {
             place: place.into(),
-            found: found.into(),
+            found: if found.trim().is_empty() { "an empty text".to_owned() } else { found },
             expected: expected.into(),
             remedy: remedy.into(),
             settings: Vec::new(),
