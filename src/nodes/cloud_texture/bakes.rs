@@ -6,8 +6,10 @@
 //!   as 0.5 + 0.5 c): the procedural textures of @takram/three-clouds, after their formulas. Its pre-made files differ from these texel by
 //!   texel, and so do its own shaders from machine to machine, since they hash by the sine of large numbers.
 
+use crate::base::interpolation::smooth;
 use crate::base::texture::{Outside, Texels, Texture, TextureFilter, TextureHandle};
 use crate::nodes::hash::pcg_values;
+use crate::nodes::perlin_fbm::noise::{fade, lerp};
 use rayon::prelude::*;
 use std::collections::HashMap;
 use std::sync::{LazyLock, Mutex, PoisonError};
@@ -123,23 +125,13 @@ fn bytes(size: [usize; 3], value: impl Fn([f64; 3]) -> f64 + Sync) -> TextureHan
     TextureHandle::new(Texture::new(size, texels, TextureFilter::Trilinear, Outside::Repeat))
 }
 
-fn smooth(low: f64, high: f64, x: f64) -> f64 {
-    crate::base::interpolation::smooth(low, high, x)
-}
-
-/// t^3 (t (6 t - 15) + 10).
-fn fade(t: f64) -> f64 {
-    t * t * t * (t * (t * 6.0 - 15.0) + 10.0)
-}
-
 /// Interpolates eight numbers, x first.
 fn between(corners: [f64; 8], [x, y, z]: [f64; 3]) -> f64 {
-    let along = |a: f64, b: f64, t: f64| a + t * (b - a);
     let [low, high] = [0, 4].map(|begin| {
-        let row = |first: usize| along(corners[first], corners[first + 1], x);
-        along(row(begin), row(begin + 2), y)
+        let row = |first: usize| lerp(x, corners[first], corners[first + 1]);
+        lerp(y, row(begin), row(begin + 2))
     });
-    along(low, high, z)
+    lerp(z, low, high)
 }
 
 /// The corner of a cell by its number: x in the lowest bit.
