@@ -205,7 +205,7 @@ impl Texture {
     #[inline(always)]
     pub fn corners(&self, low: [i32; 3]) -> [f32; 8] {
         if (0..3).any(|axis| low[axis] < 0 || low[axis] as usize + 1 >= self.size[axis]) {
-            return self.corners_at_the_rim(low);
+            return if self.outside == Outside::Zero { self.corners_at_the_rim(low) } else { self.corners_around(low) };
         }
         let [x, y, z] = low.map(|index| index as usize);
         let row = self.size[0];
@@ -217,6 +217,25 @@ impl Texture {
             Texels::F32(values) => pairs(values, rows, |value| value),
             Texels::F16(values) => pairs(values, rows, |bits| f16::from_bits(bits).to_f32()),
             Texels::Unorm8 { bytes, .. } => pairs(bytes, rows, |byte| self.decode(byte)),
+        }
+    }
+
+    /// The eight texels where every index has one: flat textures, which are at their rim everywhere, come here.
+    fn corners_around(&self, low: [i32; 3]) -> [f32; 8] {
+        let [x, y, z]: [[usize; 2]; 3] = std::array::from_fn(|axis| {
+            let side = self.size[axis] as i32;
+            [low[axis], low[axis].saturating_add(1)].map(|index| match self.outside {
+                Outside::Repeat if index == side => 0,
+                Outside::Repeat if !(0..side).contains(&index) => index.rem_euclid(side) as usize,
+                _ => index.clamp(0, side - 1) as usize,
+            })
+        });
+        let rows = [0, 1, 2, 3].map(|row: usize| (z[row >> 1] * self.size[1] + y[row & 1]) * self.size[0]);
+        let texels: [usize; 8] = std::array::from_fn(|corner| rows[corner >> 1] + x[corner & 1]);
+        match &self.texels {
+            Texels::F32(values) => texels.map(|index| values[index]),
+            Texels::F16(values) => texels.map(|index| f16::from_bits(values[index]).to_f32()),
+            Texels::Unorm8 { bytes, .. } => texels.map(|index| self.decode(bytes[index])),
         }
     }
 
@@ -523,6 +542,21 @@ mod tests {
                 if (0..3).all(|axis| last[axis] - first[axis] < 4) {
                     assert_eq!(range, exact, "{outside:?} {first:?} {last:?}");
                 }
+            }
+        }
+    }
+
+    #[test]
+    fn corners_are_the_texels_at_their_indices() {
+        for outside in [Outside::Clamp, Outside::Repeat, Outside::Zero] {
+            let texture = texture(outside);
+            for number in 0..2000_i32 {
+                let at = |step: i32, spread: i32| (number * step / 7) % spread - spread / 2;
+                let mut low = [at(3, 29), at(5, 23), at(11, 31)];
+                if number % 100 == 0 {
+                    low[number as usize / 100 % 3] = if number % 200 == 0 { i32::MAX } else { i32::MIN };
+                }
+                assert_eq!(texture.corners(low), texture.corners_at_the_rim(low), "{outside:?} {low:?}");
             }
         }
     }

@@ -106,7 +106,7 @@ fn bake(texture: CloudTexture, points: FeaturePoints) -> TextureHandle {
             let spots = Spots::new(8, points);
             takram_flat(512, |p| second_layer(&spots, p))
         }
-        CloudTexture::TakramWeatherB => takram_flat(512, |p| smooth(-0.5, 0.5, perlin_octaves(p, [6.0, 12.0, 1.0], 8))),
+        CloudTexture::TakramWeatherB => takram_flat(512, |p| smooth(-0.5, 0.5, perlin_octaves(p, [6, 12, 1], 8))),
         CloudTexture::TakramTurbulenceX => takram_flat(128, |p| 0.5 + 0.5 * curl(p)[0]),
         CloudTexture::TakramTurbulenceY => takram_flat(128, |p| 0.5 + 0.5 * curl(p)[1]),
         CloudTexture::TakramTurbulenceZ => takram_flat(128, |p| 0.5 + 0.5 * curl(p)[2]),
@@ -234,7 +234,7 @@ fn takram_shape(points: FeaturePoints) -> TextureHandle {
         let p = [(texel[0] + 0.5) / 128.0, (texel[1] + 0.5) / 128.0, texel[2] / 128.0];
         let [w8, w16, w32, w56, w64] = [&c8, &c16, &c32, &c56, &c64].map(|cells| cells.at(p));
         let coarse = three(w8, w32, w56);
-        let both = coarse + perlin_octaves(p, [8.0; 3], 3).clamp(0.0, 1.0) * (1.0 - coarse);
+        let both = coarse + perlin_octaves(p, [8; 3], 3).clamp(0.0, 1.0) * (1.0 - coarse);
         let fine = finer([w8, w16, w32, w64]);
         (both - fine + 1.0) / (2.0 - fine)
     })
@@ -273,40 +273,62 @@ fn second_layer(spots: &Spots, place: [f64; 3]) -> f64 {
 
 /// Perlin's classic noise in four dimensions at w = 0, periodic (Gustavson, with the permutation polynomial 34 x^2 + x modulo 289): in
 /// about [-1, 1].
-fn perlin(place: [f64; 3], period: [f64; 3]) -> f64 {
-    let permute = |x: f64| ((34.0 * x + 1.0) * x).rem_euclid(289.0);
-    let floors = place.map(f64::floor);
-    let part: [f64; 3] = std::array::from_fn(|axis| place[axis] - floors[axis]);
-    let corners = std::array::from_fn(|index| {
-        let corner = corner_of(index).map(f64::from);
-        let cell: [f64; 3] =
-            std::array::from_fn(|axis| (floors[axis] + corner[axis]).rem_euclid(period[axis]).rem_euclid(289.0));
-        let number = permute(permute(permute(permute(cell[0]) + cell[1]) + cell[2]));
-        let fraction = |x: f64| x - x.floor();
-        let x = number / 7.0;
-        let y = x.floor() / 7.0;
-        let z = y.floor() / 6.0;
-        let mut direction = [x, y, z].map(|coordinate| fraction(coordinate) - 0.5);
-        let w = 0.75 - direction.iter().map(|coordinate| coordinate.abs()).sum::<f64>();
-        if w <= 0.0 {
-            for coordinate in direction.iter_mut().take(2) {
-                *coordinate -= if *coordinate >= 0.0 { 0.5 } else { -0.5 };
-            }
+struct Perlin {
+    /// The polynomial of a sum of two numbers below 289.
+    permuted: [usize; 578],
+    /// The gradient's first three components by the number of its lattice point.
+    gradients: [[f64; 3]; 289],
+}
+
+static PERLIN: LazyLock<Perlin> = LazyLock::new(|| Perlin {
+    permuted: std::array::from_fn(|x| (34 * x + 1) * x % 289),
+    gradients: std::array::from_fn(perlin_gradient),
+});
+
+fn perlin_gradient(number: usize) -> [f64; 3] {
+    let fraction = |x: f64| x - x.floor();
+    let x = number as f64 / 7.0;
+    let y = x.floor() / 7.0;
+    let z = y.floor() / 6.0;
+    let mut direction = [x, y, z].map(|coordinate| fraction(coordinate) - 0.5);
+    let w = 0.75 - direction.iter().map(|coordinate| coordinate.abs()).sum::<f64>();
+    if w <= 0.0 {
+        for coordinate in direction.iter_mut().take(2) {
+            *coordinate -= if *coordinate >= 0.0 { 0.5 } else { -0.5 };
         }
-        let length = (direction.iter().map(|part| part * part).sum::<f64>() + w * w).sqrt();
-        let along = |axis: usize| direction[axis] * (part[axis] - corner[axis]);
-        (along(0) + along(1) + along(2)) / length
-    });
-    2.2 * between(corners, part.map(fade))
+    }
+    let length = (direction.iter().map(|part| part * part).sum::<f64>() + w * w).sqrt();
+    direction.map(|part| part / length)
+}
+
+impl Perlin {
+    /// The noise at a place in cells, of so many cells to a period.
+    fn at(&self, place: [f64; 3], period: [i64; 3]) -> f64 {
+        let floors = place.map(f64::floor);
+        let part: [f64; 3] = std::array::from_fn(|axis| place[axis] - floors[axis]);
+        // Along each axis the cells of the two lattice points.
+        let cells: [[usize; 2]; 3] = std::array::from_fn(|axis| {
+            [0, 1].map(|step| ((floors[axis] as i64 + step).rem_euclid(period[axis]) % 289) as usize)
+        });
+        let corners = std::array::from_fn(|index| {
+            let corner = corner_of(index);
+            let cell = |axis: usize| cells[axis][corner[axis] as usize];
+            let number = (0..3).fold(0, |number, axis| self.permuted[number + cell(axis)]);
+            let gradient = self.gradients[self.permuted[number]];
+            let along = |axis: usize| gradient[axis] * (part[axis] - f64::from(corner[axis]));
+            along(0) + along(1) + along(2)
+        });
+        2.2 * between(corners, part.map(fade))
+    }
 }
 
 /// Octaves of it at `frequency` times a place in periods, each twice as fine and half as strong, divided by the sum of weights.
-fn perlin_octaves(place: [f64; 3], frequency: [f64; 3], octaves: u32) -> f64 {
+fn perlin_octaves(place: [f64; 3], frequency: [i64; 3], octaves: u32) -> f64 {
     let (mut sum, mut weights) = (0.0, 0.0);
     for octave in 0..octaves {
         let weight = 0.5_f64.powi(octave as i32);
-        let period = frequency.map(|frequency| frequency * 2.0_f64.powi(octave as i32));
-        sum += weight * perlin(std::array::from_fn(|axis| place[axis] * period[axis]), period);
+        let period = frequency.map(|frequency| frequency << octave);
+        sum += weight * PERLIN.at(std::array::from_fn(|axis| place[axis] * period[axis] as f64), period);
         weights += weight;
     }
     sum / weights
@@ -316,7 +338,7 @@ fn perlin_octaves(place: [f64; 3], frequency: [f64; 3], octaves: u32) -> f64 {
 fn curl(place: [f64; 3]) -> [f64; 3] {
     const STEP: f64 = 0.1;
     let field = |[x, y, z]: [f64; 3]| {
-        let at = |p: [f64; 3]| perlin_octaves(p, [12.0; 3], 3);
+        let at = |p: [f64; 3]| perlin_octaves(p, [12; 3], 3);
         [at([x, y, z]), at([y - 19.1, z + 33.4, x + 47.2]), at([z + 74.2, x - 124.5, y + 99.4])]
     };
     let change = |axis: usize| {
@@ -350,11 +372,11 @@ mod tests {
     #[test]
     fn textures_tile() {
         for place in [[0.2, 3.7, 7.9], [7.99, 0.01, 4.4]] {
-            let there = perlin(place, [8.0; 3]);
+            let there = PERLIN.at(place, [8; 3]);
             for axis in 0..3 {
                 let mut beyond = place;
                 beyond[axis] += 8.0;
-                assert!((perlin(beyond, [8.0; 3]) - there).abs() < 1e-9);
+                assert!((PERLIN.at(beyond, [8; 3]) - there).abs() < 1e-9);
             }
         }
         for points in [FeaturePoints::Even, FeaturePoints::Diagonal] {
