@@ -50,6 +50,12 @@ impl Defects {
         Self(Set::Listed(vec![defect.id]))
     }
 
+    /// All defects of a model but one.
+    pub fn all_but(model: &Model, defect: &Defect) -> Self {
+        let others = model.defects.iter().map(|other| other.id).filter(|id| *id != defect.id);
+        Self(Set::Listed(others.collect()))
+    }
+
     /// Whether no defect is kept.
     pub fn is_none(&self) -> bool {
         *self == Self::NONE

@@ -7,7 +7,7 @@ use crate::engines::Selection;
 use crate::engines::defects::Defects;
 use crate::gpu::Backend;
 use crate::integrators::path;
-use crate::integrators::path::{GivenMedium, PathSettings, Subject};
+use crate::integrators::path::{GivenMedium, PathSettings, Subject, Tracking};
 use crate::measure::errors::FEWEST_REPLICAS;
 use crate::measure::seeds;
 use crate::scene::Scene;
@@ -107,18 +107,26 @@ pub struct Truth {
     pub replicas: u32,
     /// Voxels per axis of the grid by which path tracing sees a published density model.
     pub voxels: usize,
+    /// How its paths find their collisions; all ways have the same mean.
+    #[serde(skip_serializing_if = "is_default")]
+    pub tracking: Tracking,
+}
+
+/// Also what keeps the keys of truths from before there was a choice.
+fn is_default(tracking: &Tracking) -> bool {
+    *tracking == Tracking::default()
 }
 
 impl Default for Truth {
     fn default() -> Self {
-        Self { samples: 64, replicas: 8, voxels: 128 }
+        Self { samples: 64, replicas: 8, voxels: 128, tracking: Tracking::default() }
     }
 }
 
 impl Truth {
     /// Refuses what is no truth; `place` is the file.
     pub(crate) fn check(&self, place: &str) -> Result<()> {
-        let Self { samples, replicas, voxels } = *self;
+        let Self { samples, replicas, voxels, .. } = *self;
         if samples > 0 && (FEWEST_REPLICAS as u32..=64).contains(&replicas) && (8..=512).contains(&voxels) {
             return Ok(());
         }
@@ -182,8 +190,12 @@ impl Truth {
             report(0.0, "");
             let medium = Self::medium(scene, density)?;
             let subject = Subject { scene, medium: medium.as_ref() };
-            let settings =
-                PathSettings { samples: self.samples, pixel_centres: !rays.are_filtered(), ..PathSettings::default() };
+            let settings = PathSettings {
+                samples: self.samples,
+                pixel_centres: !rays.are_filtered(),
+                tracking: self.tracking,
+                ..PathSettings::default()
+            };
             let mut begin = ProcessTime::now();
             path::render_each(subject, &settings, Backend::Cpu, &missing, &report, &mut |seed, mut image| {
                 image.provenance.insert(PROCESSOR_SECONDS.into(), format!("{:.3}", begin.elapsed().as_secs_f64()));

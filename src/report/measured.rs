@@ -1,6 +1,8 @@
 //! Tables and captions of studies and tunings: what was measured, against which truth, on what machine.
 
-use crate::base::numbers::{ABSENT, capitalised, figure};
+use crate::base::numbers::{ABSENT, capitalised, figure, uncertain};
+use crate::measure::errors::Uncertain;
+use crate::measure::study::ablation::{Ablation, Change};
 use crate::measure::study::{Group, Results};
 use crate::measure::tuning::TuningResults;
 use crate::report::table::{Cell, Table, time_unit};
@@ -91,6 +93,49 @@ pub fn fronts(found: &Results) -> Vec<Table> {
         Table::new(caption, &heads, rows)
     };
     found.pareto_fronts().into_iter().map(front).collect()
+}
+
+/// What each defect of a system costs, a table for each scene, system and setting.
+pub fn ablations(found: &Results) -> Vec<Table> {
+    let of_form = |(relmse, seconds): (Uncertain, f64)| {
+        let (factor, unit) = time_unit(std::iter::once(seconds));
+        format!("{} in {} {unit}", uncertain(relmse.value, relmse.standard_error), figure(Some(factor * seconds)))
+    };
+    let table = |ablation: &Ablation| {
+        let caption = format!(
+            "What each defect of {} changes in {} ({}): relMSE and bias with it minus those without it, time with it over time without it; alone \
+             in the corrected system (relMSE {}), and as the last of all in the system as published ({}). Above 0 it makes the picture worse. \
+             In brackets: standard error of the last digits. {ABSENT}: not run, or no such case.",
+            ablation.density,
+            ablation.scene,
+            ablation.settings,
+            of_form(ablation.corrected),
+            of_form(ablation.published),
+        );
+        let heads = [
+            ("Defect", ""),
+            ("alone: relMSE", ""),
+            ("bias", "%"),
+            ("time", "×"),
+            ("among all: relMSE", ""),
+            ("bias", "%"),
+            ("time", "×"),
+        ];
+        let rows = ablation.rows.iter().map(|row| {
+            let mut cells = vec![Cell::text(row.defect.clone())];
+            for change in [row.alone, row.among_all] {
+                cells.push(match change {
+                    Some(Change { relmse, .. }) => Cell::Uncertain(relmse.value, relmse.standard_error),
+                    None => Cell::Number(None),
+                });
+                cells.push(Cell::Number(change.map(|change| percent(change.bias))));
+                cells.push(Cell::Number(change.map(|change| change.time)));
+            }
+            cells
+        });
+        Table::new(caption, &heads, rows)
+    };
+    found.ablations.iter().map(table).collect()
 }
 
 /// Unbiased renderers by samples.

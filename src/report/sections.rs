@@ -4,7 +4,7 @@ use crate::base::numbers::{capitalised, figure, plain};
 use crate::measure::densities::comparison::FIGURE as MODELS_FIGURE;
 use crate::report::document::{Document, Figure};
 use crate::report::inputs::{Inputs, Run, TUNING_FIGURE, study_figure};
-use crate::report::measured::{curves, fronts, percent, study_captions};
+use crate::report::measured::{ablations, curves, fronts, percent, study_captions};
 use crate::report::summary::{Summary, evaluator_name};
 use crate::report::table::{Cell, Table};
 use crate::report::tables::{TuningTable, model_rows};
@@ -70,7 +70,7 @@ pub fn document(inputs: &Inputs, summary: &Summary) -> Document {
                 document.figure(Figure { print: with_extension(&file, "pdf"), file, is_wide, caption });
             }
         }
-        fronts(study).into_iter().for_each(|table| document.table(table));
+        fronts(study).into_iter().chain(ablations(study)).for_each(|table| document.table(table));
         document.table(curves(study));
     }
     if let Some(tuning) = &inputs.tuning {

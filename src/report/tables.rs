@@ -76,6 +76,8 @@ pub struct StudyTable<'a> {
     pub captions: [String; 3],
     /// What nothing beats, by scene and density.
     pub fronts: Vec<Columns>,
+    /// What each defect of a system costs.
+    pub ablations: Vec<Columns>,
     /// Processor time of each truth.
     pub truths: Vec<(String, f64)>,
     /// Points of unbiased renderers.
@@ -156,6 +158,7 @@ impl<'a> StudyTable<'a> {
             figures: FIGURES.map(|(_, stem)| pictures.get(&study_figure(stem))),
             captions: measured::study_captions(found),
             fronts: measured::fronts(found),
+            ablations: measured::ablations(found),
             truths: found
                 .truths
                 .iter()

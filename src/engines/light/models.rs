@@ -282,8 +282,16 @@ pub const PARAMETERS: &[Parameter] = &[
     },
 ];
 
+/// The light that a density model brings along.
+pub const OWN: &str = "own";
+
 /// All light models by name.
 pub const LIGHTS: &[NamedLight] = &[
+    NamedLight {
+        id: OWN,
+        about: "the density model's own, as its system has it; of a scene's graph that of single",
+        settings: &[],
+    },
     NamedLight { id: "single", about: "single scattering of the sun and a constant ambient light", settings: &[] },
     NamedLight {
         id: "octaves",
@@ -383,8 +391,11 @@ pub fn apply(light: &mut LightModel, text: &str) -> Result<()> {
 }
 
 impl NamedLight {
-    /// Puts its settings into a light model.
+    /// Puts its terms into a light model, in the place of those that it has; sun, phase function and the march towards the sun stay.
     pub fn apply(&self, light: &mut LightModel) -> Result<()> {
+        if self.id != OWN {
+            light.terms = Terms::NONE;
+        }
         self.settings.iter().try_for_each(|&(name, value)| set(light, name, value, self.id))
     }
 }

@@ -62,24 +62,39 @@ pub fn measure(picture: &Image, truth: &[Image]) -> Result<Errors> {
             "Render it again.",
         ));
     }
-    let all = figures(picture, &truth.iter().collect::<Vec<_>>());
-    let without: Vec<[f64; 3]> = (0..truth.len())
-        .map(|left| {
-            let rest: Vec<&Image> =
-                truth.iter().enumerate().filter(|(index, _)| *index != left).map(|(_, replica)| replica).collect();
-            figures(picture, &rest)
-        })
-        .collect();
-    let count = truth.len() as f64;
-    let [relmse, mean_square, bias] = std::array::from_fn(|figure| {
-        let mean = without.iter().map(|one| one[figure]).sum::<f64>() / count;
-        let spread: f64 = without.iter().map(|one| (one[figure] - mean).powi(2)).sum();
-        Uncertain { value: all[figure], standard_error: ((count - 1.0) / count * spread).sqrt() }
-    });
+    let [relmse, mean_square, bias] = jackknife(truth, |truth| figures(picture, truth));
     let root = mean_square.value.max(0.0).sqrt();
     // d sqrt(x) = dx / (2 sqrt(x)); near 0 the root of the uncertainty itself.
     let rms_error = (mean_square.standard_error / (2.0 * root)).min(mean_square.standard_error.sqrt());
     Ok(Errors { relmse, rms: Uncertain { value: root, standard_error: rms_error }, bias })
+}
+
+/// relMSE of `picture` minus that of `other` against the same truth. Its standard error is that of the difference: what noise of the truth
+/// both have in common is not in it.
+pub fn relmse_change(picture: &Image, other: &Image, truth: &[Image]) -> Result<Uncertain> {
+    // For what it refuses.
+    measure(other, truth)?;
+    measure(picture, truth)?;
+    let [change] = jackknife(truth, |truth| [figures(picture, truth)[0] - figures(other, truth)[0]]);
+    Ok(change)
+}
+
+/// Figures of all replicas, with standard errors from leaving out each.
+fn jackknife<const N: usize>(truth: &[Image], figures: impl Fn(&[&Image]) -> [f64; N]) -> [Uncertain; N] {
+    let all = figures(&truth.iter().collect::<Vec<_>>());
+    let without: Vec<[f64; N]> = (0..truth.len())
+        .map(|left| {
+            let rest: Vec<&Image> =
+                truth.iter().enumerate().filter(|(index, _)| *index != left).map(|(_, replica)| replica).collect();
+            figures(&rest)
+        })
+        .collect();
+    let count = truth.len() as f64;
+    std::array::from_fn(|figure| {
+        let mean = without.iter().map(|one| one[figure]).sum::<f64>() / count;
+        let spread: f64 = without.iter().map(|one| (one[figure] - mean).powi(2)).sum();
+        Uncertain { value: all[figure], standard_error: ((count - 1.0) / count * spread).sqrt() }
+    })
 }
 
 /// Means over replicas and the variances of these, per pixel and colour channel.

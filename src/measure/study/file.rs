@@ -11,6 +11,7 @@ use crate::engines::render::EngineJitter;
 use crate::gpu::Backend;
 use crate::measure::combination::{CacheAxis, Combination, Quality, no_cache};
 use crate::measure::scenes::{SceneAxis, check_resolution, load_scenes};
+use crate::measure::study::ablation::DefectsAxis;
 use crate::measure::study::curve_points::PARTS;
 use crate::measure::toml_files::{at, read_toml};
 use crate::measure::truth::Truth;
@@ -110,7 +111,7 @@ pub struct Axes {
     pub jitter: Vec<EngineJitter>,
     /// Defects of the published densities that their engines keep.
     #[serde(default = "no_defects", skip_serializing_if = "are_mended")]
-    pub defects: Vec<Defects>,
+    pub defects: Vec<DefectsAxis>,
     /// Whether god rays are added.
     #[serde(default = "no_god_rays", skip_serializing_if = "are_without_god_rays")]
     pub god_rays: Vec<bool>,
@@ -134,12 +135,12 @@ fn one_ray() -> Vec<u32> {
     vec![1]
 }
 
-fn no_defects() -> Vec<Defects> {
-    vec![Defects::NONE]
+fn no_defects() -> Vec<DefectsAxis> {
+    vec![DefectsAxis::Kept(Defects::NONE)]
 }
 
-fn are_mended(defects: &[Defects]) -> bool {
-    defects == [Defects::NONE]
+fn are_mended(defects: &[DefectsAxis]) -> bool {
+    defects == no_defects()
 }
 
 fn no_jitter() -> Vec<EngineJitter> {
@@ -272,7 +273,7 @@ impl StudyFile {
         };
         let densities = axes.densities.iter().map(|density| {
             let own = axes.parameters.iter().filter(|(name, _)| has_parameter(density, name));
-            product(&mut own.map(|(_, values)| values.len()))
+            product(&mut own.map(|(_, values)| values.len())).saturating_mul(self.defect_sets(density).len() as u64)
         });
         let others = [
             axes.scenes.len(),
@@ -282,11 +283,23 @@ impl StudyFile {
             axes.caches.len(),
             axes.sub_pixels.len(),
             axes.jitter.len(),
-            axes.defects.len(),
             axes.god_rays.len(),
         ];
         let of_lights = axes.light_parameters.values().map(Vec::len);
         densities.fold(0, u64::saturating_add).saturating_mul(product(&mut others.into_iter().chain(of_lights)))
+    }
+
+    /// The sets of defects that the axis means for a density, each once.
+    fn defect_sets(&self, density: &str) -> Vec<Defects> {
+        // One that is not known is refused elsewhere.
+        let Ok(selection) = Selection::parse(density) else { return Vec::new() };
+        let mut sets = Vec::new();
+        for set in self.axes.defects.iter().flat_map(|value| value.sets(selection.model)) {
+            if !sets.contains(&set) {
+                sets.push(set);
+            }
+        }
+        sets
     }
 
     /// The scenes, at the resolution of the study.
@@ -310,6 +323,7 @@ impl StudyFile {
         let axes = &self.axes;
         let (densities, lights) = (self.densities(), self.lights());
         for (scene, density) in scenes.iter().flat_map(|scene| densities.iter().map(move |density| (scene, density))) {
+            let defect_sets = self.defect_sets(density);
             for (light, &steps) in lights.iter().flat_map(|light| axes.steps.iter().map(move |steps| (light, steps))) {
                 for (&light_steps, &cache) in
                     axes.light_steps.iter().flat_map(|steps| axes.caches.iter().map(move |cache| (steps, cache)))
@@ -318,7 +332,7 @@ impl StudyFile {
                         .sub_pixels
                         .iter()
                         .flat_map(|rays| axes.jitter.iter().map(move |jitter| (rays, jitter)))
-                        .flat_map(|one| axes.defects.iter().map(move |defects| (one, defects)))
+                        .flat_map(|one| defect_sets.iter().map(move |defects| (one, defects)))
                         .flat_map(|one| axes.god_rays.iter().map(move |god_rays| (one, god_rays)))
                     {
                         let combination = Combination {
@@ -360,7 +374,8 @@ impl StudyFile {
         let Ok(kept) = combination.defects.of_model(model) else {
             return Some(format!("density model {} has none of the defects {}", model.id, combination.defects));
         };
-        let before = self.axes.defects.iter().take_while(|other| **other != combination.defects);
+        let sets = self.defect_sets(&combination.density);
+        let before = sets.iter().take_while(|other| **other != combination.defects);
         if before.filter_map(|other| other.of_model(model).ok()).any(|other| other == kept) {
             return Some(format!("density model {} has these defects in an earlier value of the axis", model.id));
         }

@@ -7,6 +7,7 @@
 //!
 //! Errors and times lead to the Pareto front: the settings that nothing beats ([`pareto_front`]).
 
+pub mod ablation;
 pub mod curve_points;
 pub mod curves;
 pub mod file;

@@ -14,6 +14,7 @@ use crate::measure::errors::Errors;
 use crate::measure::images;
 use crate::measure::images::FlipPair;
 use crate::measure::provenance::Provenance;
+use crate::measure::study::ablation::{self, Ablation};
 use crate::measure::study::curve_points::{CurvePoint, MissingCurve};
 use crate::measure::study::file::{Skipped, StudyFile};
 use crate::measure::study::pareto_front::{self, Metric};
@@ -106,6 +107,9 @@ pub struct Results {
     pub missing_curves: Vec<MissingCurve>,
     /// Combinations that were left out, with the reason.
     pub skipped: Vec<Skipped>,
+    /// What each defect of a system costs, where both forms of it were run.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub ablations: Vec<Ablation>,
     /// What else could not be made, with the reason: HDR-FLIP where its packages are missing.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub left_out: Vec<String>,
@@ -144,6 +148,9 @@ impl Results {
     /// `results.json` and `results.csv`.
     pub(super) fn write(&self, folder: &Path) -> Result<()> {
         files::write_atomically(&folder.join("results.json"), to_json(self).as_bytes())?;
+        if !self.ablations.is_empty() {
+            files::write_atomically(&folder.join("ablation.csv"), ablation::csv(&self.ablations).as_bytes())?;
+        }
         files::write_atomically(&folder.join("results.csv"), self.csv().as_bytes())
     }
 

@@ -325,6 +325,7 @@ impl Experiment for Running<'_> {
             curves: Vec::new(),
             missing_curves: Vec::new(),
             skipped: self.study.skipped.clone(),
+            ablations: Vec::new(),
             left_out: Vec::new(),
         };
         let mut without_truth: Vec<Combination> = Vec::new();
@@ -355,6 +356,7 @@ impl Experiment for Running<'_> {
             return Ok(results);
         }
         let folder = desk.folder()?;
+        results.ablations = results.ablations(folder)?;
         // Before what needs packages: whatever they do, these are there.
         results.write(folder)?;
         if let Err(error) = results.add_flip(desk.ledger, folder) {
