@@ -38,7 +38,7 @@ fn random_rays(random: &mut ChaCha8Rng, count: usize) -> Vec<RealTimePixel> {
                 1 => 1.0,
                 _ => single(random.random()),
             });
-            RealTimePixel { radiance, transmittance, samples: 1, dense: 1 }
+            RealTimePixel { radiance, transmittance, samples: 1, dense: 1, distance: None }
         })
         .collect()
 }

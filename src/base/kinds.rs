@@ -21,6 +21,8 @@ pub enum FileKind {
     Scene,
     /// `*.study.toml`.
     Study,
+    /// `*.sequence.toml`.
+    Sequence,
     /// `*.tune.toml`.
     Tuning,
     /// `*.preset.json`.
@@ -49,6 +51,7 @@ impl FileKind {
         let by_name = [
             (".scene.json", Self::Scene),
             (".study.toml", Self::Study),
+            (".sequence.toml", Self::Sequence),
             (".tune.toml", Self::Tuning),
             (".preset.json", Self::Preset),
             (".blend", Self::Blend),
@@ -67,6 +70,7 @@ impl FileKind {
             Self::Npy => "a NumPy array",
             Self::Scene => "a scene file (*.scene.json)",
             Self::Study => "a study file (*.study.toml)",
+            Self::Sequence => "a sequence file (*.sequence.toml)",
             Self::Tuning => "a tuning file (*.tune.toml)",
             Self::Preset => "a preset (*.preset.json)",
             Self::Folder => "a folder",
@@ -89,6 +93,7 @@ impl FileKind {
             Self::Npy => "Points go to cloudparity eval, beside a scene; name the other file here".into(),
             Self::Scene => format!("A scene is rendered by cloudparity render {path} -o PICTURE.exr"),
             Self::Study => format!("A study is run by cloudparity study {path} -o FOLDER"),
+            Self::Sequence => format!("A sequence is run by cloudparity measure sequence {path} -o FOLDER"),
             Self::Tuning => format!("A tuning is run by cloudparity tune {path} -o FOLDER"),
             Self::Preset => {
                 "A preset is rendered by cloudparity render, beside a scene; name the other file here".into()

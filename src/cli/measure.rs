@@ -2,7 +2,7 @@
 
 use super::{
     bench, bench_bake, bench_compile, bench_nodes, bench_voxels, bounds, compare_models, convergence, demo, modes,
-    parity, stability, study, time_to_error, tune,
+    parity, sequence, stability, study, time_to_error, tune,
 };
 use crate::base::error::Result;
 use std::process::ExitCode;
@@ -18,6 +18,7 @@ pub(super) struct Arguments {
 enum What {
     Study(study::Arguments),
     Recommend(study::RecommendArguments),
+    Sequence(sequence::Arguments),
     Tune(tune::Arguments),
     CompareModels(Box<compare_models::Arguments>),
     Parity(parity::Arguments),
@@ -38,6 +39,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
     match &arguments.what {
         What::Study(arguments) => study::run(arguments),
         What::Recommend(arguments) => study::recommend(arguments),
+        What::Sequence(arguments) => sequence::run(arguments),
         What::Tune(arguments) => tune::run(arguments),
         What::CompareModels(arguments) => compare_models::run(arguments),
         What::Parity(arguments) => parity::run(arguments),

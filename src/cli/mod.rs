@@ -44,6 +44,7 @@ mod render;
 mod report;
 mod resume;
 mod schema;
+mod sequence;
 mod shader;
 mod show;
 mod stability;

@@ -17,6 +17,7 @@ pub mod node_graph;
 pub mod parameters;
 pub mod passes;
 pub mod perlin_fbm;
+pub mod reconstruction;
 pub mod render;
 pub mod skill;
 pub mod takram;
@@ -320,8 +321,13 @@ impl Selection {
 
     /// Its engine in a scene with further parameters, which count after its own.
     pub fn engine(&self, scene: &Scene, further: &[String], defects: &Defects) -> Result<Engine> {
+        self.engine_at(scene, further, defects, 0.0)
+    }
+
+    /// The same after `seconds` of animation.
+    pub fn engine_at(&self, scene: &Scene, further: &[String], defects: &Defects, seconds: f64) -> Result<Engine> {
         let values = self.model.values(None, &[self.settings.as_slice(), further].concat())?;
-        self.model.engine(scene, &values, defects, 0.0)
+        self.model.engine(scene, &values, defects, seconds)
     }
 }
 

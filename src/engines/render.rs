@@ -13,12 +13,13 @@ use crate::base::identity::Identity;
 use crate::base::progress::Progress;
 use crate::engines::Engine;
 use crate::engines::light::{LightModel, Sun};
-use crate::engines::march::RealTimeRay;
 use crate::engines::march::gpu::MarchKernel;
+use crate::engines::march::{RealTimePixel, RealTimeRay};
 use crate::engines::passes::compositing::{self, CompositeKernel, Part, mean_transmittance};
 use crate::engines::passes::frame::Frame;
 use crate::engines::passes::god_rays::GodRayPass;
 use crate::engines::passes::{Channels, Pass, View};
+use crate::engines::reconstruction::Shot;
 use crate::gpu::Gpu;
 use crate::gpu::{Backend, worker};
 use crate::scene::image::Image;
@@ -263,6 +264,47 @@ impl<'a> EngineRenderer<'a> {
         let view = self.view();
         plan.passes.iter().try_for_each(|pass| pass.run(&mut image, &view))?;
         Ok(image)
+    }
+
+    /// What rays through raster positions find on all cores, in pixels from the bottom-left corner, without passes: for frames of a sequence
+    /// ([`crate::engines::reconstruction`]). Jitter is that of the pixel that a position lies in.
+    pub fn shots(&self, rasters: &[DVec2], settings: &EngineSettings) -> Result<Vec<Shot>> {
+        let Self { scene, engine, light, background, camera, .. } = self;
+        let rays: Vec<RealTimeRay> = rasters
+            .iter()
+            .map(|&raster| {
+                let fragment = [raster.x, raster.y].map(|coordinate| coordinate.max(0.0) as usize);
+                let ray = camera.ray(raster);
+                let start = ray.origin + ray.direction * ray.near;
+                let jitter = settings.jitter.value(fragment, settings.frame);
+                engine.container.ray(start, ray.direction, ray.far - ray.near, jitter)
+            })
+            .collect();
+        let found = engine.marched(light)?.march(&engine.march, &rays)?;
+        let exposure = f64::from(scene.film.exposure);
+        let shot = |((ray, pixel), raster): ((&RealTimeRay, &RealTimePixel), &DVec2)| {
+            let behind = background.behind(std::slice::from_ref(ray));
+            let [red, green, blue, _] =
+                engine.compositing.compose(std::slice::from_ref(pixel), Some(behind), exposure).map(f64::from);
+            let near = camera.ray(*raster).near;
+            let distance = pixel.distance.map_or(f64::INFINITY, |distance| near + distance * engine.container.unit);
+            Shot { color: [red, green, blue], distance }
+        };
+        Ok(rays.iter().zip(&found).zip(rasters).map(shot).collect())
+    }
+
+    /// The camera.
+    pub fn camera(&self) -> &Camera {
+        &self.camera
+    }
+
+    /// Metres along the ray through a raster position to the domain of the medium; infinite where it misses.
+    pub fn entry(&self, raster: DVec2) -> f64 {
+        let ray = self.camera.ray(raster);
+        let container = &self.engine.container;
+        let start = ray.origin + ray.direction * ray.near;
+        let inside = container.ray(start, ray.direction, ray.far - ray.near, 0.5).inside(&container.outline);
+        if inside.length == 0.0 { f64::INFINITY } else { ray.near + inside.parts.start * container.unit }
     }
 
     /// A picture that stays on the adapter: marched, composed and post-processed there. An error where the engine was not compiled for an

@@ -60,6 +60,11 @@ pub(crate) fn no_cache() -> Vec<CacheAxis> {
 impl Combination {
     /// The density model's engine of these settings under their light, with further parameters `NAME=VALUE` of the model.
     pub fn engine(&self, scene: &Scene, parameters: &[String]) -> Result<Engine> {
+        self.engine_at(scene, parameters, 0.0)
+    }
+
+    /// The same after `seconds` of animation.
+    pub fn engine_at(&self, scene: &Scene, parameters: &[String], seconds: f64) -> Result<Engine> {
         let selection = Selection::parse(&self.density)?;
         let mut settings = Vec::new();
         for (name, value) in [("march_steps", self.steps), ("light_steps", self.light_steps)] {
@@ -77,7 +82,7 @@ impl Combination {
             settings.push(format!("cache_format={format}"));
         }
         settings.extend_from_slice(parameters);
-        let mut engine = selection.engine(scene, &settings, &self.defects)?;
+        let mut engine = selection.engine_at(scene, &settings, &self.defects, seconds)?;
         models::apply(&mut engine.light, &self.light)?;
         Ok(engine)
     }

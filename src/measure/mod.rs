@@ -12,6 +12,7 @@ pub mod experiment;
 pub mod images;
 pub mod scenes;
 pub mod seeds;
+pub mod sequence;
 pub mod suite;
 pub mod timing;
 pub mod toml_files;

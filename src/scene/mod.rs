@@ -801,6 +801,11 @@ pub fn matrix_to_glam(matrix: &Matrix) -> glam::DMat4 {
     glam::DMat4::from_cols_slice(&flat).transpose()
 }
 
+/// The same the other way round; each number is rounded.
+pub fn matrix_from_glam(matrix: glam::DMat4) -> Matrix {
+    matrix.transpose().to_cols_array_2d().map(|row| row.map(|number| number as f32))
+}
+
 /// JSON Schema of scene files, generated from these types.
 pub fn schema() -> serde_json::Value {
     let mut value = schemars::schema_for!(Scene).to_value();

@@ -432,6 +432,7 @@ impl<'a> MarchKernel<'a> {
             transmittance: pixel.transmittance.map(f64::from),
             samples: pixel.samples,
             dense: pixel.dense,
+            distance: None,
         };
         Ok(found.into_iter().map(widened).collect())
     }

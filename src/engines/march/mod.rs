@@ -142,6 +142,9 @@ pub struct RealTimePixel {
     pub samples: u32,
     /// Those of them that were dense enough to count.
     pub dense: u32,
+    /// Distance from the ray's start, in units of length, at which the medium takes light away: the mean of T (1 - exp(-e s)) over samples and
+    /// channels. None where it takes none, and from an adapter, which does not compute it.
+    pub distance: Option<f64>,
 }
 
 /// The parts of a ray that lie in the domain.
@@ -207,6 +210,19 @@ impl RealTimeRay {
     }
 }
 
+/// A sample of a ray.
+struct Sample {
+    /// The ray's.
+    index: usize,
+    place: DVec3,
+    /// Length of the step that it stands for.
+    step: f64,
+    /// Length of the ray behind it.
+    left: f64,
+    /// From where the ray enters.
+    distance: f64,
+}
+
 /// A ray on its way.
 struct Way {
     inside: Inside,
@@ -215,6 +231,8 @@ struct Way {
     weights: Vec<Vec<f64>>,
     /// To each sun.
     cosines: Vec<f64>,
+    /// Sums of what was taken away, and of it times its distance.
+    taken: [f64; 2],
     is_done: bool,
     pixel: RealTimePixel,
 }
@@ -270,12 +288,13 @@ impl Marched<'_> {
                     continue;
                 }
                 way.pixel.samples += 1;
-                samples.push((index, way.inside.origin + way.inside.way * distance, step, left));
+                let place = way.inside.origin + way.inside.way * distance;
+                samples.push(Sample { index, place, step, left, distance });
             }
             if samples.is_empty() {
                 break;
             }
-            let places: Vec<DVec3> = samples.iter().map(|sample| sample.1).collect();
+            let places: Vec<DVec3> = samples.iter().map(|sample| sample.place).collect();
             let densities = density.values(&places);
             // What is no number counts, so that it is seen in the picture.
             let is_dense = |&at: &usize| densities[at] > settings.least_density || densities[at].is_nan();
@@ -285,13 +304,13 @@ impl Marched<'_> {
                 .iter()
                 .enumerate()
                 .map(|(sun, &to_sun)| {
-                    let cosines: Vec<f64> = dense.iter().map(|&at| ways[samples[at].0].cosines[sun]).collect();
+                    let cosines: Vec<f64> = dense.iter().map(|&at| ways[samples[at].index].cosines[sun]).collect();
                     self.shadow_depths(along.as_mut().unwrap_or(&mut density), to_sun, &lit, &cosines)
                 })
                 .collect();
             let surroundings = around.as_mut().map(|around| around.values(&lit));
             for (order, (&at, place)) in dense.iter().zip(lit).enumerate() {
-                let (index, _, step, left) = samples[at];
+                let Sample { index, step, left, distance, .. } = samples[at];
                 let fade = if settings.exit_fade { smooth(0.0, 2.0 * step, left) } else { 1.0 };
                 let way = &mut ways[index];
                 way.pixel.dense += 1;
@@ -339,13 +358,23 @@ impl Marched<'_> {
                     let through = transmittance(extinct * step);
                     let weight = step_weight(settings.integration, extinct, step);
                     way.pixel.radiance[channel] += way.pixel.transmittance[channel] * source * weight;
+                    let taken = way.pixel.transmittance[channel] * (1.0 - through);
+                    way.taken[0] += taken;
+                    way.taken[1] += taken * distance;
                     way.pixel.transmittance[channel] *= through;
                 }
                 way.is_done = DVec3::from(way.pixel.transmittance).length() < settings.least_transmittance;
             }
         }
-        let pixels = ways.into_iter().map(|way| way.pixel);
-        Ok(pixels.map(|pixel| RealTimePixel { transmittance: settings.ended(pixel.transmittance), ..pixel }).collect())
+        let pixel = |way: Way| {
+            let [taken, distances] = way.taken;
+            RealTimePixel {
+                transmittance: settings.ended(way.pixel.transmittance),
+                distance: (taken > 0.0).then(|| way.inside.parts.start + distances / taken),
+                ..way.pixel
+            }
+        };
+        Ok(ways.into_iter().map(pixel).collect())
     }
 
     /// Optical depth towards a sun at each place, per channel, as it counts for the octaves. `read` evaluates the density, or its averages;
@@ -414,7 +443,8 @@ impl Way {
             cosines,
             is_done: inside.length == 0.0,
             inside,
-            pixel: RealTimePixel { radiance: [0.0; 3], transmittance: [1.0; 3], samples: 0, dense: 0 },
+            taken: [0.0; 2],
+            pixel: RealTimePixel { radiance: [0.0; 3], transmittance: [1.0; 3], samples: 0, dense: 0, distance: None },
         }
     }
 }
