@@ -452,14 +452,18 @@ fn published_systems_are_the_same_on_the_adapter() {
         ("skill", &["performance", "performance,cumulonimbus", "performance,cirrus", "performance,nimbostratus"]),
     ] {
         let model = engines::find(model).expect("it is there");
-        for quality in qualities {
+        // Every level of quality, and each defect alone: a kernel for each, minutes on a software adapter.
+        let every: Vec<&str> = model.qualities.iter().map(|(name, _)| *name).collect();
+        let is_whole = std::env::var_os("CLOUDPARITY_EVERY_PRESET").is_some();
+        for (number, quality) in (if is_whole { &every } else { qualities }).iter().enumerate() {
             let changes: Vec<String> = [("march_steps", 12), ("light_steps", 2)]
                 .into_iter()
                 .filter(|(name, _)| model.has_parameter(name))
                 .map(|(name, value)| format!("{name}={value}"))
                 .collect();
             let values = model.values(Some(quality), &changes).expect("in range");
-            for defects in [Defects::NONE, Defects::ALL] {
+            let alone = model.defects.iter().filter(|_| is_whole && number == 0).map(Defects::only);
+            for defects in [Defects::NONE, Defects::ALL].into_iter().chain(alone) {
                 let engine = model.engine(&scene, &values, &defects, 3.0).expect("an engine");
                 compare(&format!("{} {quality}, defects {defects}", model.id), &scene, &engine, &gpu);
             }

@@ -171,6 +171,7 @@ fn engine(request: &Request<'_>) -> Result<Engine> {
             least_density: 0.0,
             least_transmittance: 0.01,
             leftover: Leftover::Kept,
+            distance_levels: None,
         },
         compositing: Compositing::default(),
         god_rays: GodRays::default(),

@@ -117,7 +117,7 @@ impl NodeGraph {
         self.math("MAXIMUM", &[a.into(), b.into()])
     }
 
-    /// `to[0] + (x - from[0]) (to[1] - to[0]) / (from[1] - from[0])`, which is `to[0]` for an empty range; kept within `to` where asked for.
+    /// `to[0] + (x - from[0]) (to[1] - to[0]) / (from[1] - from[0])`, which is 0 for an empty range, as Blender has it; kept within `to` where asked for.
     pub fn remap(&mut self, x: &Input, from: [Input; 2], to: [f64; 2], clamps: bool) -> Input {
         self.mapped(x, from, to, "LINEAR", clamps)
     }
@@ -132,6 +132,59 @@ impl NodeGraph {
         let low = self.remap(height, [0.0.into(), 0.15.into()], [0.0, 1.0], true);
         let high = self.remap(height, [0.85.into(), 1.0.into()], [1.0, 0.0], true);
         self.multiply(low, high)
+    }
+
+    /// From 1 at `from` to 0 at `to`, as [`Self::smooth`] rises.
+    pub fn fall(&mut self, from: f64, to: f64, x: &Input) -> Input {
+        let rise = self.smooth(from, to, x);
+        self.subtract(1.0, rise)
+    }
+
+    /// 1 in the middle of [0, 1], rising over `bottom` at its beginning and falling over `top` at its end by cubic steps. `rising` is the height
+    /// that counts at the bottom.
+    pub fn fades(&mut self, rising: &Input, height: &Input, [bottom, top]: [f64; 2]) -> Input {
+        let rise = self.smooth(0.0, bottom, rising);
+        let fall = self.fall(1.0 - top, 1.0, height);
+        self.multiply(rise, fall)
+    }
+
+    /// (2 x^bias - 1)^2 of x kept within [0, 1]: 1 minus it is `takram`'s semicircle over the height of a layer.
+    pub fn off_middle(&mut self, height: &Input, bias: f64) -> Input {
+        let bent = self.math("POWER", &[height.clone(), bias.into()]);
+        let bent = self.multiply_add(bent, 2.0, -1.0);
+        self.multiply(&bent, &bent)
+    }
+
+    /// Distance of (x, z) to a polyline of two points or more.
+    pub fn distance_to_line(&mut self, [x, z]: [&Input; 2], line: &[[f64; 2]]) -> Input {
+        let mut nearest: Option<Input> = None;
+        for ends in line.windows(2) {
+            let ([ax, az], [bx, bz]) = (ends[0], ends[1]);
+            let (dx, dz) = (bx - ax, bz - az);
+            let square = dx * dx + dz * dz;
+            let (from_x, from_z) = (self.subtract(x, ax), self.subtract(z, az));
+            // Of a segment without a length the part is 0.
+            let [px, pz] = [dx, dz].map(|part| if square > 0.0 { part / square } else { 0.0 });
+            let along = self.multiply(&from_x, px);
+            let part = self.calculated("MULTIPLY_ADD", &[from_z.clone(), pz.into(), along], true);
+            let away_x = self.multiply_add(&part, -dx, from_x);
+            let away_z = self.multiply_add(&part, -dz, from_z);
+            let of_x = self.multiply(&away_x, &away_x);
+            let found = self.multiply_add(&away_z, &away_z, of_x);
+            nearest = Some(match nearest {
+                None => found,
+                Some(before) => self.math("MINIMUM", &[before, found]),
+            });
+        }
+        let nearest = nearest.unwrap_or(Input::Number(f64::from(f32::MAX)));
+        self.math("SQRT", &[nearest])
+    }
+
+    /// The mask of a spine: 1 on a polyline, falling to 0 at `radius` from it, over the part `softness` of the radius.
+    pub fn spine_band(&mut self, place: [&Input; 2], line: &[[f64; 2]], radius: f64, softness: f64) -> Input {
+        let distance = self.distance_to_line(place, line);
+        let inside = self.multiply_add(distance, -1.0 / radius.max(1e-5), 1.0);
+        self.smooth(0.0, softness, &inside)
     }
 
     fn mapped(&mut self, x: &Input, from: [Input; 2], to: [f64; 2], interpolation: &str, clamps: bool) -> Input {

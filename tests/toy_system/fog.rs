@@ -76,6 +76,7 @@ fn build(request: &Request<'_>) -> Result<Engine> {
             exit_fade: false,
             least_density: 0.0,
             leftover: Leftover::Kept,
+            distance_levels: None,
             least_transmittance: 0.0,
         },
         compositing: Compositing::default(),

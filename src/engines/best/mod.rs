@@ -133,10 +133,7 @@ fn density(
     };
     let fall = match get("top_fade") {
         0.0 => graph.math("LESS_THAN", &[height.clone(), 1.0.into()]),
-        fade => {
-            let gone = graph.smooth(1.0 - fade, 1.0, &height);
-            graph.subtract(1.0, gone)
-        }
+        fade => graph.fall(1.0 - fade, 1.0, &height),
     };
     let profile = graph.multiply(rise, fall);
     let covered = graph.multiply(covered, profile);

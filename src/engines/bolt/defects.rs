@@ -10,6 +10,13 @@ pub const SOURCE_WITHOUT_ABSORPTION: Defect = Defect {
     corrected: "it is extinction times the parameter albedo",
 };
 
+/// MS-1, of the document that describes the system.
+pub const UNUSED_SOFTNESS: Defect = Defect {
+    id: "MS-1",
+    about: "the softness of a street's edge is not used: it fades over the whole half width",
+    corrected: "it fades over that share of it",
+};
+
 /// BO-2.
 pub const ALPHA_TWICE: Defect = Defect {
     id: "BO-2",
@@ -46,5 +53,12 @@ pub const PLAIN_SUM: Defect = Defect {
 };
 
 /// All of them.
-pub const DEFECTS: &[Defect] =
-    &[SOURCE_WITHOUT_ABSORPTION, ALPHA_TWICE, VERTICAL_LIGHT_STEP, POWDER_ON_ALL, BIASED_GRADIENTS, PLAIN_SUM];
+pub const DEFECTS: &[Defect] = &[
+    SOURCE_WITHOUT_ABSORPTION,
+    ALPHA_TWICE,
+    VERTICAL_LIGHT_STEP,
+    POWDER_ON_ALL,
+    BIASED_GRADIENTS,
+    PLAIN_SUM,
+    UNUSED_SOFTNESS,
+];

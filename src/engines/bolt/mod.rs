@@ -20,11 +20,12 @@ use crate::engines::domain::{Domain, DomainKind};
 use crate::engines::frame::SlabFrame;
 use crate::engines::light::terms::{Boost, Powder, SilverLining, Terms};
 use crate::engines::light::{LightModel, ShadowExtinction, ShadowMarch, SourceFactor, Sun, TwoLobes};
-use crate::engines::march::RealTimeSettings;
+use crate::engines::march::{RealTimeSettings, distance_levels};
 use crate::engines::node_graph::{Input, NodeGraph};
 use crate::engines::parameters::{Parameter, Range, Values, parameter};
 use crate::engines::{Engine, GraphParts, Model, Request};
 use crate::media::transfer::Integration;
+use crate::scene;
 
 const UNIT: Range = Range::Between(0.0, 1.0);
 
@@ -48,6 +49,54 @@ pub const PARAMETERS: &[Parameter] = &[
         [0.0, 1.0],
         "",
         "1: less light, and half as much extinction more",
+    ),
+    parameter(
+        "spine_radius",
+        0.0,
+        Range::NotNegative,
+        [0.0, 5000.0],
+        "m",
+        "half width of a street of clouds; 0: everywhere",
+    ),
+    parameter(
+        "spine_length",
+        30_000.0,
+        Range::NotNegative,
+        [5000.0, 50_000.0],
+        "m",
+        "length of the street, about the middle",
+    ),
+    parameter(
+        "spine_direction",
+        0.0,
+        Range::Any,
+        [-180.0, 180.0],
+        "degrees",
+        "where the street leads in its middle, from x",
+    ),
+    parameter(
+        "spine_bend",
+        0.0,
+        Range::Between(-360.0, 360.0),
+        [-180.0, 180.0],
+        "degrees",
+        "by which it turns from end to end",
+    ),
+    parameter(
+        "spine_softness",
+        0.5,
+        Range::Between(0.01, 1.0),
+        [0.1, 1.0],
+        "",
+        "share of the half width over which it fades",
+    ),
+    parameter(
+        "distance_levels",
+        0.0,
+        Range::Whole(0, 1),
+        [0.0, 1.0],
+        "",
+        "1: steps by distance, of the camera instead of the steps below",
     ),
     parameter("march_steps", 64.0, Range::Whole(1, 100_000), [8.0, 128.0], "", "steps of a view ray"),
     parameter("light_steps", 6.0, Range::Whole(1, 1000), [1.0, 8.0], "", "steps towards the sun"),
@@ -100,8 +149,19 @@ fn engine(request: &Request<'_>) -> Result<Engine> {
         true => Integration::Plain,
         false => Integration::EnergyConserving,
     };
-    let march = RealTimeSettings::until_one_percent(values.get("march_steps"), integration);
-    let light = light(values, defects, &frame, calm, extinction);
+    let mut steps = [values.get("march_steps"), values.get("light_steps")].map(|steps| steps as u32);
+    let levels = values.get("distance_levels") == 1.0;
+    if levels {
+        // From the place above the camera, at the height of the base.
+        let eye = scene::matrix_to_glam(&request.scene.camera.matrix_world).w_axis.truncate();
+        let above = (container.to_local.transform_point3(eye).z - frame.origin[2]) * frame.scale[2];
+        steps = distance_levels::camera_level(above.abs());
+    }
+    let march = RealTimeSettings {
+        distance_levels: levels.then_some(frame.unit),
+        ..RealTimeSettings::until_one_percent(f64::from(steps[0]), integration)
+    };
+    let light = light(values, steps[1], defects, &frame, [calm, extinction]);
     let mut engine = request.engine_of_graph(
         MODEL.id,
         GraphParts {
@@ -162,15 +222,39 @@ fn density(graph: &mut NodeGraph, frame: &SlabFrame, values: &Values, kept: &Def
     let profile = graph.trapezoid(&height);
     let factor = get("density") * (1.0 + 0.4 * get("precipitation"));
     let profile = graph.multiply(profile, factor);
-    graph.multiply_clamped(profile, shape)
+    let density = graph.multiply_clamped(profile, shape);
+    let radius = get("spine_radius");
+    if radius == 0.0 {
+        return density;
+    }
+    let softness = if kept.has(&defects::UNUSED_SOFTNESS) { 1.0 } else { get("spine_softness") };
+    let [x, _, z] = graph.separate(&place);
+    let band = graph.spine_band([&x, &z], &spine(values), radius, softness);
+    graph.multiply(density, band)
+}
+
+/// The middle of a street of clouds over (x, z): an arc in straight pieces through the origin.
+fn spine(values: &Values) -> Vec<[f64; 2]> {
+    const PIECES: u32 = 8;
+    let [length, bend, direction] = ["spine_length", "spine_bend", "spine_direction"].map(|name| values.get(name));
+    let piece = length / f64::from(PIECES);
+    let turn = bend.to_radians() / f64::from(PIECES);
+    let mut place = [0.0, 0.0];
+    let mut line = vec![place];
+    for number in 0..PIECES {
+        let along = direction.to_radians() + turn * (f64::from(number) - f64::from(PIECES - 1) / 2.0);
+        place = [place[0] + piece * along.cos(), place[1] + piece * along.sin()];
+        line.push(place);
+    }
+    let [middle_x, middle_z] = line[PIECES as usize / 2];
+    line.iter().map(|[x, z]| [x - middle_x, z - middle_z]).collect()
 }
 
 /// The engine's light. `calm` and `extinction` are per unit of density and length, for the march to the sun and for that of the view.
-fn light(values: &Values, kept: &Defects, frame: &SlabFrame, calm: f64, extinction: f64) -> LightModel {
+fn light(values: &Values, steps: u32, kept: &Defects, frame: &SlabFrame, [calm, extinction]: [f64; 2]) -> LightModel {
     let thickness = values.get("thickness") / frame.unit;
     // As a length over which extinction counts twice the density.
     let twice_density = if extinction > 0.0 { 2.0 / extinction } else { 0.0 };
-    let steps = values.get("light_steps") as u32;
     let is_vertical = kept.has(&defects::VERTICAL_LIGHT_STEP);
     let dims = if is_vertical { ShadowExtinction::Of(calm) } else { ShadowExtinction::View };
     let shadow = ShadowMarch::of_slab(steps, thickness, is_vertical, dims);

@@ -188,6 +188,14 @@ impl<'a> MarchKernel<'a> {
                 "Take suns away.",
             ));
         }
+        if settings.distance_levels.is_some() {
+            return Err(Error::new(
+                "the march on the adapter",
+                "steps by the distance of each ray",
+                "one number of steps for all rays",
+                "Render on the CPU, or leave the parameter distance_levels at 0.",
+            ));
+        }
         let mut definitions = Vec::new();
         let mut define = |is_wanted: bool, name: &'static str| definitions.extend(is_wanted.then_some(name));
         define(settings.integration == Integration::Plain, "PLAIN");

@@ -15,6 +15,7 @@
 //! and T *= exp(-e s). Lengths are in the engine's unit ([`Container::unit`]), directions unit vectors of the world; places are in the
 //! density's frame, whose axes need not be of one length or at right angles.
 
+pub mod distance_levels;
 pub mod gpu;
 
 use crate::base::choice::choice;
@@ -52,6 +53,10 @@ pub struct RealTimeSettings {
     /// What becomes of the transmittance that an ended ray has left.
     #[serde(default = "kept")]
     pub leftover: Leftover,
+    /// Where given, rays that meet the domain far away have other steps ([`distance_levels::ray_steps`]); the system's metres in a unit of
+    /// length. On the CPU alone.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub distance_levels: Option<f64>,
 }
 
 fn kept() -> Leftover {
@@ -81,7 +86,14 @@ impl RealTimeSettings {
             least_density: 0.0,
             least_transmittance: 0.01 * 3.0_f64.sqrt(),
             leftover: Leftover::Kept,
+            distance_levels: None,
         }
+    }
+
+    /// The number by which the length of a ray is divided that meets the domain so far away.
+    fn steps_of(&self, start: f64) -> f64 {
+        self.distance_levels
+            .map_or(f64::from(self.steps), |metres| distance_levels::ray_steps(self.steps, start * metres))
     }
 
     /// Transmittance of an ended ray, as it counts.
@@ -233,6 +245,8 @@ struct Way {
     cosines: Vec<f64>,
     /// Sums of what was taken away, and of it times its distance.
     taken: [f64; 2],
+    /// By which the length is divided; the whole steps are done.
+    steps: f64,
     is_done: bool,
     pixel: RealTimePixel,
 }
@@ -275,15 +289,16 @@ impl Marched<'_> {
         let mut along = along.as_ref().map(DensityEvaluator::new).transpose()?;
         let ways_to_suns: Vec<DVec3> =
             light.suns.iter().map(|sun| self.container.way(DVec3::from(sun.direction))).collect();
-        let mut ways: Vec<Way> = rays.iter().map(|ray| Way::new(ray, outline, light)).collect();
-        for number in 0..settings.steps {
+        let mut ways: Vec<Way> = rays.iter().map(|ray| Way::new(ray, outline, light, settings)).collect();
+        let most = ways.iter().map(|way| way.steps as u32).max().unwrap_or(0);
+        for number in 0..most {
             let mut samples = Vec::new();
             for (index, way) in ways.iter_mut().enumerate().filter(|(_, way)| !way.is_done) {
-                let step = way.inside.length / f64::from(settings.steps);
+                let step = way.inside.length / way.steps;
                 let passed = (f64::from(number) + way.jitter) * step;
                 let left = way.inside.length - passed;
                 let distance = way.inside.parts.distance(passed);
-                if distance > way.inside.farthest || left < 0.0 {
+                if distance > way.inside.farthest || left < 0.0 || number >= way.steps as u32 {
                     way.is_done = true;
                     continue;
                 }
@@ -433,7 +448,7 @@ impl Marched<'_> {
 }
 
 impl Way {
-    fn new(ray: &RealTimeRay, outline: &Outline, light: &LightModel) -> Self {
+    fn new(ray: &RealTimeRay, outline: &Outline, light: &LightModel, settings: &RealTimeSettings) -> Self {
         let inside = ray.inside(outline);
         let cosines: Vec<f64> =
             light.suns.iter().map(|sun| inside.direction.dot(sun.towards()).clamp(-1.0, 1.0)).collect();
@@ -442,6 +457,7 @@ impl Way {
             weights: cosines.iter().map(|&cosine| light.weights(cosine)).collect(),
             cosines,
             is_done: inside.length == 0.0,
+            steps: settings.steps_of(inside.parts.start),
             inside,
             taken: [0.0; 2],
             pixel: RealTimePixel { radiance: [0.0; 3], transmittance: [1.0; 3], samples: 0, dense: 0, distance: None },

@@ -232,6 +232,7 @@ pub fn march(values: &Values, kept: &Defects) -> RealTimeSettings {
         least_density: 0.01,
         least_transmittance: 0.01,
         leftover: Leftover::Kept,
+        distance_levels: None,
     }
 }
 

@@ -247,25 +247,16 @@ fn profile_over(graph: &mut NodeGraph, height: &Input, values: &Values, shape_at
             // Above 0.8 the anvil has its whole density again.
             let is_above = graph.math("GREATER_THAN", &[height.clone(), 0.8.into()]);
             let narrow = graph.maximum(narrow, is_above);
-            let top = graph.smooth(0.95, 1.0, height);
-            let top = graph.subtract(1.0, top);
+            let top = graph.fall(0.95, 1.0, height);
             let both = graph.multiply(rise, narrow);
             graph.multiply(both, top)
         }
         3 => {
             let raised = fbm(graph, shape_at, 3, signed);
             let part = graph.multiply_add(raised, -RAGGED / thickness, height);
-            let rise = graph.smooth(0.0, fade, &part);
-            let top = graph.smooth(1.0 - fade, 1.0, height);
-            let top = graph.subtract(1.0, top);
-            graph.multiply(rise, top)
+            graph.fades(&part, height, [fade; 2])
         }
-        _ => {
-            let rise = graph.smooth(0.0, fade, height);
-            let top = graph.smooth(1.0 - fade, 1.0, height);
-            let top = graph.subtract(1.0, top);
-            graph.multiply(rise, top)
-        }
+        _ => graph.fades(height, height, [fade; 2]),
     }
 }
 

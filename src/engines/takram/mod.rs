@@ -180,9 +180,7 @@ fn density(graph: &mut NodeGraph, frame: &SlabFrame, values: &Values, kept: &Def
         .map(|layer| {
             let ends = [layer.altitude.into(), (layer.altitude + layer.height).into()];
             let height = graph.remap(&up, ends, [0.0, 1.0], true);
-            let bent = graph.math("POWER", &[height.clone(), BIAS.into()]);
-            let bent = graph.multiply_add(bent, 2.0, -1.0);
-            let square = graph.multiply(&bent, &bent);
+            let square = graph.off_middle(&height, BIAS);
             // 1 - C (1 - square)
             let least = graph.multiply_add(square, get("coverage"), 1.0 - get("coverage"));
             let weather = graph.cloud_texture(layer.weather, points, &weather_at);

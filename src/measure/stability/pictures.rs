@@ -428,6 +428,7 @@ pub fn steps(steps: u32, integration: Integration) -> RealTimeSettings {
         least_density: 0.0,
         least_transmittance: 0.0,
         leftover: Leftover::Kept,
+        distance_levels: None,
     }
 }
 
