@@ -8,7 +8,7 @@ use cloudparity::engines::Engine;
 use cloudparity::engines::defects::Defects;
 use cloudparity::engines::light::MOST_SUNS;
 use cloudparity::engines::light::models;
-use cloudparity::engines::light::models::LIGHTS;
+use cloudparity::engines::light::models::{LIGHTS, OWN};
 use cloudparity::engines::render::{EngineJitter, EngineSettings, render};
 use cloudparity::gpu::Backend;
 use cloudparity::integrators::MarchSettings;
@@ -227,7 +227,8 @@ fn light_models_are_the_same_on_both_backends() {
     let mut scene = with_sun_from(scene(), behind);
     scene.world.color = [0.2, 0.3, 0.5];
     let mut pictures: Vec<Image> = Vec::new();
-    for named in LIGHTS {
+    // This system's own light is single scattering.
+    for named in LIGHTS.iter().filter(|named| named.id != OWN) {
         let mut engine = engine(&Defects::NONE, &["light_steps=3"]);
         named.apply(&mut engine.light).expect("in range");
         let [cpu, gpu] = [Backend::Cpu, Backend::Gpu].map(|backend| picture(&scene, &engine, &SETTINGS, backend));

@@ -12,7 +12,7 @@ use std::process::ExitCode;
 /// Each way of a sequence file is gone through under each motion, beside the same engine without it and path tracing of single frames. Writes
 /// sequence.json and sequence.csv: error, flicker, lag and time; what was interrupted goes on.
 #[derive(clap::Args)]
-#[command(after_help = "Example: cloudparity measure sequence CLOUD.sequence.toml -o SEQUENCE")]
+#[command(after_help = "Example: cloudparity sequence CLOUD.sequence.toml -o SEQUENCE")]
 pub(super) struct Arguments {
     /// The sequence file (*.sequence.toml).
     file: PathBuf,

@@ -89,6 +89,9 @@ const LEAST_BOX: f64 = 1e-7;
 /// Difference of entry distances, relative to the nearer, over which the weight of a bilateral neighbour falls to 1/e.
 const EDGE: f64 = 0.1;
 
+/// What axes from f32 may move a place, as a share of the picture's larger side.
+const AXES: f64 = 8.0 * f32::EPSILON as f64;
+
 /// Where a ray without medium ends for reprojection, in metres: beyond any scene, within f64's accuracy.
 const FAR: f64 = 1e9;
 
@@ -315,9 +318,9 @@ impl Sequence {
         if !(is_inside && cosine > 0.0) {
             return None;
         }
-        // Where nothing moved, rounding must not blur.
+        // Where nothing moved, rounding must not blur: a camera's axes, from f32, are at right angles within some 1e-7.
         let nearest = (place - 0.5).round() + 0.5;
-        let place = if place.distance(nearest) < 1e-6 { nearest } else { place };
+        let place = if place.distance(nearest) < AXES * width.max(height) { nearest } else { place };
         frame.interpolated(place, |_, _| 1.0)
     }
 

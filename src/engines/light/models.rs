@@ -473,9 +473,12 @@ mod tests {
             assert_ne!(changed, light(), "{}", parameter.name);
         }
         let mut seen: Vec<LightModel> = Vec::new();
+        // A system with terms of its own: they stay with its own light, and all others take their place.
+        let own = || LightModel { terms: Terms { exposure: 0.7, ray_powder: true, ..Terms::NONE }, ..light() };
         for named in LIGHTS {
-            let mut changed = light();
+            let mut changed = own();
             named.apply(&mut changed).expect("in range");
+            assert_eq!(changed == own(), named.id == OWN, "{}", named.id);
             assert!(!seen.contains(&changed), "{}", named.id);
             seen.push(changed);
         }
