@@ -10,24 +10,10 @@ use cloudparity::engines::parameters::Values;
 use cloudparity::engines::perlin_fbm::settings;
 use cloudparity::media::transfer::Integration;
 use cloudparity::media::transfer::step_weight;
-use serde_json::Value;
+use support::published::{numbers, published};
 
 /// A few roundings of f64 each.
 const ROUNDING: f64 = 1e-12;
-
-/// Published values; `None` where they are missing.
-fn published(name: &str) -> Option<Value> {
-    let path = support::project(&format!("../shared/golden/encyclopedia/{name}.json"));
-    let Ok(text) = std::fs::read_to_string(&path) else {
-        eprintln!("skipped: {} is missing", path.display());
-        return None;
-    };
-    Some(serde_json::from_str(&text).expect("JSON"))
-}
-
-fn numbers(value: &Value) -> Vec<f64> {
-    value.as_array().expect("a list").iter().map(|item| item.as_f64().expect("a number")).collect()
-}
 
 fn light(octaves: Octaves, phase: TwoLobes) -> LightModel {
     let mut light = settings::light(&Values::defaults(settings::PARAMETERS), &Defects::NONE);

@@ -7,20 +7,7 @@ use cloudparity::engines::node_graph::{GraphDensity, Input, NodeGraph};
 use cloudparity::graph::evaluate::Points;
 use cloudparity::scene::Scene;
 use serde_json::Value;
-
-/// Published values; `None` where they are missing.
-fn published(name: &str) -> Option<Value> {
-    let path = support::project(&format!("../shared/golden/encyclopedia/{name}.json"));
-    let Ok(text) = std::fs::read_to_string(&path) else {
-        eprintln!("skipped: {} is missing", path.display());
-        return None;
-    };
-    Some(serde_json::from_str(&text).expect("JSON"))
-}
-
-fn numbers(value: &Value) -> Vec<f64> {
-    value.as_array().expect("a list").iter().map(|item| item.as_f64().expect("a number")).collect()
-}
+use support::published::{numbers, published};
 
 /// What nodes give at places, as f32 evaluates them. A density has no sign: the negative part is asked for by itself.
 fn evaluate(make: impl Fn(&mut NodeGraph) -> Input, places: &[[f32; 3]]) -> Vec<f64> {

@@ -8,6 +8,7 @@ use cloudparity::engines::defects::Defects;
 use cloudparity::engines::render::{EngineJitter, EngineRenderer, EngineSettings};
 use cloudparity::gpu::Gpu;
 use cloudparity::measure::experiment::{Outcome, Settings, Shard};
+use cloudparity::measure::sequence::file::SequenceFile;
 use cloudparity::measure::study::file::StudyFile;
 use cloudparity::measure::study::{Results, Study};
 use cloudparity::measure::timing::Clock;
@@ -545,6 +546,11 @@ fn committed_studies_are_read() {
         let path = entry.expect("an entry").path();
         if path.to_string_lossy().ends_with(".tune.toml") {
             Tuning::load(&path).expect("a tuning and its scenes");
+            continue;
+        }
+        if path.to_string_lossy().ends_with(".sequence.toml") {
+            let sequence = SequenceFile::load(&path).expect("a sequence");
+            sequence.scene(path.parent().expect("a folder")).expect("its scene");
             continue;
         }
         StudyFile::load(&path).expect("a study");

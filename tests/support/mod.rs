@@ -6,6 +6,7 @@ pub mod cube;
 pub mod estimate;
 pub mod graphs;
 pub mod meshes;
+pub mod published;
 pub mod rounding;
 
 use cloudparity::scene::Scene;
