@@ -16,7 +16,7 @@ const SEQUENCE: &str = r#"
     warm_up = 17
     scene = { file = "cloud-layer.scene.json" }
     engine = { density = "bolt", steps = 4, light_steps = 1 }
-    motions = [{ name = "still" }, { name = "camera", turn = 20.0 }, { name = "clouds", seconds = 600.0 }]
+    motions = [{ name = "still" }, { name = "camera", turn = 20.0 }, { name = "clouds", seconds = 20.0 }]
     truth = { every = 2, path = { samples = 1, replicas = 6 } }
     reconstructions = [
         { name = "every ray" },
