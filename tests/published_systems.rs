@@ -14,7 +14,7 @@ use cloudparity::graph::bounds_check::{Survey, layer};
 use cloudparity::integrators::path;
 use cloudparity::integrators::path::{GivenMedium, PathSettings, Subject};
 use cloudparity::scene::Scene;
-use glam::DVec3;
+use glam::{DMat3, DMat4, DVec3};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use std::sync::Arc;
@@ -134,6 +134,27 @@ fn nothing_is_covered_without_coverage_and_an_unknown_set_is_refused() {
         let known = model.qualities[0].0;
         let error = model.values(Some(&format!("{known},moon")), &[]).expect_err("unknown").to_string();
         assert!(error.contains("\"moon\"") && error.contains(known), "{error}");
+    }
+}
+
+/// The rules of the encyclopedia's section 19 that a system can break: a sun below the ground, layers of no thickness, fades of 0.
+#[test]
+fn suns_below_the_ground_thin_layers_and_sharp_fades_give_numbers() {
+    let mut scene = layer_scene([16, 9]);
+    let (x, z) = (DVec3::Y, DVec3::new(0.6, 0.0, -0.8));
+    let axes = DMat4::from_mat3(DMat3::from_cols(x, z.cross(x), z));
+    scene.lights[0].matrix_world = cloudparity::scene::matrix_from_glam(axes);
+    for model in systems() {
+        let thin = ["thickness=0.001", "bottom_fade=0", "top_fade=0", "edge_fade=0", "least_transmittance=0"];
+        let has = |text: &&str| model.has_parameter(text.split('=').next().unwrap_or_default());
+        let thin: Vec<String> = thin.into_iter().filter(has).map(str::to_owned).collect();
+        for texts in [Vec::new(), thin] {
+            for defects in [Defects::NONE, Defects::ALL] {
+                let values = model.values(None, &texts).expect("in range");
+                let found = picture(&scene, &model.engine(&scene, &values, &defects, 0.0).expect("an engine"));
+                assert!(found.iter().all(|value| value.is_finite() && *value >= 0.0), "{} {texts:?}", model.id);
+            }
+        }
     }
 }
 
