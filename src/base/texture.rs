@@ -223,12 +223,7 @@ impl Texture {
     /// The eight texels where every index has one: flat textures, which are at their rim everywhere, come here.
     fn corners_around(&self, low: [i32; 3]) -> [f32; 8] {
         let [x, y, z]: [[usize; 2]; 3] = std::array::from_fn(|axis| {
-            let side = self.size[axis] as i32;
-            [low[axis], low[axis].saturating_add(1)].map(|index| match self.outside {
-                Outside::Repeat if index == side => 0,
-                Outside::Repeat if !(0..side).contains(&index) => index.rem_euclid(side) as usize,
-                _ => index.clamp(0, side - 1) as usize,
-            })
+            [low[axis], low[axis].saturating_add(1)].map(|index| self.inside(axis, index).expect("nothing is outside"))
         });
         let rows = [0, 1, 2, 3].map(|row: usize| (z[row >> 1] * self.size[1] + y[row & 1]) * self.size[0]);
         let texels: [usize; 8] = std::array::from_fn(|corner| rows[corner >> 1] + x[corner & 1]);
@@ -256,6 +251,8 @@ impl Texture {
         }
         match self.outside {
             Outside::Clamp => Some(index.clamp(0, side - 1) as usize),
+            // What reads come to next to the last texel, without a division.
+            Outside::Repeat if index == side => Some(0),
             Outside::Repeat => Some(index.rem_euclid(side) as usize),
             Outside::Zero => None,
         }

@@ -189,6 +189,13 @@ impl<'a> EngineRenderer<'a> {
         Plan { passes, channels, keeps_transmittance, offsets }
     }
 
+    /// The ray through a raster position, and the metres from the camera's place to where it begins.
+    fn ray(&self, raster: DVec2, jitter: f64) -> (RealTimeRay, f64) {
+        let ray = self.camera.ray(raster);
+        let start = ray.origin + ray.direction * ray.near;
+        (self.engine.container.ray(start, ray.direction, ray.far - ray.near, jitter), ray.near)
+    }
+
     /// The rays of some pixels, those of each one behind the other.
     fn rays(&self, plan: &Plan, settings: &EngineSettings, pixels: Range<usize>) -> Vec<RealTimeRay> {
         let [width, height] = self.scene.image_size().map(|side| side as usize);
@@ -200,10 +207,7 @@ impl<'a> EngineRenderer<'a> {
                 line as f64 + 0.5 + plan.offsets[part / strata],
             );
             let fragment = [column * strata + part % strata, line * strata + part / strata];
-            let jitter = settings.jitter.value(fragment, settings.frame);
-            let ray = self.camera.ray(raster);
-            let start = ray.origin + ray.direction * ray.near;
-            self.engine.container.ray(start, ray.direction, ray.far - ray.near, jitter)
+            self.ray(raster, settings.jitter.value(fragment, settings.frame)).0
         };
         pixels.flat_map(|pixel| (0..strata * strata).map(move |part| (pixel, part))).map(ray).collect()
     }
@@ -269,28 +273,24 @@ impl<'a> EngineRenderer<'a> {
     /// What rays through raster positions find on all cores, in pixels from the bottom-left corner, without passes: for frames of a sequence
     /// ([`crate::engines::reconstruction`]). Jitter is that of the pixel that a position lies in.
     pub fn shots(&self, rasters: &[DVec2], settings: &EngineSettings) -> Result<Vec<Shot>> {
-        let Self { scene, engine, light, background, camera, .. } = self;
-        let rays: Vec<RealTimeRay> = rasters
+        let Self { scene, engine, light, background, .. } = self;
+        let (rays, nears): (Vec<RealTimeRay>, Vec<f64>) = rasters
             .iter()
             .map(|&raster| {
                 let fragment = [raster.x, raster.y].map(|coordinate| coordinate.max(0.0) as usize);
-                let ray = camera.ray(raster);
-                let start = ray.origin + ray.direction * ray.near;
-                let jitter = settings.jitter.value(fragment, settings.frame);
-                engine.container.ray(start, ray.direction, ray.far - ray.near, jitter)
+                self.ray(raster, settings.jitter.value(fragment, settings.frame))
             })
-            .collect();
+            .unzip();
         let found = engine.marched(light)?.march(&engine.march, &rays)?;
         let exposure = f64::from(scene.film.exposure);
-        let shot = |((ray, pixel), raster): ((&RealTimeRay, &RealTimePixel), &DVec2)| {
+        let shot = |((ray, pixel), near): ((&RealTimeRay, &RealTimePixel), f64)| {
             let behind = background.behind(std::slice::from_ref(ray));
             let [red, green, blue, _] =
                 engine.compositing.compose(std::slice::from_ref(pixel), Some(behind), exposure).map(f64::from);
-            let near = camera.ray(*raster).near;
             let distance = pixel.distance.map_or(f64::INFINITY, |distance| near + distance * engine.container.unit);
             Shot { color: [red, green, blue], distance }
         };
-        Ok(rays.iter().zip(&found).zip(rasters).map(shot).collect())
+        Ok(rays.iter().zip(&found).zip(nears).map(shot).collect())
     }
 
     /// The camera.
@@ -300,11 +300,10 @@ impl<'a> EngineRenderer<'a> {
 
     /// Metres along the ray through a raster position to the domain of the medium; infinite where it misses.
     pub fn entry(&self, raster: DVec2) -> f64 {
-        let ray = self.camera.ray(raster);
         let container = &self.engine.container;
-        let start = ray.origin + ray.direction * ray.near;
-        let inside = container.ray(start, ray.direction, ray.far - ray.near, 0.5).inside(&container.outline);
-        if inside.length == 0.0 { f64::INFINITY } else { ray.near + inside.parts.start * container.unit }
+        let (ray, near) = self.ray(raster, 0.5);
+        let inside = ray.inside(&container.outline);
+        if inside.length == 0.0 { f64::INFINITY } else { near + inside.parts.start * container.unit }
     }
 
     /// A picture that stays on the adapter: marched, composed and post-processed there. An error where the engine was not compiled for an

@@ -190,12 +190,7 @@ impl Truth {
             report(0.0, "");
             let medium = Self::medium(scene, density)?;
             let subject = Subject { scene, medium: medium.as_ref() };
-            let settings = PathSettings {
-                samples: self.samples,
-                pixel_centres: !rays.are_filtered(),
-                tracking: self.tracking,
-                ..PathSettings::default()
-            };
+            let settings = self.path_settings(rays);
             let mut begin = ProcessTime::now();
             path::render_each(subject, &settings, Backend::Cpu, &missing, &report, &mut |seed, mut image| {
                 image.provenance.insert(PROCESSOR_SECONDS.into(), format!("{:.3}", begin.elapsed().as_secs_f64()));
@@ -217,14 +212,33 @@ impl Truth {
         Ok(record)
     }
 
+    /// How its pictures are path traced.
+    pub fn path_settings(&self, rays: PixelRays) -> PathSettings {
+        PathSettings {
+            samples: self.samples,
+            pixel_centres: !rays.are_filtered(),
+            tracking: self.tracking,
+            ..PathSettings::default()
+        }
+    }
+
     /// The medium that path tracing sees: that of the scene, or of a published system with its defects corrected, so that what a defect does
     /// to the medium is an error, too.
     pub fn medium(scene: &Scene, density: &str) -> Result<Option<GivenMedium>> {
+        Self::medium_at(scene, density, 0.0)
+    }
+
+    /// The same after `seconds` of a published system's animation.
+    pub fn medium_at(scene: &Scene, density: &str, seconds: f64) -> Result<Option<GivenMedium>> {
         let selection = Selection::parse(density)?;
         if selection.model.is_of_scene {
             return Ok(None);
         }
-        let engine = selection.engine(scene, &[], &Defects::NONE)?;
-        Ok(Some(GivenMedium { identity: engine.medium_identity(), object: Arc::new(engine.medium()?) }))
+        let engine = selection.engine_at(scene, &[], &Defects::NONE, seconds)?;
+        let mut identity = engine.medium_identity();
+        if seconds != 0.0 {
+            identity += &format!(" after {seconds} s");
+        }
+        Ok(Some(GivenMedium { identity, object: Arc::new(engine.medium()?) }))
     }
 }

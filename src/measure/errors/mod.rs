@@ -44,8 +44,8 @@ pub struct Errors {
     pub bias: Uncertain,
 }
 
-/// Measures a picture against replicas of the truth.
-pub fn measure(picture: &Image, truth: &[Image]) -> Result<Errors> {
+/// Refuses a truth of too few replicas, or of another size than the picture.
+fn check(picture: &Image, truth: &[Image]) -> Result<()> {
     if truth.len() < FEWEST_REPLICAS {
         return Err(Error::new(
             "the truth",
@@ -62,6 +62,12 @@ pub fn measure(picture: &Image, truth: &[Image]) -> Result<Errors> {
             "Render it again.",
         ));
     }
+    Ok(())
+}
+
+/// Measures a picture against replicas of the truth.
+pub fn measure(picture: &Image, truth: &[Image]) -> Result<Errors> {
+    check(picture, truth)?;
     let [relmse, mean_square, bias] = jackknife(truth, |truth| figures(picture, truth));
     let root = mean_square.value.max(0.0).sqrt();
     // d sqrt(x) = dx / (2 sqrt(x)); near 0 the root of the uncertainty itself.
@@ -72,9 +78,8 @@ pub fn measure(picture: &Image, truth: &[Image]) -> Result<Errors> {
 /// relMSE of `picture` minus that of `other` against the same truth. Its standard error is that of the difference: what noise of the truth
 /// both have in common is not in it.
 pub fn relmse_change(picture: &Image, other: &Image, truth: &[Image]) -> Result<Uncertain> {
-    // For what it refuses.
-    measure(other, truth)?;
-    measure(picture, truth)?;
+    check(other, truth)?;
+    check(picture, truth)?;
     let [change] = jackknife(truth, |truth| [figures(picture, truth)[0] - figures(other, truth)[0]]);
     Ok(change)
 }

@@ -20,17 +20,18 @@ use crate::base::ledger::{Found, Purpose, to_json};
 use crate::base::numbers::{figure, uncertain};
 use crate::base::plain_text::csv_cell;
 use crate::base::progress::Progress;
+use crate::engines::Engine;
 use crate::engines::reconstruction::{Reconstruction, Sequence, Shooter, Shot};
 use crate::engines::render::{EngineJitter, EngineRenderer, EngineSettings};
-use crate::engines::{Engine, Selection};
 use crate::gpu::Backend;
 use crate::integrators::path;
-use crate::integrators::path::{GivenMedium, PathSettings, Subject};
+use crate::integrators::path::Subject;
 use crate::measure::errors::{self, Uncertain};
 use crate::measure::experiment;
 use crate::measure::experiment::{Desk, Done, Experiment, Outcome, Settings};
 use crate::measure::seeds;
 use crate::measure::timing::{Seconds, machine};
+use crate::measure::truth::{PixelRays, Truth};
 use crate::scene::Scene;
 use crate::scene::image::Image;
 use crate::view::camera::Camera;
@@ -295,21 +296,10 @@ impl Running {
     fn truth(&self, motion: usize, frame: u32, desk: &Desk<'_>) -> Result<FrameTruth> {
         let moving = &self.file.motions[motion];
         let scene = moving.scene(&self.scene, frame, self.file.frames);
-        let selection = Selection::parse(&self.file.engine.density)?;
-        let medium = if selection.model.is_of_scene {
-            None
-        } else {
-            let engine = selection.engine_at(&scene, &[], &Default::default(), moving.seconds * f64::from(frame))?;
-            let identity = format!("{} frame {frame}", engine.medium_identity());
-            Some(GivenMedium { identity, object: Arc::new(engine.medium()?) })
-        };
+        let seconds = moving.seconds * f64::from(frame);
+        let medium = Truth::medium_at(&scene, &self.file.engine.density, seconds)?;
         let path = &self.file.truth.path;
-        let settings = PathSettings {
-            samples: path.samples,
-            pixel_centres: true,
-            tracking: path.tracking,
-            ..PathSettings::default()
-        };
+        let settings = path.path_settings(PixelRays::Centres);
         let first = seeds::first(&self.truth_inputs(motion, frame));
         let seeds: Vec<u32> = (first..first + path.replicas).collect();
         let begin = ProcessTime::now();
@@ -391,9 +381,8 @@ impl Differences {
     fn of(frames: &[Vec<[f64; 3]>], plain: &[Vec<[f64; 3]>], warm_up: usize) -> Self {
         let (mut square, mut change, mut along, mut motion, mut sum, mut count) = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0);
         for frame in warm_up..frames.len() {
-            let numbers = |of: &'_ [Vec<[f64; 3]>], frame: usize| of[frame].as_flattened().to_vec();
-            let (now, before) = (numbers(frames, frame), numbers(frames, frame - 1));
-            let (plain_now, plain_before) = (numbers(plain, frame), numbers(plain, frame - 1));
+            let [now, before] = [frame, frame - 1].map(|frame| frames[frame].as_flattened());
+            let [plain_now, plain_before] = [frame, frame - 1].map(|frame| plain[frame].as_flattened());
             for index in 0..now.len() {
                 let difference = now[index] - plain_now[index];
                 let moved = plain_before[index] - plain_now[index];

@@ -48,9 +48,7 @@ impl Running<'_> {
         let subject = Subject { scene, medium: medium.as_ref() };
         // No seed that a truth has.
         let seed = seeds::first(&json!({"curve of": truth.scene_sha256, "density": of.density, "samples": samples}));
-        let tracking = self.study.file.truth.tracking;
-        let pixel_centres = !rays.are_filtered();
-        let settings = PathSettings { samples, seed, pixel_centres, tracking, ..PathSettings::default() };
+        let settings = PathSettings { samples, seed, ..self.study.file.truth.path_settings(rays) };
         let (image, [prepare_seconds, seconds]) = timed_picture(subject, &settings)?;
         let made = Made {
             samples,
