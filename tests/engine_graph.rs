@@ -20,7 +20,10 @@ use cloudparity::measure::voxels;
 use cloudparity::scene::image::Image;
 use cloudparity::scene::{self, Scene};
 use glam::{DMat4, DVec3};
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
 use std::sync::Arc;
+use support::published;
 
 const SETTINGS: EngineSettings =
     EngineSettings { jitter: EngineJitter::None, frame: 0, sub_pixels: 1, god_rays: false };
@@ -126,6 +129,8 @@ fn every_light_of_the_graph_is_the_same_on_the_adapter() {
         LIGHTS.iter().filter(|named| named.id != OWN).map(|named| (named.id.to_owned(), named.settings.to_vec())).collect();
     for (name, settings) in [
         ("body", &[("body_strength", 0.8), ("body_length", 0.1)][..]),
+        ("shadow map alone", &[("shadow_map", 16.0), ("shadow_length", 0.01)]),
+        ("march and shadow map", &[("shadow_map", 24.0), ("shadow_length", 0.2)]),
         ("coarse shadow", &[("coarse_shadow", 1.0)]),
         ("depth compression", &[("depth_compression", 2.0), ("octaves", 4.0)]),
         (
@@ -306,6 +311,11 @@ fn the_light_of_several_suns_is_the_sum_of_theirs() {
     }
     if let Some(gpu) = &gpu {
         compare("two suns", &both, &engine(&both), gpu);
+        let mut mapped = engine(&both);
+        for (name, value) in [("shadow_map", 12.0), ("shadow_length", 0.1)] {
+            models::set(&mut mapped.light, name, value, "a test").expect("in range");
+        }
+        compare("two suns with a shadow map each", &both, &mapped, gpu);
         let mut many = both.clone();
         for number in 2..8 {
             many.lights.push(both.lights[0].clone());
@@ -469,5 +479,41 @@ fn published_systems_are_the_same_on_the_adapter() {
                 compare(&format!("{} {quality}, defects {defects}", model.id), &scene, &engine, &gpu);
             }
         }
+    }
+}
+
+/// Kernels of random parameters give numbers, and the CPU's within what a moved camera gives.
+#[test]
+fn random_parameters_are_the_same_on_the_adapter() {
+    let Some(gpu) = adapter() else { return };
+    let mut scene = support::scene("cloud-layer");
+    scene.film.resolution = [6, 4];
+    let mut random = ChaCha8Rng::seed_from_u64(21);
+    // A kernel is compiled for each set: some thousands take an hour on a software adapter.
+    let sets = published::count("CLOUDPARITY_ADAPTER_SETS", 6);
+    for model in ["bolt", "best", "bfwe", "takram", "skill"].map(|id| engines::find(id).expect("it is there")) {
+        let (mut apart, mut largest) = (0, 0.0_f64);
+        for number in 0..sets {
+            let mut values = published::random_values(model, &mut random);
+            if model.has_parameter("distance_levels") {
+                // Levels of distance are the CPU's alone.
+                values.set(model.parameters, "distance_levels", 0.0, "the adapter").expect("it has both");
+            }
+            let defects = if number % 2 == 0 { Defects::NONE } else { Defects::ALL };
+            let engine = model.engine(&scene, &values, &defects, 0.0).expect("an engine");
+            let truths = self::values(&picture(&scene, &engine, None));
+            let found = self::values(&picture(&scene, &engine, Some(&gpu)));
+            assert!(found.iter().all(|value| value.is_finite() && *value >= 0.0), "{} {values:?}", model.id);
+            let brightest = truths.iter().copied().fold(0.0, f64::max);
+            let error = found.iter().zip(&truths).map(|(found, truth)| (found - truth).abs() / brightest);
+            let error = error.fold(0.0, f64::max);
+            // Fades that are steps and fields cut by a threshold change by more than a rounding where a rounding moves a place.
+            if error > ROUNDINGS {
+                apart += 1;
+                let _ = compare(&format!("{} {values:?} {defects}", model.id), &scene, &engine, &gpu);
+            }
+            largest = largest.max(error);
+        }
+        println!("{}: {sets} sets, {apart} judged by a moved camera, largest error {largest:.1e}", model.id);
     }
 }

@@ -6,7 +6,7 @@ mod support;
 use cloudparity::engines;
 use cloudparity::engines::defects::Defects;
 use cloudparity::engines::domain::Domain;
-use cloudparity::engines::parameters::{Range, Values};
+use cloudparity::engines::parameters::Values;
 use cloudparity::engines::render::{EngineJitter, EngineRenderer, EngineSettings};
 use cloudparity::engines::{Engine, Model};
 use cloudparity::gpu::Backend;
@@ -15,9 +15,10 @@ use cloudparity::integrators::path;
 use cloudparity::integrators::path::{GivenMedium, PathSettings, Subject};
 use cloudparity::scene::Scene;
 use glam::{DMat3, DMat4, DVec3};
-use rand::{Rng, SeedableRng};
+use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use std::sync::Arc;
+use support::published;
 
 const SETTINGS: EngineSettings =
     EngineSettings { jitter: EngineJitter::None, frame: 0, sub_pixels: 1, god_rays: false };
@@ -59,35 +60,16 @@ fn values_lie_within_their_bounds() {
     }
 }
 
-/// Random values within the usual ranges; one in four is an end of its range, where things break.
-fn random_values(model: &Model, random: &mut ChaCha8Rng) -> Values {
-    let mut values = Values::defaults(model.parameters);
-    for parameter in model.parameters {
-        let [low, high] = parameter.usual;
-        let drawn = match random.random_range(0..8) {
-            0 => low,
-            1 => high,
-            _ => random.random_range(low..=high),
-        };
-        let value = match parameter.range {
-            Range::Whole(..) => drawn.round().clamp(low, high.min(low.max(12.0))),
-            _ => drawn,
-        };
-        values.set(model.parameters, parameter.name, value, "a random trial").expect("usual values are allowed");
-    }
-    values
-}
-
 #[test]
 fn no_parameters_make_a_value_that_is_no_number() {
     let scene = layer_scene([6, 4]);
     let mut random = ChaCha8Rng::seed_from_u64(8);
     // More of them: minutes for thousands.
-    let sets = std::env::var("CLOUDPARITY_PARAMETER_SETS").map_or(200, |text| text.parse().expect("a number of sets"));
+    let sets = published::count("CLOUDPARITY_PARAMETER_SETS", 200);
     for model in systems() {
         let mut seen = 0;
         for number in 0..sets {
-            let values = random_values(model, &mut random);
+            let values = published::random_values(model, &mut random);
             let defects = if number % 2 == 0 { Defects::NONE } else { Defects::ALL };
             let seconds = [0.0, 1e6][usize::from(number % 5 == 0)];
             let engine = model.engine(&scene, &values, &defects, seconds).expect("an engine");

@@ -4,7 +4,7 @@
 // ray, else by the density), SOURCE_DENSITY (else extinction times albedo), EMPTY_CELLS (the table of what is provably empty is read),
 // SHADOW_AT_MOST (but not beyond a length), SHADOW_GROWTH (steps that grow), SHADOW_BY_ANGLE, DRAINE (else Henyey and Greenstein's),
 // OWN_PHASE (a gain and a rim), PHASE_TWICE (lobes once more), LEFTOVER_DROPPED and LEFTOVER_RESCALED (what an ended ray has left),
-// NO_SUN, SEVERAL_SUNS, SHELL (the domain lies between spheres), MESH (in a mesh), else in a box, TERMS (those of a system's own), and
+// NO_SUN, SEVERAL_SUNS, SHADOW_MAP (what lies beyond the march is read), SHELL (the domain lies between spheres), MESH (in a mesh), else in a box, TERMS (those of a system's own), and
 // the terms of src/engines/light/terms.rs: OCTAVES (else one), COMPRESSION, SILVER, POWDER, AMBIENT_GRADIENT, RAY_POWDER, BOOST,
 // BOOST_BY_ANGLE, BODY, COARSE_SHADOW (both read averages of the density).
 #import cloudparity::graph
@@ -72,8 +72,10 @@ struct March {
     boost_length: f32,
     // Per unit of density, where it is not that of the view ray.
     shadow_extinction: f32,
+    // Part of the march towards the sun beyond which a shadow map is asked, and the map's texels along a side.
+    map_from: f32,
+    map_size: u32,
     end_padding: u32,
-    further_padding: vec2u,
 }
 
 struct Sun {
@@ -123,6 +125,12 @@ struct Pixel {
 
 // Further gaps in rays: length of the parts before it, and of it and the gaps before it.
 @group(0) @binding(5) var<storage, read> gaps: array<vec2f>;
+
+#ifdef SHADOW_MAP
+// Of each sun three rows that give a place's column, row and distance below the map, then the map's texels: front depth, density, density
+// times length, tail.
+@group(0) @binding(6) var<storage, read> maps: array<vec4f>;
+#endif
 
 const LARGEST = 3.40282347e38;
 
@@ -272,11 +280,31 @@ fn sum_in_mesh(place: vec3f, way: vec3f) -> vec2f {
 }
 #endif
 
-// Optical depth towards a sun, whose cosine to the view ray is given.
-fn shadow_depth(place: vec3f, way: vec3f, cosine: f32) -> vec3f {
+#ifdef SHADOW_MAP
+// Density times length towards a sun beyond what has been marched of it: twin of src/engines/march/shadow_map.rs.
+fn from_map(sun: u32, place: vec3f, marched: f32) -> f32 {
+    let begin = sun * (3u + march.map_size * march.map_size);
+    let at_place = vec4f(place, 1.0);
+    let column_and_row = vec2f(dot(maps[begin], at_place), dot(maps[begin + 1u], at_place));
+    let at = clamp(column_and_row, vec2f(0.0), vec2f(f32(march.map_size - 1u)));
+    let corner = min(vec2u(at), vec2u(march.map_size - 2u));
+    let part = at - vec2f(corner);
+    let first = begin + 3u + corner.y * march.map_size + corner.x;
+    let second = first + march.map_size;
+    let upper = maps[first] * (1.0 - part.x) + maps[first + 1u] * part.x;
+    let lower = maps[second] * (1.0 - part.x) + maps[second + 1u] * part.x;
+    let texel = upper * (1.0 - part.y) + lower * part.y;
+    let below = dot(maps[begin + 2u], at_place);
+    return min(texel.z + texel.w, texel.y * max(below - marched - texel.x, 0.0));
+}
+#endif
+
+// Optical depth towards a sun with a number, whose cosine to the view ray is given.
+fn shadow_depth(sun: u32, place: vec3f, way: vec3f, cosine: f32) -> vec3f {
 #ifdef MESH
     let found = sum_in_mesh(place, way);
     let sum = found.x;
+    let length = found.y;
 #ifdef SHADOW_GROWTH
     var step = found.y;
 #else
@@ -307,10 +335,14 @@ fn shadow_depth(place: vec3f, way: vec3f, cosine: f32) -> vec3f {
 #ifdef SHADOW_BY_ANGLE
     step *= 1.0 - march.shadow_by_angle * cosine;
 #endif
+    var dense = sum * step;
+#ifdef SHADOW_MAP
+    dense += from_map(sun, place, length * march.map_from);
+#endif
 #ifdef SHADOW_VIEW
-    let depth = march.extinction * (sum * step);
+    let depth = march.extinction * dense;
 #else
-    let depth = vec3f(march.shadow_extinction * (sum * step));
+    let depth = vec3f(march.shadow_extinction * dense);
 #endif
 #ifdef COMPRESSION
     return terms::compressed(march.depth_compression, depth);
@@ -389,9 +421,10 @@ fn scattered(depth: vec3f, cosine: f32) -> vec3f {
 }
 
 // What a sun sends towards the camera per unit of scattering, with its weights prepared.
-fn from_sun(sun: Sun, place: vec3f, direction: vec3f) -> vec3f {
+fn from_sun(number: u32, place: vec3f, direction: vec3f) -> vec3f {
+    let sun = suns[number];
     let cosine = dot(direction, sun.direction);
-    return sun.irradiance * scattered(shadow_depth(place, sun.way, cosine), cosine);
+    return sun.irradiance * scattered(shadow_depth(number, place, sun.way, cosine), cosine);
 }
 
 // Prepares a ray.
@@ -413,13 +446,13 @@ fn from_suns(place: vec3f, direction: vec3f) -> vec3f {
     var sum = vec3f(0.0);
     for (var sun = 0u; sun < march.suns; sun++) {
         for (var octave = 0u; octave < march.octaves; octave++) { weights[octave] = all_weights[16u * sun + octave]; }
-        sum += from_sun(suns[sun], place, direction);
+        sum += from_sun(sun, place, direction);
     }
     return sum;
 #else ifdef NO_SUN
     return vec3f(0.0);
 #else
-    return from_sun(suns[0], place, direction);
+    return from_sun(0u, place, direction);
 #endif
 }
 

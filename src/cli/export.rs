@@ -7,7 +7,9 @@ use crate::bridge;
 use crate::bridge::CyclesKernel;
 use crate::cli::display::DisplayArguments;
 use crate::cli::{build, display};
+use crate::engines;
 use crate::engines::defects::Defects;
+use crate::engines::parameters::Values;
 use crate::graph::closures::ClosureSum;
 use crate::nodes::refused;
 use crate::scene::{Scene, Shape};
@@ -19,12 +21,14 @@ use std::process::ExitCode;
 ///
 /// Of a .blend: its volumes, camera, film, lights, world and node graphs; scripts in it never run. A scene file becomes a .blend that
 /// exports to the same bytes. Of a picture: a PNG through Blender's own colour management, equal to the one that Blender saves
-/// without dither. With --model, a published system's cloud takes the place of the scene's material: as nodes, which Cycles renders.
+/// without dither. With --model, a published system's cloud takes the place of the scene's material: as nodes, which Cycles renders. With
+/// --sky, a published sky takes the place of its world: as a picture that engines, path tracing and Cycles see alike.
 #[derive(clap::Args)]
 #[command(after_help = "Examples:
   cloudparity export CLOUD.blend -o CLOUD.scene.json
   cloudparity export CLOUD.scene.json -o CLOUD.blend
   cloudparity export CLOUD.scene.json --model bolt -o BOLT.scene.json
+  cloudparity export CLOUD.scene.json --sky bolt --sun-elevation 5 -o DUSK.scene.json
   cloudparity export CLOUD.exr -o CLOUD.png --view Filmic")]
 pub(super) struct Arguments {
     /// The .blend, the scene file (*.scene.json), or the scene-linear EXR; several pictures are averaged.
@@ -52,6 +56,19 @@ pub(super) struct Arguments {
     /// A parameter of the system. May be given several times.
     #[arg(long = "parameter", value_name = "NAME=VALUE", requires = "model")]
     parameters: Vec<String>,
+    /// Of a scene file: the sky of a cloud system around the scene, in place of its world, and the colour of its first sun.
+    #[arg(
+        long,
+        value_name = "MODEL",
+        conflicts_with_all = ["object", "frame", "view", "look", "exposure", "gamma", "background", "rgb", "part"]
+    )]
+    sky: Option<String>,
+    /// A parameter of the sky. May be given several times.
+    #[arg(long = "sky-parameter", value_name = "NAME=VALUE", requires = "sky")]
+    sky_parameters: Vec<String>,
+    /// Height of the sun above the horizon, in degrees; without it where the scene has it.
+    #[arg(long, value_name = "DEGREES", requires = "sky", allow_negative_numbers = true)]
+    sun_elevation: Option<f64>,
     #[command(flatten)]
     display: DisplayArguments,
 }
@@ -70,21 +87,17 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
             "Convert them one by one.",
         ));
     }
-    if let Some(model) = &arguments.model {
+    if arguments.model.is_some() || arguments.sky.is_some() {
         if extension.as_deref() != Some("json") {
             return Err(Error::new(
                 output.display().to_string(),
                 "a name of another file than a scene file",
-                "NAME.scene.json: a cloud system becomes a scene file",
+                "NAME.scene.json: a cloud system or its sky becomes a scene file",
                 "Name a scene file; export that to a .blend afterwards.",
             ));
         }
-        let scene = Scene::load(first)?;
-        let given = (arguments.quality.as_deref(), arguments.parameters.as_slice());
-        let engine = super::engine::build(&scene, model, &Defects::NONE, given, 0.0)?;
-        let made = engine.scene(&scene)?;
-        files::write_atomically(output, files::json(&made).as_bytes())?;
-        super::print(&format!("{}: the cloud of {model} as nodes\n", output.display()))?;
+        let done = published(arguments, Scene::load(first)?)?;
+        super::print(&format!("{}: {done}\n", output.display()))?;
         return Ok(ExitCode::SUCCESS);
     }
     if is_picture {
@@ -98,6 +111,40 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
         super::print(&format!("{}: {}\n", output.display(), describe(&scene)))?;
     }
     Ok(ExitCode::SUCCESS)
+}
+
+/// The scene with a published system's cloud or sky in it, written; says what it holds.
+fn published(arguments: &Arguments, mut scene: Scene) -> Result<String> {
+    let output = &arguments.output;
+    let mut done = Vec::new();
+    if let Some(model) = &arguments.model {
+        let given = (arguments.quality.as_deref(), arguments.parameters.as_slice());
+        let engine = super::engine::build(&scene, model, &Defects::NONE, given, 0.0)?;
+        scene = engine.scene(&scene)?;
+        done.push(format!("the cloud of {model} as nodes"));
+    }
+    let Some(model) = &arguments.sky else {
+        files::write_atomically(output, files::json(&scene).as_bytes())?;
+        return Ok(done.join(", "));
+    };
+    if let Some(degrees) = arguments.sun_elevation.filter(|degrees| !(-90.0..=90.0).contains(degrees)) {
+        return Err(Error::new("--sun-elevation", degrees.to_string(), "-90 to 90 degrees", "Correct the height."));
+    }
+    let Some(sky) = engines::find(model)?.sky else {
+        let known: Vec<&str> =
+            engines::models().iter().filter(|model| model.sky.is_some()).map(|model| model.id).collect();
+        return Err(Error::new(
+            format!("--sky {model}"),
+            "a system without a sky",
+            format!("one of {}", known.join(", ")),
+            "Take another system's sky.",
+        ));
+    };
+    let mut values = Values::defaults(sky.parameters);
+    values.set_texts(sky.parameters, &arguments.sky_parameters)?;
+    let written = sky.write(&scene, &values, arguments.sun_elevation, output)?;
+    done.push(format!("the sky of {model}"));
+    Ok(format!("{} ({})", done.join(", "), written.world.image.map(|image| image.file).unwrap_or_default()))
 }
 
 /// Reads a .blend, of all its volumes or of the objects that are named, at its own or another frame, and writes the scene file with what

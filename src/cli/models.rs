@@ -87,6 +87,10 @@ fn document(model: &Model) -> serde_json::Value {
         "domains": model.domains,
         "qualities": qualities,
         "defects": model.defects,
+        "sky": model.sky.map(|sky| serde_json::json!({
+            "about": sky.about,
+            "parameters": parameter_documents(sky.parameters),
+        })),
     })
 }
 
@@ -96,6 +100,10 @@ fn describe(model: &Model) -> String {
     text += &parameter_lines(model.parameters);
     for (name, settings) in model.qualities {
         text += &format!("quality {name}: {}\n", assignments(settings));
+    }
+    if let Some(sky) = model.sky {
+        text += &format!("sky: {} (cloudparity export SCENE --sky {})\n", sky.about, model.id);
+        text += &parameter_lines(sky.parameters);
     }
     for defect in model.defects {
         text += &format!("defect {}: {}; corrected: {}\n", defect.id, defect.about, defect.corrected);

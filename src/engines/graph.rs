@@ -103,6 +103,7 @@ pub static MODEL: Model = Model {
     defects: &[],
     is_of_scene: true,
     domains: &[DomainKind::Object, DomainKind::Slab, DomainKind::Shell],
+    sky: None,
     build: engine,
 };
 

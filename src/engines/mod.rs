@@ -20,6 +20,7 @@ pub mod perlin_fbm;
 pub mod reconstruction;
 pub mod render;
 pub mod skill;
+pub mod sky;
 pub mod takram;
 
 use crate::base::error::{Error, Result};
@@ -55,6 +56,8 @@ pub struct Model {
     pub is_of_scene: bool,
     /// Domains that its density knows; the first is its own where none is asked for.
     pub domains: &'static [DomainKind],
+    /// Its sky, where it has one.
+    pub sky: Option<&'static sky::Sky>,
     /// How it is put together.
     pub build: fn(&Request<'_>) -> Result<Engine>,
 }
@@ -169,11 +172,11 @@ impl Engine {
         Ok(self.averages.get_or_init(|| made))
     }
 
-    /// What a march goes through, under a light; averages are made where it reads them.
+    /// What a march goes through, under a light; averages are made where it reads them, shadow maps are not.
     pub fn marched<'a>(&'a self, light: &'a LightModel) -> Result<Marched<'a>> {
         let averages = if light.terms.needs_coarse() { Some(self.averages()?) } else { None };
         let Self { container, density, extinction, terms, .. } = self;
-        Ok(Marched { container, density, extinction: *extinction, averages, light, terms })
+        Ok(Marched { container, density, extinction: *extinction, averages, maps: &[], light, terms })
     }
 
     /// Extinction and scattering per unit of density and metre, for light transport. An error where the source is no albedo times

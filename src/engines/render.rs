@@ -14,7 +14,8 @@ use crate::base::progress::Progress;
 use crate::engines::Engine;
 use crate::engines::light::{LightModel, Sun};
 use crate::engines::march::gpu::MarchKernel;
-use crate::engines::march::{RealTimePixel, RealTimeRay};
+use crate::engines::march::shadow_map::ShadowMap;
+use crate::engines::march::{Marched, RealTimePixel, RealTimeRay};
 use crate::engines::passes::compositing::{self, CompositeKernel, Part, mean_transmittance};
 use crate::engines::passes::frame::Frame;
 use crate::engines::passes::god_rays::GodRayPass;
@@ -102,6 +103,8 @@ pub struct EngineRenderer<'a> {
     light: LightModel,
     background: Background,
     camera: Camera,
+    /// Shadow maps of the suns, where the light reads them.
+    maps: Vec<ShadowMap>,
     adapter: Option<(&'a Gpu, MarchKernel<'a>)>,
 }
 
@@ -162,7 +165,7 @@ impl<'a> EngineRenderer<'a> {
     /// On an adapter, asynchronous as a browser asks for it.
     pub async fn on_adapter(scene: &'a Scene, engine: &'a Engine, gpu: &'a Gpu) -> Result<Self> {
         let mut renderer = Self::prepared(scene, engine)?;
-        let kernel = MarchKernel::new_async(gpu, &engine.marched(&renderer.light)?, &engine.march).await?;
+        let kernel = MarchKernel::new_async(gpu, &renderer.marched()?, &engine.march).await?;
         renderer.adapter = Some((gpu, kernel));
         Ok(renderer)
     }
@@ -171,8 +174,15 @@ impl<'a> EngineRenderer<'a> {
         let background = Background::of(scene)?;
         let light = lit_by(scene, &background, engine.light.clone())?;
         let camera = Camera::new(scene, scene.image_size())?;
-        engine.marched(&light)?.check()?;
-        Ok(Self { scene, engine, light, background, camera, adapter: None })
+        let maps = ShadowMap::of(&engine.marched(&light)?)?;
+        let renderer = Self { scene, engine, light, background, camera, maps, adapter: None };
+        renderer.marched()?.check()?;
+        Ok(renderer)
+    }
+
+    /// What is marched through.
+    fn marched(&self) -> Result<Marched<'_>> {
+        Ok(Marched { maps: &self.maps, ..self.engine.marched(&self.light)? })
     }
 
     fn plan(&self, settings: &EngineSettings) -> Plan {
@@ -245,8 +255,8 @@ impl<'a> EngineRenderer<'a> {
     }
 
     fn picture_on_cores(&self, plan: &Plan, settings: &EngineSettings, progress: Progress<'_>) -> Result<Image> {
-        let Self { scene, engine, light, background, .. } = self;
-        let marched = engine.marched(light)?;
+        let Self { scene, engine, background, .. } = self;
+        let marched = self.marched()?;
         let [width, height] = scene.image_size().map(|side| side as usize);
         let mut image = Image::new(width, height);
         image.transmittance = plan.channels.transmittance.then(|| vec![[1.0; 3]; width * height]);
@@ -273,7 +283,7 @@ impl<'a> EngineRenderer<'a> {
     /// What rays through raster positions find on all cores, in pixels from the bottom-left corner, without passes: for frames of a sequence
     /// ([`crate::engines::reconstruction`]). Jitter is that of the pixel that a position lies in.
     pub fn shots(&self, rasters: &[DVec2], settings: &EngineSettings) -> Result<Vec<Shot>> {
-        let Self { scene, engine, light, background, .. } = self;
+        let Self { scene, engine, background, .. } = self;
         let (rays, nears): (Vec<RealTimeRay>, Vec<f64>) = rasters
             .iter()
             .map(|&raster| {
@@ -281,7 +291,7 @@ impl<'a> EngineRenderer<'a> {
                 self.ray(raster, settings.jitter.value(fragment, settings.frame))
             })
             .unzip();
-        let found = engine.marched(light)?.march(&engine.march, &rays)?;
+        let found = self.marched()?.march(&engine.march, &rays)?;
         let exposure = f64::from(scene.film.exposure);
         let shot = |((ray, pixel), near): ((&RealTimeRay, &RealTimePixel), f64)| {
             let behind = background.behind(std::slice::from_ref(ray));

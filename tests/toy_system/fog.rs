@@ -37,6 +37,7 @@ pub static MODEL: Model = Model {
     defects: &[BRIGHT_GLASS],
     is_of_scene: false,
     domains: &[DomainKind::Slab, DomainKind::Object],
+    sky: None,
     build,
 };
 

@@ -49,6 +49,7 @@ pub static MODEL: Model = Model {
     defects: defects::DEFECTS,
     is_of_scene: false,
     domains: &[DomainKind::Object, DomainKind::Shell],
+    sky: None,
     build: engine,
 };
 

@@ -13,6 +13,7 @@
 //! ```
 
 pub mod defects;
+mod sky;
 
 use crate::base::error::Result;
 use crate::engines::defects::Defects;
@@ -125,6 +126,7 @@ pub static MODEL: Model = Model {
     defects: defects::DEFECTS,
     is_of_scene: false,
     domains: &[DomainKind::Object, DomainKind::Slab],
+    sky: Some(&sky::SKY),
     build: engine,
 };
 

@@ -140,6 +140,43 @@ impl ShadowSample {
     }
 }
 
+/// How a Beer shadow map is made ([`crate::engines::march::shadow_map`]).
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct ShadowMapSettings {
+    /// Texels along a side, at least 2.
+    pub size: u32,
+    /// Steps of a texel's ray.
+    pub steps: u32,
+    /// Transmittance at which such a ray ends.
+    pub least_transmittance: f64,
+    /// Factor on the tail of a ray that ended early.
+    pub tail: f64,
+    /// Metres of the unit of length, for the tail and for half floats.
+    pub metres: f64,
+    /// Whether distances are kept as half floats of metres (defect TK-8).
+    pub half_floats: bool,
+    /// Whether the front depth weighs distances by what a step leaves, not by what it takes (defect TK-14).
+    pub front_by_what_is_left: bool,
+    /// Whether the march towards the sun is taken to end at its last sample, not at its last step's end (defect TK-10).
+    pub marched_to_last_sample: bool,
+}
+
+impl ShadowMapSettings {
+    /// A map without defects.
+    pub const fn new(size: u32, steps: u32, metres: f64) -> Self {
+        Self {
+            size,
+            steps,
+            least_transmittance: 1e-4,
+            tail: 0.0,
+            metres,
+            half_floats: false,
+            front_by_what_is_left: false,
+            marched_to_last_sample: false,
+        }
+    }
+}
+
 /// A march from a sample towards the sun; the density at one place of a step stands for all of it.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct ShadowMarch {
@@ -158,6 +195,9 @@ pub struct ShadowMarch {
     pub length: ShadowLength,
     /// What dims the light.
     pub extinction: ShadowExtinction,
+    /// A map that knows what lies beyond the march, where there is one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub map: Option<ShadowMapSettings>,
 }
 
 fn middle() -> ShadowSample {
@@ -167,7 +207,7 @@ fn middle() -> ShadowSample {
 impl ShadowMarch {
     /// Equal steps, read in their middle.
     pub const fn new(steps: u32, length: ShadowLength, extinction: ShadowExtinction) -> Self {
-        Self { steps, sample: ShadowSample::Middle, growth: 1.0, by_angle: 0.0, length, extinction }
+        Self { steps, sample: ShadowSample::Middle, growth: 1.0, by_angle: 0.0, length, extinction, map: None }
     }
 
     /// The march of published slabs: as long as the slab is thick however low the sun stands, read at the ends of its steps
@@ -190,6 +230,14 @@ impl ShadowMarch {
         let upto = |number: u32| self.growth.powi(number as i32) - 1.0;
         let all = upto(self.steps);
         (0..self.steps).map(|number| [upto(number) / all, (upto(number + 1) - upto(number)) / all]).collect()
+    }
+
+    /// Part of the march's length beyond which a map is asked.
+    pub fn map_from(&self) -> f64 {
+        match (&self.map, self.parts().last()) {
+            (Some(map), Some([begin, step])) if map.marched_to_last_sample => begin + step * self.sample.part(),
+            _ => 1.0,
+        }
     }
 
     /// Factor on the depth for the cosine between view ray and sun.

@@ -4,7 +4,7 @@
 
 use crate::base::error::{Error, Result};
 use crate::engines::light::terms::{MOST_OCTAVES, Terms};
-use crate::engines::light::{LightModel, ShadowSample, SourceFactor};
+use crate::engines::light::{LightModel, ShadowLength, ShadowMapSettings, ShadowSample, SourceFactor};
 use crate::engines::parameters::{Parameter, Range};
 
 /// A light model by name.
@@ -17,6 +17,9 @@ pub struct NamedLight {
     /// Parameters that it sets.
     pub settings: &'static [(&'static str, f64)],
 }
+
+/// Steps of a shadow map's rays.
+const SHADOW_MAP_STEPS: u32 = 50;
 
 const UNIT: Range = Range::Between(0.0, 1.0);
 const COSINE: Range = Range::Between(-0.999, 0.999);
@@ -241,6 +244,22 @@ pub const PARAMETERS: &[Parameter] = &[
         usual: [1.0, 3.0],
     },
     Parameter {
+        name: "shadow_length",
+        about: "length of the march towards the sun in units of length, in place of its own; what lies beyond counts by a shadow map alone",
+        unit: "",
+        range: Range::Positive,
+        default: 1.0,
+        usual: [0.01, 1.0],
+    },
+    Parameter {
+        name: "shadow_map",
+        about: "texels along a side of a map of what lies beyond the march towards the sun; 0 is none, 1 counts as 2",
+        unit: "",
+        range: Range::Whole(0, 4096),
+        default: 0.0,
+        usual: [0.0, 64.0],
+    },
+    Parameter {
         name: "shadow_by_angle",
         about: "the depth towards the sun is multiplied with 1 minus this times the cosine",
         unit: "",
@@ -433,6 +452,8 @@ pub fn set(light: &mut LightModel, name: &str, value: f64, place: &str) -> Resul
             light.shadow.sample = [ShadowSample::Left, ShadowSample::Middle, ShadowSample::Right][value as usize];
         }
         "shadow_growth" => light.shadow.growth = value,
+        "shadow_length" => light.shadow.length = ShadowLength::Fixed(value),
+        "shadow_map" => light.shadow.map = map_of(value as u32, light.shadow.map),
         "shadow_by_angle" => light.shadow.by_angle = value,
         "first_lobe" => light.phase.anisotropy[0] = value,
         "second_lobe" => light.phase.anisotropy[1] = value,
@@ -441,6 +462,12 @@ pub fn set(light: &mut LightModel, name: &str, value: f64, place: &str) -> Resul
         _ => unreachable!("{name} is in the list of parameters"),
     }
     Ok(())
+}
+
+/// A shadow map of a size, with the settings of the one that is there; none for 0.
+fn map_of(size: u32, there: Option<ShadowMapSettings>) -> Option<ShadowMapSettings> {
+    let settings = there.unwrap_or(ShadowMapSettings::new(size, SHADOW_MAP_STEPS, 1.0));
+    (size > 0).then_some(ShadowMapSettings { size: size.max(2), ..settings })
 }
 
 #[cfg(test)]

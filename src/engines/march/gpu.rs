@@ -74,8 +74,9 @@ shader_struct! {
         boost_ambient: f32,
         boost_length: f32,
         shadow_extinction: f32,
+        map_from: f32,
+        map_size: u32,
         end_padding: u32,
-        further_padding: [u32; 2],
     }
 }
 
@@ -141,6 +142,7 @@ pub struct MarchKernel<'a> {
     cells: wgpu::Buffer,
     textures: Option<wgpu::Buffer>,
     mesh: Option<wgpu::Buffer>,
+    maps: Option<wgpu::Buffer>,
     /// Steps of one dispatch.
     together: u32,
     /// Densities of one dispatch, at most.
@@ -206,6 +208,7 @@ impl<'a> MarchKernel<'a> {
         define(matches!(light.shadow.length, ShadowLength::ToExitAtMost(_)), "SHADOW_AT_MOST");
         define(light.shadow.growth != 1.0, "SHADOW_GROWTH");
         define(light.shadow.by_angle != 0.0, "SHADOW_BY_ANGLE");
+        define(light.shadow.map.is_some() && !light.suns.is_empty(), "SHADOW_MAP");
         define(light.phase.alpha != [0.0; 2], "DRAINE");
         define(light.phase.gain != 1.0 || light.phase.rim != 0.0, "OWN_PHASE");
         define(light.phase.again.is_some(), "PHASE_TWICE");
@@ -315,6 +318,8 @@ impl<'a> MarchKernel<'a> {
             shadow_growth: light.shadow.growth as f32,
             shadow_first: light.shadow.parts()[0][1] as f32,
             shadow_by_angle: light.shadow.by_angle as f32,
+            map_from: light.shadow.map_from() as f32,
+            map_size: light.shadow.map.map_or(0, |map| map.size),
             boost_light: terms.boost.light as f32,
             boost_ambient: terms.boost.ambient as f32,
             boost_length: terms.boost.length as f32,
@@ -338,6 +343,13 @@ impl<'a> MarchKernel<'a> {
             true => steps_together(iterations, uniform.shadow_steps, uniform.suns, uniform.octaves, visits),
             false => settings.steps.max(1),
         };
+        let of_maps: Vec<[f32; 4]> = marched
+            .maps
+            .iter()
+            .flat_map(|map| map.rows.iter().map(|row| row.as_vec4().to_array()).chain(map.texels.iter().copied()))
+            .collect();
+        let maps = (!of_maps.is_empty())
+            .then(|| gpu.upload("shadow maps", bytemuck::cast_slice(&of_maps), wgpu::BufferUsages::STORAGE));
         let layouts = [Layout::of::<MarchUniform>(), Layout::of::<Ray>(), Layout::of::<Pixel>(), Layout::of::<Sun>()];
         Ok(Self {
             gpu,
@@ -348,6 +360,7 @@ impl<'a> MarchKernel<'a> {
             cells: gpu.upload("cells", bytemuck::cast_slice(&cells), wgpu::BufferUsages::STORAGE),
             textures,
             mesh,
+            maps,
             together,
             // A program with loops costs some hundred times what a texture does.
             densities: if iterations > 0 { DENSITIES / 16 } else { DENSITIES },
@@ -412,6 +425,9 @@ impl<'a> MarchKernel<'a> {
                 let mut bindings = Bindings::new();
                 if let Some(mesh) = &self.mesh {
                     bindings = bindings.bind(0, 7, mesh.as_entire_binding());
+                }
+                if let Some(maps) = &self.maps {
+                    bindings = bindings.bind(0, 6, maps.as_entire_binding());
                 }
                 let bindings = bindings
                     .bind(0, 0, uniform.as_entire_binding())

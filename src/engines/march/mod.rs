@@ -17,12 +17,14 @@
 
 pub mod distance_levels;
 pub mod gpu;
+pub mod shadow_map;
 
 use crate::base::choice::choice;
 use crate::base::error::{Error, Result};
 use crate::engines::domain::{Container, Outline, Parts, unit};
 use crate::engines::light::terms::ray_powder;
 use crate::engines::light::{LightModel, LightTerm, Lit, ShadowExtinction, ShadowLength, SourceFactor};
+use crate::engines::march::shadow_map::ShadowMap;
 use crate::media::averages::Averages;
 use crate::media::density::{Density, DensityEvaluator};
 use crate::media::transfer::{Integration, smooth, step_weight, transmittance};
@@ -122,6 +124,8 @@ pub struct Marched<'a> {
     pub extinction: [f64; 3],
     /// Averages of the density, for light that reads them.
     pub averages: Option<&'a Averages>,
+    /// Shadow maps of the suns, for light that reads them.
+    pub maps: &'a [ShadowMap],
     /// How it is lit.
     pub light: &'a LightModel,
     /// Further terms of the light.
@@ -252,8 +256,16 @@ struct Way {
 }
 
 impl Marched<'_> {
-    /// Refuses a light that reads averages which are not there.
+    /// Refuses a light that reads averages or shadow maps which are not there.
     pub fn check(&self) -> Result<()> {
+        if self.light.shadow.map.is_some() && self.maps.len() != self.light.suns.len() {
+            return Err(Error::new(
+                "the march of an engine",
+                format!("{} shadow maps of {} suns", self.maps.len(), self.light.suns.len()),
+                "a map of each, which the light reads",
+                "Make them (march::shadow_map::ShadowMap::of), or leave them out of the light.",
+            ));
+        }
         if !self.light.terms.needs_coarse() || self.averages.is_some() {
             return Ok(());
         }
@@ -320,7 +332,8 @@ impl Marched<'_> {
                 .enumerate()
                 .map(|(sun, &to_sun)| {
                     let cosines: Vec<f64> = dense.iter().map(|&at| ways[samples[at].index].cosines[sun]).collect();
-                    self.shadow_depths(along.as_mut().unwrap_or(&mut density), to_sun, &lit, &cosines)
+                    let map = self.maps.get(sun).filter(|_| light.shadow.map.is_some());
+                    self.shadow_depths(along.as_mut().unwrap_or(&mut density), to_sun, map, &lit, &cosines)
                 })
                 .collect();
             let surroundings = around.as_mut().map(|around| around.values(&lit));
@@ -398,6 +411,7 @@ impl Marched<'_> {
         &self,
         read: &mut DensityEvaluator<'_>,
         to_sun: DVec3,
+        map: Option<&ShadowMap>,
         places: &[DVec3],
         cosines: &[f64],
     ) -> Vec<[f64; 3]> {
@@ -441,8 +455,12 @@ impl Marched<'_> {
             sums[owner] += found * step;
         }
         let octaves = &light.terms.octaves;
-        let ways = lengths.iter().zip(cosines).map(|(length, &cosine)| length * shadow.angle_factor(cosine));
-        let depths = sums.iter().zip(ways).map(|(sum, length)| sum * length);
+        let map_from = shadow.map_from();
+        let depths =
+            sums.iter().zip(lengths).zip(places.iter().zip(cosines)).map(|((sum, length), (&place, &cosine))| {
+                let beyond = map.map_or(0.0, |map| map.read(place, length * map_from));
+                sum * length * shadow.angle_factor(cosine) + beyond
+            });
         depths.map(|depth| scale.map(|scale| octaves.compressed(scale * depth))).collect()
     }
 }

@@ -27,6 +27,7 @@ pub static MODEL: Model = Model {
     defects: defects::DEFECTS,
     is_of_scene: false,
     domains: &[DomainKind::Object],
+    sky: None,
     build: engine,
 };
 

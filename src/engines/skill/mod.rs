@@ -12,6 +12,7 @@
 //! [`PROFILES`].
 
 pub mod defects;
+mod sky;
 
 use crate::base::error::Result;
 use crate::engines::defects::Defects;
@@ -121,6 +122,7 @@ pub static MODEL: Model = Model {
     defects: defects::DEFECTS,
     is_of_scene: false,
     domains: &[DomainKind::Object, DomainKind::Slab],
+    sky: Some(&sky::SKY),
     build: engine,
 };
 

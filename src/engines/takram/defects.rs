@@ -16,12 +16,26 @@ pub const RESCALED_ALPHA: Defect = Defect {
     corrected: "it is 1 minus the transmittance",
 };
 
-/// TK-18, of chapter 6.6; the number is ours.
-pub const SHORT_LIGHT_MARCH: Defect = Defect {
-    id: "TK-18",
-    about: "two steps towards the sun, 150 m together: what lies beyond is left to shadow maps, which are not here",
-    corrected: "six steps to the exit, at most four thicknesses, each twice as long as the one before",
+/// TK-8.
+pub const HALF_FLOATS: Defect = Defect {
+    id: "TK-8",
+    about: "the shadow map keeps its front depth as half floats of metres: 2 m apart from 2 km on",
+    corrected: "as floats",
+};
+
+/// TK-10.
+pub const TO_LAST_SAMPLE: Defect = Defect {
+    id: "TK-10",
+    about: "the march towards the sun is taken to end at its last sample: the shadow map counts the rest of its step again",
+    corrected: "it ends where its last step does",
+};
+
+/// TK-14.
+pub const FRONT_BY_WHAT_IS_LEFT: Defect = Defect {
+    id: "TK-14",
+    about: "the front depth weighs distances by the light that a step leaves, so that an opaque first step hardly counts",
+    corrected: "by the light that it takes",
 };
 
 /// All of them.
-pub const DEFECTS: &[Defect] = &[DIAGONAL_FEATURES, RESCALED_ALPHA, SHORT_LIGHT_MARCH];
+pub const DEFECTS: &[Defect] = &[DIAGONAL_FEATURES, HALF_FLOATS, TO_LAST_SAMPLE, RESCALED_ALPHA, FRONT_BY_WHAT_IS_LEFT];

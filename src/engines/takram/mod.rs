@@ -19,7 +19,9 @@ use crate::engines::defects::Defects;
 use crate::engines::domain::{Domain, DomainKind};
 use crate::engines::frame::SlabFrame;
 use crate::engines::light::terms::{Octaves, Powder, Terms};
-use crate::engines::light::{LightModel, ShadowExtinction, ShadowLength, ShadowMarch, SourceFactor, Sun, TwoLobes};
+use crate::engines::light::{
+    LightModel, ShadowExtinction, ShadowLength, ShadowMapSettings, ShadowMarch, SourceFactor, Sun, TwoLobes,
+};
 use crate::engines::march::{Leftover, RealTimeSettings};
 use crate::engines::node_graph::{Input, NodeGraph};
 use crate::engines::parameters::{Parameter, Range, Values, parameter};
@@ -47,14 +49,45 @@ pub const PARAMETERS: &[Parameter] = &[
     parameter("turbulence", 1.0, SWITCH, [0.0, 1.0], "", "1: the shape is displaced near the base"),
     parameter("displacement", 350.0, Range::NotNegative, [0.0, 1000.0], "m", "of the turbulence"),
     parameter("least_transmittance", 0.01, Range::Between(0.0, 0.5), [0.0, 0.1], "", "where rays end"),
+    parameter(
+        "shadow_map",
+        256.0,
+        Range::Whole(0, 4096),
+        [0.0, 32.0],
+        "",
+        "texels along a side of the shadow map; 0: march to the exit instead",
+    ),
+    parameter("shadow_steps", 50.0, Range::Whole(1, 1000), [4.0, 50.0], "", "steps of the shadow map's rays"),
+    parameter("shadow_transmittance", 1e-4, Range::Between(0.0, 0.5), [0.0, 0.1], "", "where its rays end"),
+    parameter(
+        "light_steps",
+        2.0,
+        Range::Whole(1, 12),
+        [1.0, 6.0],
+        "",
+        "steps towards the sun, each twice as long as the one before",
+    ),
     parameter("march_steps", 128.0, Range::Whole(1, 100_000), [16.0, 500.0], "", "steps of a view ray"),
 ];
 
 /// Levels of quality.
 const QUALITIES: &[(&str, &[(&str, f64)])] = &[
-    ("low", &[("detail", 0.0), ("turbulence", 0.0), ("least_transmittance", 0.1), ("march_steps", 64.0)]),
+    (
+        "low",
+        &[
+            ("detail", 0.0),
+            ("turbulence", 0.0),
+            ("least_transmittance", 0.1),
+            ("march_steps", 64.0),
+            ("light_steps", 1.0),
+            ("shadow_steps", 25.0),
+            ("shadow_transmittance", 0.01),
+        ],
+    ),
     ("medium", &[("turbulence", 0.0), ("march_steps", 128.0)]),
-    ("high", &[("march_steps", 128.0)]),
+    ("high", &[("march_steps", 128.0), ("shadow_map", 512.0)]),
+    ("ultra", &[("march_steps", 128.0), ("shadow_map", 1024.0)]),
+    ("without-shadow-map", &[("shadow_map", 0.0), ("light_steps", 6.0)]),
     ("with-cirrus", &[("thickness", 7250.0), ("march_steps", 256.0)]),
 ];
 
@@ -69,6 +102,7 @@ pub static MODEL: Model = Model {
     defects: defects::DEFECTS,
     is_of_scene: false,
     domains: &[DomainKind::Object, DomainKind::Slab],
+    sky: None,
     build: engine,
 };
 
@@ -258,15 +292,28 @@ fn light(values: &Values, kept: &Defects, frame: &SlabFrame) -> LightModel {
     let [scattering, absorption] = ["scattering", "absorption"].map(|name| values.get(name));
     let whole = scattering + absorption;
     let thickness = values.get("thickness") / frame.unit;
-    let (steps, length) = match kept.has(&defects::SHORT_LIGHT_MARCH) {
-        true => (2, ShadowLength::Fixed(150.0 / frame.unit)),
-        false => (6, ShadowLength::ToExitAtMost(4.0 * thickness)),
+    let [steps, size, map_steps] = ["light_steps", "shadow_map", "shadow_steps"].map(|name| values.get(name) as u32);
+    // The first of n steps is 100 m / n long.
+    let marched = 100.0 / f64::from(steps) * (2.0_f64.powi(steps as i32) - 1.0) / frame.unit;
+    let (map, length) = match size {
+        0 => (None, ShadowLength::ToExitAtMost(4.0 * thickness)),
+        _ => {
+            let map = ShadowMapSettings {
+                least_transmittance: values.get("shadow_transmittance"),
+                tail: 2.0,
+                half_floats: kept.has(&defects::HALF_FLOATS),
+                front_by_what_is_left: kept.has(&defects::FRONT_BY_WHAT_IS_LEFT),
+                marched_to_last_sample: kept.has(&defects::TO_LAST_SAMPLE),
+                ..ShadowMapSettings::new(size.max(2), map_steps, frame.unit)
+            };
+            (Some(map), ShadowLength::Fixed(marched))
+        }
     };
     LightModel {
         suns: vec![Sun { direction: [0.417, 0.558, 0.717], irradiance: [1.474, 1.8504, 1.91198] }],
         ambient: [0.133, 0.319, 0.604],
         phase: TwoLobes::new([0.7, -0.2], 0.5),
-        shadow: ShadowMarch { growth: 2.0, ..ShadowMarch::new(steps, length, ShadowExtinction::View) },
+        shadow: ShadowMarch { growth: 2.0, map, ..ShadowMarch::new(steps, length, ShadowExtinction::View) },
         source: SourceFactor::Albedo([if whole > 0.0 { scattering / whole } else { 1.0 }; 3]),
         terms: Terms {
             octaves: Octaves { count: 8, contribution: 0.5, attenuation: 0.5, eccentricity: 0.5, compression: 0.0 },

@@ -374,6 +374,7 @@ impl Uniform {
             density: &self.program,
             extinction: self.extinction,
             averages: None,
+            maps: &[],
             light,
             terms: &[],
         }

@@ -1,0 +1,284 @@
+//! Beer shadow maps: what a density lets through towards a sun, marched once for all samples (Högfeldt 2016 and Hillaire 2020 for the kind of
+//! map; the four channels are those of @takram/three-clouds).
+//!
+//! The map lies across the sun's light, above the whole domain. A texel's ray goes through the domain away from the sun, and keeps of it
+//!
+//! - the front depth c0: the mean distance from the map at which light is lost;
+//! - c1, the mean density over the steps that meet any;
+//! - c2, the density times length until the ray ends;
+//! - c3, a tail where it ended early.
+//!
+//! At a place D below the map, from which o has been marched towards the sun, the density times length beyond is taken to be
+//! min(c2 + c3, c1 max(0, D - o - c0)), of the four texels around it, mixed. So a density is a slab behind its front, and what a place close to a
+//! front loses is less than it should be: that is the method, not a defect.
+//!
+//! Here one map spans the domain, where the original has cascades along the view; its percentage-closer filter and its blend over frames are
+//! left out. Twin of the reading: `shaders/engines/march.wgsl`, `from_map`.
+
+use crate::base::error::{Error, Result};
+use crate::engines::light::{ShadowMapSettings, Sun};
+use crate::engines::march::{Inside, Marched};
+use crate::media::density::DensityEvaluator;
+use glam::{DVec3, DVec4};
+use rayon::prelude::*;
+
+/// Texels of a task.
+const TEXELS: usize = 256;
+
+/// Largest half float.
+const LARGEST_HALF: f64 = 65_504.0;
+
+/// The map of a sun.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ShadowMap {
+    /// Texels along a side.
+    pub size: usize,
+    /// A place of the density's frame, with 1 behind it, times these: its column and row from the centre of the first texel, and its distance below
+    /// the map in units of length.
+    pub rows: [DVec4; 3],
+    /// Row by row: distance, density, density times length, and the same of the tail.
+    pub texels: Vec<[f32; 4]>,
+}
+
+impl ShadowMap {
+    /// The maps of all suns of a light that asks for them; none where it does not. An error where the domain has no end.
+    pub fn of(marched: &Marched<'_>) -> Result<Vec<Self>> {
+        let Some(settings) = marched.light.shadow.map else { return Ok(Vec::new()) };
+        if marched.container.outline.is_endless() {
+            return Err(Error::new(
+                format!("domain {}", marched.container.domain),
+                "a shadow map over a domain without end",
+                "the domain of an object",
+                "Set shadow_map to 0, or take the object's domain.",
+            ));
+        }
+        marched.light.suns.iter().map(|sun| Self::of_sun(marched, &settings, sun)).collect()
+    }
+
+    fn of_sun(marched: &Marched<'_>, settings: &ShadowMapSettings, sun: &Sun) -> Result<Self> {
+        let container = marched.container;
+        let to_world = container.to_local.inverse();
+        let up = sun.towards();
+        let (across, along) = up.any_orthonormal_pair();
+        let axes = [across, along, up];
+        let region = container.outline.region();
+        let corner = |number: usize| {
+            let pick = |bit: usize, low: f64, high: f64| if number >> bit & 1 == 0 { low } else { high };
+            let [low, high] = [region.low, region.high];
+            to_world.transform_point3(DVec3::new(
+                pick(0, low.x, high.x),
+                pick(1, low.y, high.y),
+                pick(2, low.z, high.z),
+            ))
+        };
+        let mut low = [f64::INFINITY; 3];
+        let mut high = [f64::NEG_INFINITY; 3];
+        for corner in (0..8).map(corner) {
+            for (axis, direction) in axes.iter().enumerate() {
+                let at = corner.dot(*direction);
+                low[axis] = low[axis].min(at);
+                high[axis] = high[axis].max(at);
+            }
+        }
+        let size = settings.size as usize;
+        let row = |direction: DVec3, scale: f64, shift: f64| {
+            let of = |axis: DVec4| axis.truncate().dot(direction) * scale;
+            let end = to_world.w_axis.truncate().dot(direction) * scale + shift;
+            DVec4::new(of(to_world.x_axis), of(to_world.y_axis), of(to_world.z_axis), end)
+        };
+        let flat = |axis: usize| {
+            let scale = size as f64 / (high[axis] - low[axis]);
+            row(axes[axis], scale, -low[axis] * scale - 0.5)
+        };
+        let rows = [flat(0), flat(1), row(up, -1.0 / container.unit, high[2] / container.unit)];
+        let ray = |index: usize| {
+            let part =
+                |axis: usize, texel: usize| low[axis] + (texel as f64 + 0.5) / size as f64 * (high[axis] - low[axis]);
+            let start = across * part(0, index % size) + along * part(1, index / size) + up * high[2];
+            container.ray(start, -up, f64::INFINITY, 0.5).inside(&container.outline)
+        };
+        let numbers: Vec<usize> = (0..size * size).collect();
+        let texels: Vec<Vec<[f32; 4]>> = numbers
+            .par_chunks(TEXELS)
+            .map(|numbers| {
+                let rays: Vec<Inside> = numbers.iter().map(|&index| ray(index)).collect();
+                march(marched, settings, &rays)
+            })
+            .collect::<Result<_>>()?;
+        Ok(Self { size, rows, texels: texels.concat() })
+    }
+
+    /// Density times length from a place towards the sun beyond what has been `marched` of it, in units of length.
+    pub fn read(&self, place: DVec3, marched: f64) -> f64 {
+        let place = place.extend(1.0);
+        let last = (self.size - 1) as f64;
+        let [x, y] = [self.rows[0], self.rows[1]].map(|row| row.dot(place).clamp(0.0, last));
+        let [left, top] = [x, y].map(|at| (at as usize).min(self.size - 2));
+        let mixed: [f64; 4] = std::array::from_fn(|channel| {
+            let texel = |column: usize, row: usize| f64::from(self.texels[row * self.size + column][channel]);
+            let [right, down] = [x - left as f64, y - top as f64];
+            let along = |row: usize| texel(left, row) * (1.0 - right) + texel(left + 1, row) * right;
+            along(top) * (1.0 - down) + along(top + 1) * down
+        });
+        let [front, density, whole, tail] = mixed;
+        (whole + tail).min(density * (self.rows[2].dot(place) - marched - front).max(0.0))
+    }
+}
+
+/// A ray on its way.
+#[derive(Clone, Default)]
+struct Texel {
+    /// Density times length so far.
+    whole: f64,
+    /// Sum of the densities of steps that met any, and their number.
+    met: (f64, u32),
+    /// Sums of weights, and of them times the distance from the map.
+    front: [f64; 2],
+    ended: bool,
+}
+
+/// The texels of rays, step by step together.
+fn march(marched: &Marched<'_>, settings: &ShadowMapSettings, rays: &[Inside]) -> Result<Vec<[f32; 4]>> {
+    let mut density = DensityEvaluator::new(marched.density)?;
+    let extinction = marched.extinction.iter().sum::<f64>() / 3.0;
+    let mut texels = vec![Texel::default(); rays.len()];
+    for number in 0..settings.steps {
+        let asked: Vec<usize> =
+            (0..rays.len()).filter(|&index| rays[index].length > 0.0 && !texels[index].ended).collect();
+        let distance =
+            |ray: &Inside| ray.parts.distance((f64::from(number) + 0.5) * ray.length / f64::from(settings.steps));
+        let places: Vec<DVec3> =
+            asked.iter().map(|&index| rays[index].origin + rays[index].way * distance(&rays[index])).collect();
+        for (&index, found) in asked.iter().zip(density.values(&places)) {
+            if found == 0.0 {
+                continue;
+            }
+            let ray = &rays[index];
+            let texel = &mut texels[index];
+            let before = (-extinction * texel.whole).exp();
+            texel.whole += found * ray.length / f64::from(settings.steps);
+            texel.met = (texel.met.0 + found, texel.met.1 + 1);
+            let after = (-extinction * texel.whole).exp();
+            let weight = if settings.front_by_what_is_left { after } else { before - after };
+            texel.front[0] += weight;
+            texel.front[1] += weight * (ray.parts.start + distance(ray));
+            texel.ended = after < settings.least_transmittance;
+        }
+    }
+    let finished = rays.iter().zip(texels).map(|(ray, texel)| {
+        let step = ray.length / f64::from(settings.steps);
+        let end = ray.parts.start + ray.parts.distance(ray.length);
+        let Texel { whole, met: (sum, count), front: [weights, distances], ended } = texel;
+        let front = if weights > 0.0 { (distances / weights).min(end) } else { end };
+        let front = match settings.half_floats {
+            true => half::f16::from_f64((front * settings.metres).min(LARGEST_HALF)).to_f64() / settings.metres,
+            false => front,
+        };
+        // As published a number of metres beside an optical depth: that many metres of a density that dims by 1 in a metre.
+        let tail = if ended && extinction > 0.0 {
+            let metres = step * settings.metres;
+            (settings.tail * metres * (1.0 - f64::from(count)).exp()).min(0.5 * metres) / extinction
+        } else {
+            0.0
+        };
+        let mean = if count > 0 { sum / f64::from(count) } else { 0.0 };
+        [front, mean, whole, tail].map(|value| value as f32)
+    });
+    Ok(finished.collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::engines::domain::{Container, Domain, Outline};
+    use crate::engines::light::terms::Terms;
+    use crate::engines::light::{LightModel, ShadowExtinction, ShadowLength, ShadowMarch, SourceFactor, TwoLobes};
+    use crate::graph::Program;
+    use crate::media::density::Density;
+    use crate::media::region::Region;
+    use glam::DMat4;
+    use std::sync::Arc;
+
+    /// A map over a box of 2 x 3 x 1 m of one density, in a frame of its own, under a sun; the unit of length is half a metre.
+    fn map_over(sun: [f64; 3], settings: ShadowMapSettings) -> (ShadowMap, Container) {
+        let region = Region { low: DVec3::splat(-1.0), high: DVec3::splat(1.0) };
+        let to_local = DMat4::from_scale(DVec3::new(1.0, 2.0 / 3.0, 2.0)) * DMat4::from_rotation_z(0.3);
+        let outline = Outline::Box(region);
+        let container = Container { domain: Domain::Object, to_local, outline, unit: 0.5 };
+        let density = Density::filling(Arc::new(Program::constant("one", 1.5)), region);
+        let shadow = ShadowMarch::new(1, ShadowLength::ToExit, ShadowExtinction::View);
+        let light = LightModel {
+            suns: vec![Sun { direction: sun, irradiance: [1.0; 3] }],
+            ambient: [0.0; 3],
+            phase: TwoLobes::new([0.0; 2], 0.0),
+            shadow: ShadowMarch { map: Some(settings), ..shadow },
+            source: SourceFactor::Density,
+            terms: Terms::NONE,
+        };
+        let extinction = [2.0; 3];
+        let marched = Marched {
+            container: &container,
+            density: &density,
+            extinction,
+            averages: None,
+            maps: &[],
+            light: &light,
+            terms: &[],
+        };
+        let maps = ShadowMap::of(&marched).expect("a map");
+        (maps[0].clone(), container)
+    }
+
+    #[test]
+    fn a_box_of_one_density_is_a_slab_behind_its_front() {
+        let settings = ShadowMapSettings { least_transmittance: 0.0, ..ShadowMapSettings::new(8, 2000, 0.5) };
+        let (map, _) = map_over([0.0, 0.0, 1.0], settings);
+        // Two units high, extinction 2 x 1.5 = 3 per unit: light is lost, in the mean, at 1 / 3 - 2 e^-6 / (1 - e^-6).
+        let front = 1.0 / 3.0 - 2.0 * (-6.0_f64).exp() / (1.0 - (-6.0_f64).exp());
+        for (height, marched) in [(-1.0, 0.0), (0.0, 0.0), (0.5, 0.2), (0.99, 0.0), (0.0, 3.0)] {
+            let below = 1.0 - height - marched;
+            let truth = 1.5 * (below - front).max(0.0);
+            // A step of a 2000th of the way puts the middle of what it takes off by less than itself; texels are floats.
+            let found = map.read(DVec3::new(0.1, -0.2, height), marched);
+            assert!((found - truth).abs() < 2e-3, "{height}: {found}, not {truth}");
+        }
+    }
+
+    #[test]
+    fn a_slanting_sun_goes_through_what_stands_in_its_way() {
+        let sun = DVec3::new(0.3, -0.5, 0.6);
+        let settings = ShadowMapSettings { least_transmittance: 0.0, ..ShadowMapSettings::new(256, 400, 0.5) };
+        let (map, container) = map_over(sun.into(), settings);
+        for place in [DVec3::new(0.1, 0.05, -0.9), DVec3::new(-0.2, 0.1, -0.3), DVec3::new(0.0, -0.1, 0.2)] {
+            let way = container.way(sun);
+            let up = container.outline.parts_to_light(place, way).length;
+            let down = container.outline.parts_to_light(place, -way).length;
+            let shift = map.rows[2].dot(place.extend(1.0)) - up;
+            // From where the ray enters: the mean depth of what is lost along all of it.
+            let whole = up + down;
+            let front = 1.0 / 3.0 - whole * (-3.0 * whole).exp() / (1.0 - (-3.0 * whole).exp());
+            let truth = 1.5 * (up - front).max(0.0);
+            let found = map.read(place, 0.0);
+            // A texel is a 60th of a unit; lengths change by less than twice that over it, and a step is shorter.
+            assert!((found - truth).abs() < 0.05, "{place}: {found}, not {truth}, entered {shift} below the map");
+            assert!(truth > 0.1 || up < 0.5, "something is told at {place}");
+        }
+    }
+
+    #[test]
+    fn rays_that_end_early_have_a_tail_and_half_floats_are_coarse() {
+        let early = ShadowMapSettings { least_transmittance: 0.5, tail: 2.0, ..ShadowMapSettings::new(2, 4, 8000.0) };
+        let texel = |settings: ShadowMapSettings| map_over([0.0, 0.0, 1.0], settings).0.texels[0];
+        // One step of half a unit takes 1 - e^-1.5; half of its 4000 m bounds the tail, over an extinction of 2.
+        assert_eq!(texel(early), [0.25, 1.5, 0.75, 1000.0]);
+        let whole = texel(ShadowMapSettings { least_transmittance: 0.0, ..early });
+        assert_eq!([whole[2], whole[3]], [3.0, 0.0]);
+        // Steps of one density take alike shares of what they leave: there the weights do not matter.
+        let left = texel(ShadowMapSettings { least_transmittance: 0.0, front_by_what_is_left: true, ..early });
+        assert!((left[0] - whole[0]).abs() < 1e-6 && left[0] > 0.25, "{left:?}, {whole:?}");
+        let coarse = texel(ShadowMapSettings { least_transmittance: 0.0, half_floats: true, ..early });
+        let metres = f64::from(coarse[0]) * 8000.0;
+        // From 2048 m to 4096 m half floats are 2 m apart.
+        assert!((2048.0..4096.0).contains(&metres) && (metres / 2.0 - (metres / 2.0).round()).abs() < 1e-3, "{metres}");
+    }
+}
