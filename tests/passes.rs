@@ -8,6 +8,7 @@ use cloudparity::engines::march::gpu::Pixel;
 use cloudparity::engines::passes::compositing::{Background, CompositeKernel, Compositing, Part, mean_transmittance};
 use cloudparity::engines::passes::frame::Frame;
 use cloudparity::engines::passes::god_rays::{GodRayKernel, GodRayPass, GodRays, SUN_GLOW, half};
+use cloudparity::engines::passes::height_fog::HeightFog;
 use cloudparity::engines::passes::{Channels, Pass, PassKernel, View};
 use cloudparity::gpu::Gpu;
 use cloudparity::scene::image::Image;
@@ -298,7 +299,11 @@ fn god_rays_are_the_same_on_the_adapter() {
     let mut shone = 0;
     for from_behind in [false, true] {
         for samples in [1, 37, 100] {
-            let pass = pass(from_behind, samples);
+            let mut pass = pass(from_behind, samples);
+            if samples == 37 {
+                // As the book has them.
+                (pass.rays.reach, pass.rays.centre) = (0.8, 0.5);
+            }
             let kernel = GodRayKernel::new(&gpu, pass).expect("a kernel");
             for size in SIZES {
                 let camera = camera(size, 50.0, Projection::Perspective);
@@ -388,5 +393,66 @@ fn what_is_no_number_stays_to_be_seen() {
         let on_adapter = Frame::upload(&gpu, &frame).expect("a frame");
         compiled.run(&on_adapter, &view).expect("submitted");
         assert_eq!(is_broken(&on_adapter.read_back(&gpu).expect("a picture")), expected);
+    }
+}
+
+#[test]
+fn height_fog_is_the_same_on_the_adapter_and_closes_forms() {
+    let fog = HeightFog {
+        density: 1e-4,
+        distance: 20_000.0,
+        falloff: 4.0,
+        colour: [0.6, 0.7, 0.9],
+        sun_gain: 0.5,
+        without_parentheses: false,
+    };
+    // Level everything that a depth of 2 hides; the zenith e^-4 of it, or nearly all without the parentheses.
+    let whole = 1.0 - (-2.0_f64).exp();
+    assert!((fog.amount(DVec3::X) - whole).abs() < 1e-15 && (fog.amount(DVec3::NEG_Z) - whole).abs() < 1e-15);
+    assert!((fog.amount(DVec3::Z) - whole * (-4.0_f64).exp()).abs() < 1e-15);
+    let wrong = HeightFog { without_parentheses: true, ..fog };
+    assert!((wrong.amount(DVec3::Z) - (1.0 - (-6.0_f64).exp())).abs() < 1e-15);
+    // The specification's example: d k = 0.5 and y h = 0.6.
+    let example = HeightFog { distance: 5000.0, falloff: 0.6, ..wrong };
+    assert!((example.amount(DVec3::Z) - 0.67).abs() < 0.005);
+    assert!((HeightFog { without_parentheses: false, ..example }.amount(DVec3::Z) - 0.22).abs() < 0.005);
+    if !support::require("vulkan") {
+        return;
+    }
+    let gpu = Gpu::open().expect("the adapter that was just there");
+    let mut random = ChaCha8Rng::seed_from_u64(5);
+    let sun = [Sun { direction: [0.1, 1.0, 0.05], irradiance: [4.0, 3.0, 2.0] }];
+    for (number, fog) in [fog, wrong].into_iter().enumerate() {
+        let kernel = gpu.block_on(fog.compile(&gpu)).expect("no wait is interrupted").expect("a kernel");
+        for size in SIZES {
+            for suns in [&sun[..], &[]] {
+                let camera = camera(size, 90.0, Projection::Perspective);
+                let view = view(&camera, suns);
+                let mut frame = clear(size);
+                if number == 1 {
+                    frame.transmittance = None;
+                }
+                for pixel in &mut frame.pixels {
+                    *pixel = std::array::from_fn(|_| random.random());
+                }
+                let on_adapter = Frame::upload(&gpu, &frame).expect("a frame");
+                kernel.run(&on_adapter, &view).expect("submitted");
+                let found = on_adapter.read_back(&gpu).expect("a picture");
+                fog.run(&mut frame, &view).expect("a picture");
+                // A direction is off by 13 roundings of its corner, as for god rays; the exponent is 4 times it, the eighth power 8 times, and
+                // what is mixed is at most 4 times the exposure.
+                let largest = 4.0 * view.exposure.max(1.0);
+                let bound = largest * (4.0 + 8.0) * (13.0 * EXTENT + 20.0) * U;
+                for (ours, theirs) in found.pixels.as_flattened().iter().zip(frame.pixels.as_flattened()) {
+                    let error = f64::from((ours - theirs).abs());
+                    assert!(error <= bound, "{size:?}: {ours}, not {theirs}: {error:e} of {bound:e}");
+                }
+                let [ours, theirs] = [&found, &frame].map(|image| image.transmittance.clone().unwrap_or_default());
+                for (ours, theirs) in ours.as_flattened().iter().zip(theirs.as_flattened()) {
+                    assert!(f64::from((ours - theirs).abs()) <= bound, "{size:?}: {ours}, not {theirs} shines through");
+                }
+                assert_eq!(ours.is_empty(), number == 1);
+            }
+        }
     }
 }

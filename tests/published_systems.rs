@@ -89,8 +89,8 @@ fn each_defect_shows() {
         let values = match model.id {
             // Noise of one cell and more across the piece of the shell.
             "bfwe" => vec!["coverage=0.8".to_owned()],
-            // A street of clouds, whose edge MS-1 is about.
-            "bolt" => vec!["spine_radius=6000".to_owned()],
+            // A street of clouds, whose edge MS-1 is about, and fog for MS-2.
+            "bolt" => vec!["spine_radius=6000".to_owned(), "fog=1".to_owned()],
             _ => Vec::new(),
         };
         let values = model.values(None, &values).expect("in range");

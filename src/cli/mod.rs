@@ -38,6 +38,7 @@ mod notices;
 mod options;
 mod params;
 mod parity;
+mod passes;
 mod picture;
 mod probe;
 mod render;
@@ -91,7 +92,7 @@ const TASKS: [(&str, &[(&str, &str)]); 4] = [
         &[
             ("init", "begin with a .blend: its scene, a study, a tuning, what to do next"),
             ("export", "convert: .blend to scene file and back, EXR to PNG"),
-            ("show", "parameters of a scene, nodes, models, lights, this machine"),
+            ("show", "parameters of a scene, nodes, models, lights, passes, this machine"),
         ],
     ),
     (

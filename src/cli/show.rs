@@ -1,6 +1,6 @@
 //! `cloudparity show`: what there is.
 
-use super::{completions, doctor, lights, man, models, nodes, params, schema};
+use super::{completions, doctor, lights, man, models, nodes, params, passes, schema};
 use crate::base::error::Result;
 use std::process::ExitCode;
 
@@ -16,6 +16,7 @@ enum What {
     Params(params::Arguments),
     Models(models::Arguments),
     Lights(lights::Arguments),
+    Passes(passes::Arguments),
     Nodes(nodes::Arguments),
     Schema(schema::Arguments),
     Doctor(doctor::Arguments),
@@ -28,6 +29,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
         What::Params(arguments) => params::run(arguments),
         What::Models(arguments) => models::run(arguments),
         What::Lights(arguments) => lights::run(arguments),
+        What::Passes(arguments) => passes::run(arguments),
         What::Nodes(arguments) => nodes::run(arguments),
         What::Schema(arguments) => schema::run(arguments),
         What::Doctor(arguments) => doctor::run(arguments),

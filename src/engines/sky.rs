@@ -84,13 +84,18 @@ impl Sky {
             light.matrix_world = facing(towards, matrix.w_axis.truncate());
         }
         let look = (self.look)(values, towards);
-        let whole = f64::from(light.strength) * f64::from(light.exposure).exp2();
         light.color = look.sun.map(|channel| channel as f32);
-        let image = self.picture(&look, whole / self.sun_intensity);
+        let image = self.picture(&look, sun_irradiance(&scene).unwrap_or(0.0) / self.sun_intensity);
         let picture = WorldImage { file: file.to_string_lossy().into_owned(), sha256: String::new() };
         scene.world = scene::World { color: [1.0; 3], strength: 1.0, image: Some(picture) };
         Ok((scene, image))
     }
+}
+
+/// What the first sun of a scene delivers, before its colour.
+pub fn sun_irradiance(scene: &Scene) -> Option<f64> {
+    let sun = scene.lights.iter().find(|light| matches!(light.kind, LightKind::Sun { .. }))?;
+    Some(f64::from(sun.strength) * f64::from(sun.exposure).exp2())
 }
 
 /// A matrix of a light at `place` whose z axis, from which its light comes, is `towards`.

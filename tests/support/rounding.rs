@@ -88,7 +88,7 @@ fn power_error(exponent: f64, base: f64, by: Single) -> f64 {
 /// weight of a read is a product of so many rounded numbers, and the sum has a rounding for each.
 pub fn blur_error(rays: &GodRays, [width, height]: [usize; 2], texel: f64) -> f64 {
     let read = texel + 8.0 * U * (width as f64 + 1.0 + height as f64 + 1.0) + 6.0 * U;
-    let (mut weight, mut sum, mut error) = (rays.weight, 0.0, 0.0);
+    let (mut weight, mut sum, mut error) = (rays.weight, rays.centre, rays.centre * texel);
     for number in 0..rays.samples {
         error += weight * (read + 2.0 * (f64::from(number) + 2.0) * U);
         sum += weight;

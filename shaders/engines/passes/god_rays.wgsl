@@ -21,6 +21,7 @@ struct GodRays {
     sun: vec2f,
     // Texels of a layer in a pixel of the frame.
     scale: vec2f,
+    // Part of the way to the sun from read to read.
     inverse_samples: f32,
     weight: f32,
     decay: f32,
@@ -29,7 +30,8 @@ struct GodRays {
     // Invocations of this dispatch: the number of the first, and how many.
     first: u32,
     count: u32,
-    padding: u32,
+    // Weight of a texel's own read; where it is not 0 the sum begins one read farther.
+    centre: f32,
 }
 
 @group(0) @binding(0) var<uniform> rays: GodRays;
@@ -92,10 +94,12 @@ fn occlusion(column: u32, row: u32) -> f32 {
 fn blurred(column: u32, row: u32) -> f32 {
     let own = vec2f(f32(column), f32(row));
     let way = rays.sun - own;
-    var sum = 0.0;
+    let has_centre = rays.centre != 0.0;
+    var sum = select(0.0, rays.centre * source[row * rays.half_width + column], has_centre);
+    let first = select(0u, 1u, has_centre);
     var weight = rays.weight;
     for (var number = 0u; number < rays.samples; number++) {
-        sum += weight * sample(own + f32(number) * rays.inverse_samples * way);
+        sum += weight * sample(own + f32(number + first) * rays.inverse_samples * way);
         weight *= rays.decay;
     }
     return rays.gain * sum;

@@ -52,6 +52,13 @@ pub const PLAIN_SUM: Defect = Defect {
     corrected: "it adds the integral over the step",
 };
 
+/// MS-2.
+pub const FOG_AT_THE_ZENITH: Defect = Defect {
+    id: "MS-2",
+    about: "height fog by the document's line, which lacks parentheses: 1 - exp(-distance) exp(-height)",
+    corrected: "(1 - exp(-distance)) exp(-height), as the source has it",
+};
+
 /// All of them.
 pub const DEFECTS: &[Defect] = &[
     SOURCE_WITHOUT_ABSORPTION,
@@ -61,4 +68,5 @@ pub const DEFECTS: &[Defect] = &[
     BIASED_GRADIENTS,
     PLAIN_SUM,
     UNUSED_SOFTNESS,
+    FOG_AT_THE_ZENITH,
 ];

@@ -24,9 +24,12 @@ use crate::engines::light::{LightModel, ShadowExtinction, ShadowMarch, SourceFac
 use crate::engines::march::{RealTimeSettings, distance_levels};
 use crate::engines::node_graph::{Input, NodeGraph};
 use crate::engines::parameters::{Parameter, Range, Values, parameter};
+use crate::engines::passes::height_fog::HeightFog;
+use crate::engines::sky::sun_irradiance;
 use crate::engines::{Engine, GraphParts, Model, Request};
 use crate::media::transfer::Integration;
 use crate::scene;
+use std::sync::Arc;
 
 const UNIT: Range = Range::Between(0.0, 1.0);
 
@@ -98,6 +101,16 @@ pub const PARAMETERS: &[Parameter] = &[
         [0.0, 1.0],
         "",
         "1: steps by distance, of the camera instead of the steps below",
+    ),
+    parameter("fog", 0.0, Range::NotNegative, [0.0, 3.0], "1/10 km", "height fog over the picture; 0 is none"),
+    parameter("fog_height", 4.0, Range::NotNegative, [0.0, 10.0], "", "its fall with the sine of the view's elevation"),
+    parameter(
+        "fog_distance",
+        20_000.0,
+        Range::NotNegative,
+        [0.0, 1e5],
+        "m",
+        "how far away the background stands in it",
     ),
     parameter("march_steps", 64.0, Range::Whole(1, 100_000), [8.0, 128.0], "", "steps of a view ray"),
     parameter("light_steps", 6.0, Range::Whole(1, 1000), [1.0, 8.0], "", "steps towards the sun"),
@@ -175,6 +188,20 @@ fn engine(request: &Request<'_>) -> Result<Engine> {
             march: RealTimeSettings { least_density: 0.001, ..march },
         },
     )?;
+    let fog = values.get("fog");
+    if fog > 0.0 {
+        // A sun of the system has the intensity of its sky's.
+        let gain = 1.0 / sky::SKY.sun_intensity;
+        let scale = gain * sun_irradiance(request.scene).unwrap_or(sky::SKY.sun_intensity);
+        engine.passes.push(Arc::new(HeightFog {
+            density: 1e-4 * fog,
+            distance: values.get("fog_distance"),
+            falloff: values.get("fog_height"),
+            colour: sky::HORIZON.map(|channel| scale * channel),
+            sun_gain: gain,
+            without_parentheses: defects.has(&defects::FOG_AT_THE_ZENITH),
+        }));
+    }
     engine.compositing.alpha_twice = defects.has(&defects::ALPHA_TWICE);
     Ok(engine)
 }

@@ -23,7 +23,8 @@ pub static SKY: Sky = Sky {
 const HAZE: f64 = 0.76;
 
 const SUN: [f64; 3] = [1.0, 0.95, 0.8];
-const HORIZON: [f64; 3] = [0.6, 0.7, 0.9];
+/// Radiance along the horizon.
+pub const HORIZON: [f64; 3] = [0.6, 0.7, 0.9];
 const ZENITH: [f64; 3] = [0.1, 0.3, 0.6];
 
 fn look(values: &Values, sun: DVec3) -> Look {

@@ -1,6 +1,8 @@
 //! Rays of light as a radial blur of the picture of what hides the sun (after Mitchell 2007, "Volumetric Light Scattering as a
 //! Post-Process", GPU Gems 3, with the weights of the published Perlin-FBM engine).
 //!
+//! After the book, a pixel may also count itself, and the reads may span a part of the way (`centre`, `reach`).
+//!
 //! A pixel sums `samples` reads on the way to the sun, the i-th of them with weight `weight` decay^i; the sum is multiplied by
 //! `density`, `exposure` and the sun's colour. `density` does not shorten the way here, unlike in the book.
 //!
@@ -54,6 +56,13 @@ pub struct GodRays {
     pub exposure: f64,
     /// Reads per pixel.
     pub samples: u32,
+    /// Part of the way to the sun that the reads span.
+    #[serde(default = "whole")]
+    pub reach: f64,
+    /// Weight of the pixel's own read beside the sum, which does not decay; 0 in the published Perlin-FBM engine. Where it is not 0, the sum
+    /// begins one read farther, as in the book.
+    #[serde(default)]
+    pub centre: f64,
     /// Whether they stay as they are when the sun stands beside or behind the camera, where its point on the screen is a mirrored one;
     /// else they fade out before.
     pub from_behind: bool,
@@ -62,8 +71,21 @@ pub struct GodRays {
 impl Default for GodRays {
     /// The published engine's.
     fn default() -> Self {
-        Self { density: 0.96, decay: 0.95, weight: 0.5, exposure: 0.6, samples: 100, from_behind: false }
+        Self {
+            density: 0.96,
+            decay: 0.95,
+            weight: 0.5,
+            exposure: 0.6,
+            samples: 100,
+            reach: 1.0,
+            centre: 0.0,
+            from_behind: false,
+        }
     }
+}
+
+fn whole() -> f64 {
+    1.0
 }
 
 /// A picture of one channel, top row first.
@@ -112,6 +134,11 @@ fn covered(index: usize, half: usize, full: usize) -> (usize, [f64; 3]) {
 }
 
 impl GodRays {
+    /// Number of the first read on the way to the sun.
+    fn first(&self) -> f64 {
+        if self.centre == 0.0 { 0.0 } else { 1.0 }
+    }
+
     /// The rays that an occlusion picture makes, before the sun's colour. `sun` is the sun's place in its texels, as [`Layer::sample`]
     /// counts them.
     pub fn render(&self, occlusion: &Layer, sun: [f64; 2]) -> Layer {
@@ -119,10 +146,10 @@ impl GodRays {
             .into_par_iter()
             .map(|index| {
                 let own = [(index % occlusion.width) as f64, (index / occlusion.width) as f64];
-                let mut sum = 0.0;
+                let mut sum = if self.centre == 0.0 { 0.0 } else { self.centre * occlusion.pixels[index] };
                 let mut weight = self.weight;
                 for number in 0..self.samples {
-                    let part = f64::from(number) / f64::from(self.samples);
+                    let part = self.reach * (f64::from(number) + self.first()) / f64::from(self.samples);
                     sum += weight * occlusion.sample([0, 1].map(|axis| own[axis] + part * (sun[axis] - own[axis])));
                     weight *= self.decay;
                 }
@@ -284,7 +311,7 @@ shader_struct! {
         sun_glow: f32,
         first: u32,
         count: u32,
-        padding: u32,
+        centre: f32,
     }
 }
 
@@ -323,12 +350,13 @@ impl<'a> GodRayKernel<'a> {
 
     /// Uniforms that no sun changes.
     fn uniform(&self, [half_width, half_height]: [usize; 2]) -> GodRayUniform {
-        let GodRays { density, decay, weight, exposure, samples, .. } = self.pass.rays;
+        let GodRays { density, decay, weight, exposure, samples, reach, centre, .. } = self.pass.rays;
         GodRayUniform {
             half_width: half_width as u32,
             half_height: half_height as u32,
             samples,
-            inverse_samples: (1.0 / f64::from(samples)) as f32,
+            inverse_samples: (reach / f64::from(samples)) as f32,
+            centre: centre as f32,
             weight: weight as f32,
             decay: decay as f32,
             gain: (density * exposure) as f32,

@@ -6,6 +6,7 @@
 pub mod compositing;
 pub mod frame;
 pub mod god_rays;
+pub mod height_fog;
 
 use crate::base::error::Result;
 use crate::engines::light::Sun;
@@ -16,6 +17,46 @@ use crate::view::camera::Camera;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 use std::pin::Pin;
+
+/// A pass as a list of them names it.
+pub struct NamedPass {
+    /// Its name.
+    pub id: &'static str,
+    /// What it does and where it comes from.
+    pub about: &'static str,
+    /// How a picture gets it.
+    pub how: &'static str,
+    /// Beginning of the names of the systems' parameters that are its own; none where it has none.
+    pub prefix: Option<&'static str>,
+}
+
+/// All passes.
+pub const PASSES: &[NamedPass] = &[
+    NamedPass {
+        id: "compositing",
+        about: "the cloud over its background: premultiplied, or as published engines do it (defects PF-7, PF-8, BO-2)",
+        how: "always",
+        prefix: None,
+    },
+    NamedPass {
+        id: "god-rays",
+        about: "a radial blur, at half the resolution, of what hides the sun (Mitchell 2007, GPU Gems 3)",
+        how: "--god-rays, god_rays of a study; each system with its own constants",
+        prefix: Some("god_ray_"),
+    },
+    NamedPass {
+        id: "height-fog",
+        about: "a colour by the distance of the background and the height of the view, tinted by the sun (boltbestclouds32; defect MS-2)",
+        how: "the parameter fog",
+        prefix: Some("fog"),
+    },
+    NamedPass {
+        id: "reconstruction",
+        about: "a frame from fewer rays: half, quarter, checkerboard, 4 x 4 Bayer, temporal blend; reprojected and clipped",
+        how: "a sequence file (cloudparity measure sequence)",
+        prefix: None,
+    },
+];
 
 /// What a frame holds beside its colour.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]

@@ -249,6 +249,8 @@ pub fn god_rays(values: &Values, kept: &Defects) -> GodRays {
         weight: values.get("god_ray_weight"),
         exposure: values.get("god_ray_exposure"),
         samples: values.get("god_ray_samples") as u32,
+        reach: 1.0,
+        centre: 0.0,
         from_behind: kept.has(&defects::GOD_RAYS_FROM_BEHIND),
     }
 }

@@ -23,6 +23,7 @@ use crate::engines::light::{LightModel, ShadowExtinction, ShadowMarch, SourceFac
 use crate::engines::march::RealTimeSettings;
 use crate::engines::node_graph::{Input, NodeGraph};
 use crate::engines::parameters::{Parameter, Range, Values, parameter};
+use crate::engines::passes::god_rays::GodRays;
 use crate::engines::{Engine, GraphParts, Model, Request};
 use crate::media::transfer::Integration;
 
@@ -148,7 +149,7 @@ fn engine(request: &Request<'_>) -> Result<Engine> {
     let light = light(values, defects, &frame);
     // Laying a colour over another with 1 - exp(-e s) conserves energy, too, for an albedo of 1.
     let march = RealTimeSettings::until_one_percent(values.get("march_steps"), Integration::EnergyConserving);
-    request.engine_of_graph(
+    let engine = request.engine_of_graph(
         MODEL.id,
         GraphParts {
             container,
@@ -158,8 +159,21 @@ fn engine(request: &Request<'_>) -> Result<Engine> {
             light,
             march: RealTimeSettings { least_density: 0.001, ..march },
         },
-    )
+    )?;
+    Ok(Engine { god_rays: GOD_RAYS, ..engine })
 }
+
+/// The document's, with the pixel's own read and a part of the way as the book has them.
+const GOD_RAYS: GodRays = GodRays {
+    density: 1.0,
+    decay: 0.96,
+    weight: 0.4,
+    exposure: 0.3,
+    samples: 60,
+    reach: 0.8,
+    centre: 1.0,
+    from_behind: false,
+};
 
 /// The density of the slab.
 fn density(graph: &mut NodeGraph, frame: &SlabFrame, values: &Values, kept: &Defects, seconds: f64) -> Input {
