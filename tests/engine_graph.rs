@@ -460,6 +460,7 @@ fn published_systems_are_the_same_on_the_adapter() {
         ("best", &["fast"]),
         ("bfwe", &["low"]),
         ("takram", &["low", "high", "with-cirrus"]),
+        ("clusters", &["performance"]),
         ("skill", &["performance", "performance,cumulonimbus", "performance,cirrus", "performance,nimbostratus"]),
     ] {
         let model = engines::find(model).expect("it is there");
@@ -491,7 +492,9 @@ fn random_parameters_are_the_same_on_the_adapter() {
     let mut random = ChaCha8Rng::seed_from_u64(21);
     // A kernel is compiled for each set: some thousands take an hour on a software adapter.
     let sets = published::count("CLOUDPARITY_ADAPTER_SETS", 6);
-    for model in ["bolt", "best", "bfwe", "takram", "skill"].map(|id| engines::find(id).expect("it is there")) {
+    for model in
+        ["bolt", "best", "bfwe", "takram", "skill", "clusters"].map(|id| engines::find(id).expect("it is there"))
+    {
         let (mut apart, mut largest) = (0, 0.0_f64);
         for number in 0..sets {
             let mut values = published::random_values(model, &mut random);

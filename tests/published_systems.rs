@@ -24,7 +24,7 @@ const SETTINGS: EngineSettings =
     EngineSettings { jitter: EngineJitter::None, frame: 0, sub_pixels: 1, god_rays: false };
 
 fn systems() -> Vec<&'static Model> {
-    ["bolt", "best", "bfwe", "takram", "skill"].map(|id| engines::find(id).expect("it is there")).to_vec()
+    ["bolt", "best", "bfwe", "takram", "skill", "clusters"].map(|id| engines::find(id).expect("it is there")).to_vec()
 }
 
 fn layer_scene(resolution: [u32; 2]) -> Scene {
@@ -107,7 +107,11 @@ fn nothing_is_covered_without_coverage_and_an_unknown_set_is_refused() {
     let scene = layer_scene([6, 4]);
     for model in systems() {
         // A box of noise has no coverage.
-        let nothing = if model.id == "best" { "density=0" } else { "coverage=0" };
+        let nothing = match model.id {
+            "best" => "density=0",
+            "clusters" => "extinction=0",
+            _ => "coverage=0",
+        };
         let values = model.values(None, &[nothing.to_owned()]).expect("in range");
         let engine = model.engine(&scene, &values, &Defects::ALL, 0.0).expect("an engine");
         let found = picture(&scene, &engine);

@@ -14,7 +14,7 @@ use cloudparity::integrators::{march, path};
 use cloudparity::measure::nodes::suite::modes;
 use cloudparity::nodes::perlin_fbm::{self, Cloud, Parameters};
 use cloudparity::nodes::{self, Data, Mode, NodeType, Role};
-use cloudparity::nodes::{cloud_texture, lattice_noise};
+use cloudparity::nodes::{cloud_texture, ellipsoid_clusters, lattice_noise};
 use cloudparity::scene::bare_scene;
 use rayon::prelude::*;
 use serde_json::{Map, Value as Json, json};
@@ -349,11 +349,12 @@ fn perlin_fbm_cloud() -> Program {
 /// Nodes of ours that no file of Blender holds, linked and validated.
 fn link_own_nodes() -> BTreeSet<String> {
     let mut names = BTreeSet::new();
-    let in_modes = [&lattice_noise::TYPE, &cloud_texture::TYPE].into_iter().flat_map(|node| {
-        let read = |properties| Mode::read(node, &properties, "test").expect("a mode of the node");
-        let mode = move |properties| Program::of_node(node.module, node, read(properties), IDENTITY);
-        modes(node).into_iter().map(mode).collect::<Vec<_>>()
-    });
+    let in_modes =
+        [&lattice_noise::TYPE, &cloud_texture::TYPE, &ellipsoid_clusters::TYPE].into_iter().flat_map(|node| {
+            let read = |properties| Mode::read(node, &properties, "test").expect("a mode of the node");
+            let mode = move |properties| Program::of_node(node.module, node, read(properties), IDENTITY);
+            modes(node).into_iter().map(mode).collect::<Vec<_>>()
+        });
     for program in textures().map(lookup).into_iter().chain([perlin_fbm_cloud()]).chain(in_modes) {
         let module = linked(&program);
         validate("a node of ours", &module);

@@ -7,6 +7,7 @@
 pub mod best;
 pub mod bfwe;
 pub mod bolt;
+pub mod clusters;
 pub mod defects;
 pub mod domain;
 pub mod frame;
@@ -273,8 +274,16 @@ static REGISTERED: RwLock<Vec<&'static Model>> = RwLock::new(Vec::new());
 
 /// All models: those of this program, and then those that [`register`] has added.
 pub fn models() -> Vec<&'static Model> {
-    static MODELS: [&Model; 7] =
-        [&graph::MODEL, &perlin_fbm::MODEL, &bolt::MODEL, &best::MODEL, &bfwe::MODEL, &takram::MODEL, &skill::MODEL];
+    static MODELS: [&Model; 8] = [
+        &graph::MODEL,
+        &perlin_fbm::MODEL,
+        &bolt::MODEL,
+        &best::MODEL,
+        &bfwe::MODEL,
+        &takram::MODEL,
+        &skill::MODEL,
+        &clusters::MODEL,
+    ];
     let added = REGISTERED.read().unwrap_or_else(PoisonError::into_inner);
     MODELS.iter().chain(added.iter()).copied().collect()
 }

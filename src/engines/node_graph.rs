@@ -20,6 +20,23 @@ pub enum Input {
     Output(String, &'static str),
 }
 
+/// A field of clouds of ellipsoids, in metres.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ClusterField {
+    /// Which clouds; a whole number.
+    pub seed: f64,
+    /// Side of the square on which they stand, around the origin.
+    pub spread: f64,
+    /// Least height of their middles, and what is added to it at most.
+    pub base: f64,
+    /// See `base`.
+    pub height: f64,
+    /// Of a sphere, in the mean.
+    pub radius: f64,
+    /// Motion along z in spreads.
+    pub passed: f64,
+}
+
 impl From<f64> for Input {
     fn from(number: f64) -> Self {
         Self::Number(number)
@@ -261,6 +278,35 @@ impl NodeGraph {
     /// Noise on a lattice of ours ([`crate::nodes::lattice_noise`]).
     pub fn lattice_noise(&mut self, kind: &str, place: &Input) -> Input {
         self.node("cloudparity.LatticeNoise", json!({ "kind": kind }), &[("Vector", place.json())], "Value")
+    }
+
+    /// Soft ellipsoids, or spheres, of a field at a place in metres, y up ([`crate::nodes::ellipsoid_clusters`]).
+    pub fn ellipsoids(&mut self, kind: &str, place: &Input, field: &ClusterField) -> Input {
+        let ClusterField { seed, spread, base, height, radius, passed } = *field;
+        let number = |value: f64| Input::Number(value).json();
+        let inputs = [
+            ("Vector", place.json()),
+            ("Seed", number(seed)),
+            ("Spread", number(spread)),
+            ("Base", number(base)),
+            ("Height", number(height)),
+            ("Radius", number(radius)),
+            ("Passed", number(passed)),
+        ];
+        self.node("cloudparity.EllipsoidClusters", json!({ "kind": kind }), &inputs, "Value")
+    }
+
+    /// Distances of (x, z), in cells, to the nearest and the second nearest of random points, one in each cell of a plane.
+    pub fn nearest_two(&mut self, [x, z]: [&Input; 2]) -> [Input; 2] {
+        let place = self.combine([x.clone(), z.clone(), 0.0.into()]);
+        ["F1", "F2"].map(|feature| {
+            let inputs =
+                [("Vector", place.json()), ("Scale", json!(1.0)), ("Detail", json!(0.0)), ("Randomness", json!(1.0))];
+            let properties = json!({
+                "voronoi_dimensions": "2D", "distance": "EUCLIDEAN", "feature": feature, "normalize": false
+            });
+            self.node("ShaderNodeTexVoronoi", properties, &inputs, "Distance")
+        })
     }
 
     /// `factor v + added` of two vectors.

@@ -1,7 +1,7 @@
 //! Skies of published systems, as a picture around a scene and a colour of its sun: the same sky for engines, path tracing and Cycles.
 //!
-//! A published sky has the units of its own display. Here it stands in proportion to the sun: where the system's sun has the intensity I and
-//! the scene's delivers E, radiances are multiplied by E / I.
+//! A published sky has the units of its own display, in which 1 is white. Here white is what a matte surface that reflects everything sends under
+//! the scene's sun: where that delivers E, radiances are multiplied by E / pi.
 
 use crate::base::error::{Error, Result};
 use crate::base::files;
@@ -22,8 +22,6 @@ pub struct Sky {
     pub about: &'static str,
     /// Its parameters.
     pub parameters: &'static [Parameter],
-    /// Intensity of the system's sun, to which its radiances are in proportion.
-    pub sun_intensity: f64,
     /// What it looks like with a sun at a height.
     pub look: fn(&Values, sun: DVec3) -> Look,
 }
@@ -85,17 +83,17 @@ impl Sky {
         }
         let look = (self.look)(values, towards);
         light.color = look.sun.map(|channel| channel as f32);
-        let image = self.picture(&look, sun_irradiance(&scene).unwrap_or(0.0) / self.sun_intensity);
+        let image = self.picture(&look, white(&scene));
         let picture = WorldImage { file: file.to_string_lossy().into_owned(), sha256: String::new() };
         scene.world = scene::World { color: [1.0; 3], strength: 1.0, image: Some(picture) };
         Ok((scene, image))
     }
 }
 
-/// What the first sun of a scene delivers, before its colour.
-pub fn sun_irradiance(scene: &Scene) -> Option<f64> {
-    let sun = scene.lights.iter().find(|light| matches!(light.kind, LightKind::Sun { .. }))?;
-    Some(f64::from(sun.strength) * f64::from(sun.exposure).exp2())
+/// Radiance that stands for 1 of a published display: of a white matte surface under the scene's first sun, before its colour; 1 / pi without one.
+pub fn white(scene: &Scene) -> f64 {
+    let sun = scene.lights.iter().find(|light| matches!(light.kind, LightKind::Sun { .. }));
+    sun.map_or(1.0, |sun| f64::from(sun.strength) * f64::from(sun.exposure).exp2()) / PI
 }
 
 /// A matrix of a light at `place` whose z axis, from which its light comes, is `towards`.

@@ -26,10 +26,10 @@ impl Program {
         Self::of_node(name, &texture_lookup::TYPE, mode(&texture_lookup::TYPE).with_texture(texture), to_index)
     }
 
-    /// The first output of a node whose only inputs are a vector, an affine image of the position (rows of four).
+    /// The first output of a node whose first input is a vector, an affine image of the position (rows of four); others have their defaults.
     ///
     /// # Panics
-    /// Where the node has other inputs, or does not evaluate: a mistake of the caller.
+    /// Where the node begins with another input, or does not evaluate: a mistake of the caller.
     pub fn of_node(name: &str, node_type: &'static NodeType, mode: Mode, to_input: [[f32; 4]; 3]) -> Self {
         let mut program = Self::constant(name, 0.0);
         let position = [0, 1, 2].map(Operand::Position);
@@ -42,6 +42,9 @@ impl Program {
             }
             program.push("place", &affine::TYPE, self::mode(&affine::TYPE), inputs)
         };
+        let mut inputs = inputs;
+        let others = node_type.inputs_of(&mode).skip(1).flat_map(|socket| socket.default);
+        inputs.extend(others.map(|&value| Operand::Constant(value)));
         let output = node_type.outputs_of(&mode).next().expect("a node has an output");
         let (identifier, kind) = (output.identifier, output.kind);
         let operands = program.push(name, node_type, mode.with_wanted(vec![identifier]), inputs);

@@ -24,6 +24,7 @@ pub mod combine_xyz;
 pub mod conversion;
 pub mod curve_mapping;
 pub mod density_medium;
+pub mod ellipsoid_clusters;
 pub mod emission;
 pub mod float_curve;
 pub mod gabor_texture;
@@ -996,7 +997,8 @@ pub fn registry() -> &'static [&'static NodeType] {
 }
 
 /// Node types of ours that stand for published densities: scene files may hold them, Blender has none of them.
-pub static OWN: &[&NodeType] = &[&perlin_fbm::TYPE, &lattice_noise::TYPE, &cloud_texture::TYPE];
+pub static OWN: &[&NodeType] =
+    &[&perlin_fbm::TYPE, &lattice_noise::TYPE, &cloud_texture::TYPE, &ellipsoid_clusters::TYPE];
 
 /// The node type of Blender's `bl_idname`, or of ours.
 pub fn find(type_name: &str) -> Option<&'static NodeType> {

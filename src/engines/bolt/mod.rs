@@ -22,13 +22,14 @@ use crate::engines::frame::SlabFrame;
 use crate::engines::light::terms::{Boost, Powder, SilverLining, Terms};
 use crate::engines::light::{LightModel, ShadowExtinction, ShadowMarch, SourceFactor, Sun, TwoLobes};
 use crate::engines::march::{RealTimeSettings, distance_levels};
-use crate::engines::node_graph::{Input, NodeGraph};
+use crate::engines::node_graph::{ClusterField, Input, NodeGraph};
 use crate::engines::parameters::{Parameter, Range, Values, parameter};
 use crate::engines::passes::height_fog::HeightFog;
-use crate::engines::sky::sun_irradiance;
+use crate::engines::sky::white;
 use crate::engines::{Engine, GraphParts, Model, Request};
 use crate::media::transfer::Integration;
 use crate::scene;
+use std::f64::consts::PI;
 use std::sync::Arc;
 
 const UNIT: Range = Range::Between(0.0, 1.0);
@@ -94,6 +95,29 @@ pub const PARAMETERS: &[Parameter] = &[
         "",
         "share of the half width over which it fades",
     ),
+    parameter("cell_size", 0.0, Range::NotNegative, [0.0, 20_000.0], "m", "of cells of weather; 0 is none"),
+    parameter("cell_width", 0.3, Range::Between(0.01, 2.0), [0.05, 1.0], "cells", "of their borders"),
+    parameter("cell_sharpness", 1.0, Range::Between(0.1, 8.0), [0.5, 4.0], "", "exponent of their borders"),
+    parameter("cell_updraft", 0.0, Range::NotNegative, [0.0, 2.0], "", "more density along the borders"),
+    parameter("cell_downdraft", 0.0, UNIT, [0.0, 1.0], "", "less coverage along the borders"),
+    parameter("cell_warp", 0.0, Range::NotNegative, [0.0, 1.0], "cells", "by which noise bends the borders"),
+    parameter(
+        "ball_radius",
+        0.0,
+        Range::NotNegative,
+        [0.0, 5000.0],
+        "m",
+        "of spheres, in the mean, that clouds keep to; 0 is none",
+    ),
+    parameter(
+        "ball_spread",
+        30_000.0,
+        Range::Positive,
+        [5000.0, 50_000.0],
+        "m",
+        "side of the square with thirty of them",
+    ),
+    parameter("ball_seed", 0.0, Range::Whole(0, 1_000_000), [0.0, 100.0], "", "which spheres"),
     parameter(
         "distance_levels",
         0.0,
@@ -190,15 +214,13 @@ fn engine(request: &Request<'_>) -> Result<Engine> {
     )?;
     let fog = values.get("fog");
     if fog > 0.0 {
-        // A sun of the system has the intensity of its sky's.
-        let gain = 1.0 / sky::SKY.sun_intensity;
-        let scale = gain * sun_irradiance(request.scene).unwrap_or(sky::SKY.sun_intensity);
+        let white = white(request.scene);
         engine.passes.push(Arc::new(HeightFog {
             density: 1e-4 * fog,
             distance: values.get("fog_distance"),
             falloff: values.get("fog_height"),
-            colour: sky::HORIZON.map(|channel| scale * channel),
-            sun_gain: gain,
+            colour: sky::HORIZON.map(|channel| white * channel),
+            sun_gain: 1.0 / PI,
             without_parentheses: defects.has(&defects::FOG_AT_THE_ZENITH),
         }));
     }
@@ -247,11 +269,37 @@ fn density(graph: &mut NodeGraph, frame: &SlabFrame, values: &Values, kept: &Def
     let fine = cells(graph, &[(0.625, 3.0), (0.25, 6.0), (0.125, 12.0)]);
     let eroded_from = graph.multiply(fine, 0.3);
     let eroded = graph.remap(&perlin_worley, [eroded_from, 1.0.into()], [0.0, 1.0], false);
-    let shape = graph.remap(&eroded, [(1.0 - coverage).into(), 1.0.into()], [0.0, 1.0], false);
     let profile = graph.trapezoid(&height);
     let factor = get("density") * (1.0 + 0.4 * get("precipitation"));
-    let profile = graph.multiply(profile, factor);
-    let density = graph.multiply_clamped(profile, shape);
+    let mut profile = graph.multiply(profile, factor);
+    let mut threshold: Input = (1.0 - coverage).into();
+    if get("cell_size") > 0.0 {
+        let border = border_of_cells(graph, &place, values);
+        let denser = graph.multiply_add(&border, get("cell_updraft"), 1.0);
+        profile = graph.multiply(&profile, denser);
+        // Nothing is divided by a coverage of 0.
+        let covered = graph.multiply_add(border, -get("cell_downdraft") * coverage, coverage);
+        let covered = graph.maximum(covered, 1e-4);
+        threshold = graph.subtract(1.0, covered);
+    }
+    let shape = graph.remap(&eroded, [threshold, 1.0.into()], [0.0, 1.0], false);
+    let mut density = graph.multiply_clamped(profile, shape);
+    let radius = get("ball_radius");
+    if radius > 0.0 {
+        let [base, thickness] = [get("height"), get("thickness")];
+        let field = ClusterField {
+            seed: get("ball_seed"),
+            spread: get("ball_spread"),
+            base: base + 0.25 * thickness,
+            height: 0.5 * thickness,
+            radius,
+            passed: 0.0,
+        };
+        // A body and not a fog of it: whole from a quarter of the way inside on.
+        let occupied = graph.ellipsoids("SPHERES", &place, &field);
+        let body = graph.smooth(0.0, 0.0625, &occupied);
+        density = graph.multiply(density, body);
+    }
     let radius = get("spine_radius");
     if radius == 0.0 {
         return density;
@@ -260,6 +308,31 @@ fn density(graph: &mut NodeGraph, frame: &SlabFrame, values: &Values, kept: &Def
     let [x, _, z] = graph.separate(&place);
     let band = graph.spine_band([&x, &z], &spine(values), radius, softness);
     graph.multiply(density, band)
+}
+
+/// How near a place is to the border of its cell: 1 on it, 0 in the middle. With the distances F1 and F2 to the two nearest centres, in cells,
+/// and e = F2 - F1, 1 - clamp(e / width, 0, 1)^sharpness.
+fn border_of_cells(graph: &mut NodeGraph, place: &Input, values: &Values) -> Input {
+    let get = |name: &str| values.get(name);
+    let per_metre = 1.0 / get("cell_size");
+    let [x, _, z] = graph.separate(place);
+    let mut in_cells = [x, z].map(|coordinate| graph.multiply(coordinate, per_metre));
+    let warp = get("cell_warp");
+    if warp > 0.0 {
+        // Two slices of noise, half a cell coarse.
+        let at = graph.combine([in_cells[0].clone(), 0.5.into(), in_cells[1].clone()]);
+        let other = graph.affine(&at, [1.0; 3], [0.0, 17.0, 0.0]);
+        for (coordinate, at) in in_cells.iter_mut().zip([at, other]) {
+            let noise = graph.gradient_noise(&at, 2.0, 1);
+            let moved = graph.multiply_add(noise, 2.0 * warp, -warp);
+            *coordinate = graph.add(&*coordinate, moved);
+        }
+    }
+    let [first, second] = graph.nearest_two([&in_cells[0], &in_cells[1]]);
+    let apart = graph.subtract(second, first);
+    let part = graph.multiply_clamped(apart, 1.0 / get("cell_width"));
+    let edge = graph.math("POWER", &[part, get("cell_sharpness").into()]);
+    graph.subtract(1.0, edge)
 }
 
 /// The middle of a street of clouds over (x, z): an arc in straight pieces through the origin.

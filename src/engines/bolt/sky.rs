@@ -15,7 +15,6 @@ pub static SKY: Sky = Sky {
         parameter("rayleigh", 1.0, Range::NotNegative, [0.0, 2.0], "", "factor on the light that air scatters"),
         parameter("mie", 1.0, Range::NotNegative, [0.0, 2.0], "", "factor on the light that haze scatters"),
     ],
-    sun_intensity: 2.0,
     look,
 };
 

@@ -15,7 +15,6 @@ pub static SKY: Sky = Sky {
         "",
         "1: colours jump at heights of 0, 0.1 and 0.3 (defect SK-12); 0: they blend over 0.05",
     )],
-    sun_intensity: 1.0,
     look,
 };
 
