@@ -60,7 +60,7 @@ pub const PARAMETERS: &[Parameter] = &[
     parameter("shadow_steps", 50.0, Range::Whole(1, 1000), [4.0, 50.0], "", "steps of the shadow map's rays"),
     parameter("shadow_transmittance", 1e-4, Range::Between(0.0, 0.5), [0.0, 0.1], "", "where its rays end"),
     parameter(
-        "light_steps",
+        "sun_steps",
         2.0,
         Range::Whole(1, 12),
         [1.0, 6.0],
@@ -79,7 +79,7 @@ const QUALITIES: &[(&str, &[(&str, f64)])] = &[
             ("turbulence", 0.0),
             ("least_transmittance", 0.1),
             ("march_steps", 64.0),
-            ("light_steps", 1.0),
+            ("sun_steps", 1.0),
             ("shadow_steps", 25.0),
             ("shadow_transmittance", 0.01),
         ],
@@ -87,7 +87,7 @@ const QUALITIES: &[(&str, &[(&str, f64)])] = &[
     ("medium", &[("turbulence", 0.0), ("march_steps", 128.0)]),
     ("high", &[("march_steps", 128.0), ("shadow_map", 512.0)]),
     ("ultra", &[("march_steps", 128.0), ("shadow_map", 1024.0)]),
-    ("without-shadow-map", &[("shadow_map", 0.0), ("light_steps", 6.0)]),
+    ("without-shadow-map", &[("shadow_map", 0.0), ("sun_steps", 6.0)]),
     ("with-cirrus", &[("thickness", 7250.0), ("march_steps", 256.0)]),
 ];
 
@@ -292,7 +292,7 @@ fn light(values: &Values, kept: &Defects, frame: &SlabFrame) -> LightModel {
     let [scattering, absorption] = ["scattering", "absorption"].map(|name| values.get(name));
     let whole = scattering + absorption;
     let thickness = values.get("thickness") / frame.unit;
-    let [steps, size, map_steps] = ["light_steps", "shadow_map", "shadow_steps"].map(|name| values.get(name) as u32);
+    let [steps, size, map_steps] = ["sun_steps", "shadow_map", "shadow_steps"].map(|name| values.get(name) as u32);
     // The first of n steps is 100 m / n long.
     let marched = 100.0 / f64::from(steps) * (2.0_f64.powi(steps as i32) - 1.0) / frame.unit;
     let (map, length) = match size {
