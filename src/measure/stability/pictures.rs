@@ -33,6 +33,9 @@ const SIZE: [u32; 2] = [32, 18];
 /// The same of a picture of 10,000 steps.
 const SMALL: [u32; 2] = [8, 4];
 
+/// Steps of a ray that the limit is for.
+const LIMIT_STEPS: f64 = 200.0;
+
 /// Largest error of a picture in f32 that passes: some 200 steps of a few roundings each, relative to the brightest value.
 const PICTURE_LIMIT: f64 = 5e-5;
 
@@ -69,7 +72,7 @@ pub(super) fn rows(case: &Case, gpu: Option<&Gpu>) -> Result<(Vec<Judgement>, Op
         let far = theirs.iter().zip(&truths).any(|(a, b)| (a - b).abs() > PICTURE_LIMIT * scale);
         let bounds = if far { sensitivity(case, &settings, &truths, scale)? } else { exact };
         let reason = "limit: a few roundings of each of some 200 steps; bound: what moving the camera by 2^-20 of the box changes, \
-                      each way along each axis, and the limit";
+                      each way along each axis, and the limit, times the steps over 200 where there are more";
         rows.push(case.head("march", "wgsl", PICTURE_LIMIT, reason).judge(scale, &theirs, &bounds));
     }
     if !case.has_paths {
@@ -114,8 +117,11 @@ fn mean_of(values: &[f64]) -> (f64, f64) {
 
 /// Bounds of a marched picture in f32, by moving the camera.
 fn sensitivity(case: &Case, settings: &MarchSettings, truths: &[f64], scale: f64) -> Result<Vec<Bound>> {
-    let step = mean_world_side(&case.scene) / f64::from(1 << 20);
-    let mut distances = vec![PICTURE_LIMIT * scale; truths.len()];
+    let side = mean_world_side(&case.scene);
+    let step = side / f64::from(1 << 20);
+    // A sum and a product of n numbers are each off by n roundings at most: more than the limit's 200 steps have more of them.
+    let longer = (side / settings.view_step / LIMIT_STEPS).max(1.0);
+    let mut distances = vec![longer * PICTURE_LIMIT * scale; truths.len()];
     for axis in 0..3 {
         for sign in [-1.0, 1.0] {
             let mut scene = case.scene.clone();
