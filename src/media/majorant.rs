@@ -11,6 +11,9 @@
 //! A leaf also has [`Rates`] of tentative collisions. [`Tracking`] says where they come from: from the majorant, so that no
 //! weight of a path becomes negative, or from what a few densities in the leaf suggest ([`Majorants::pilot`]).
 //!
+//! Of a flat box, whose sides differ by more than twice, the tree's own box may be larger: its short sides are doubled until cells are as nearly
+//! cubes as [`shifts`] finds that bounds are tight. What lies beyond the medium's box is empty, is not bounded, and no ray goes there.
+//!
 //! Flat arrays hold the tree, ready for an adapter: the first child of each node, the ends of
 //! its interval, its rates. A dense table enters it at level `TABLE_LEVEL`.
 
@@ -19,7 +22,7 @@ use crate::base::error::{Error, Result};
 use crate::graph::bounds::Bounds3;
 use crate::media::region::Region;
 use crate::nodes::Interval;
-use glam::{DMat4, DVec3};
+use glam::{DMat4, DVec3, UVec3};
 
 /// Finest level: cells of 1/512 of the box's sides.
 pub(crate) const LEVELS: u32 = 9;
@@ -54,6 +57,11 @@ const WORTH_DIVIDING: f64 = 256.0;
 /// Most nodes of a tree: 64 MB of rates and majorants, half of what software adapters bind.
 const MOST_NODES: usize = 1 << 22;
 
+/// How often a short side is doubled at most, boxes that are tried for it, and their sides as parts of the box's: those of cells of level 7, where trees end.
+const MOST_SHIFTS: u32 = 4;
+const TRIED: usize = 64;
+const TRIED_SIDE: f64 = 1.0 / 128.0;
+
 /// Densities that are looked up in a leaf to choose its rates.
 const PILOTS: usize = 8;
 
@@ -75,9 +83,12 @@ pub(crate) const FINEST: f64 = (1_u32 << LEVELS) as f64;
 /// The octree.
 #[derive(Debug, Clone)]
 pub struct Majorants {
-    /// Corner and sides of the box in the object's frame.
+    /// Corner of the box in the object's frame, its sides, and those of the tree's own box.
     low: DVec3,
+    extent: DVec3,
     size: DVec3,
+    /// Cells of the finest level along each side of the box; the tree may have more, which are empty.
+    inside: [i32; 3],
     /// First of eight children of each node (x is the lowest bit of their order); 0 for a leaf.
     children: Vec<u32>,
     levels: Vec<u8>,
@@ -157,6 +168,8 @@ pub(crate) struct Flat {
     pub(crate) low: DVec3,
     /// Sides of a cell of the finest level.
     pub(crate) cell: DVec3,
+    /// Such cells along each side of the box.
+    pub(crate) inside: UVec3,
     /// Where the nodes begin in `tree`.
     pub(crate) nodes: u32,
     /// The node over each cell of the table; then per node its first child, and its level in the upper
@@ -208,10 +221,14 @@ impl Majorants {
         effort: Effort,
         enclose: impl Fn(&[Bounds3]) -> Result<Vec<Interval>>,
     ) -> Result<Self> {
-        let size = high - low;
+        let extent = high - low;
+        let shifts = shifts([low, extent], to_world, &enclose)?;
+        let size = extent * DVec3::from(shifts.map(|shift| f64::from(1_u32 << shift)));
         let mut tree = Self {
             low,
+            extent,
             size,
+            inside: shifts.map(|shift| 1 << (LEVELS - shift)),
             children: vec![0],
             levels: vec![0],
             majorants: vec![f32::INFINITY],
@@ -221,7 +238,7 @@ impl Majorants {
             boxes: 1,
         };
         tree.narrow(0, enclose(&[tree.bounds_of([0; 3], 0)])?[0]);
-        let density = rays_per_area(size, to_world) * effort.rays;
+        let density = rays_per_area(extent, to_world) * effort.rays;
         let worthwhile = match effort.tracking {
             Tracking::Proven => WORTHWHILE,
             Tracking::Adaptive => WORTHWHILE_ADAPTIVE,
@@ -261,7 +278,7 @@ impl Majorants {
         rays: f64,
         extinction: impl Fn(&[DVec3]) -> Result<Vec<f64>>,
     ) -> Result<()> {
-        let density = rays_per_area(self.size, to_world) * rays;
+        let density = rays_per_area(self.extent, to_world) * rays;
         let volume = to_world.determinant().abs() * self.size.element_product();
         let mut wanted = self.all_leaves();
         while !wanted.is_empty() {
@@ -274,6 +291,8 @@ impl Majorants {
                 .flat_map(|&(Pending { place, .. }, level)| {
                     let side = self.size / f64::from(1_u32 << level);
                     let low = self.low + side * DVec3::from(place.map(f64::from));
+                    // A cell may reach beyond the box.
+                    let side = side.min(self.low + self.extent - low);
                     (0..PILOTS).map(move |number| low + side * additive_recurrence(number))
                 })
                 .collect();
@@ -340,6 +359,11 @@ impl Majorants {
         for parent in parents {
             children.extend(self.give_children(parent, level));
         }
+        let (children, empty): (Vec<_>, Vec<_>) =
+            children.into_iter().partition(|child| self.is_inside(child.place, level + 1));
+        for Pending { node, .. } in empty {
+            (self.majorants[node], self.minorants[node]) = (0.0, 0.0);
+        }
         let boxes: Vec<Bounds3> = children.iter().map(|child| self.bounds_of(child.place, level + 1)).collect();
         self.boxes += boxes.len();
         for (child, interval) in children.iter().zip(enclose(&boxes)?) {
@@ -358,13 +382,19 @@ impl Majorants {
         )
     }
 
+    /// Whether a cell of a level meets the box.
+    fn is_inside(&self, place: [i32; 3], level: u32) -> bool {
+        (0..3).all(|axis| place[axis] << (LEVELS - level) < self.inside[axis])
+    }
+
     /// The box of a node in the object's frame, padded.
     fn bounds_of(&self, place: [i32; 3], level: u32) -> Bounds3 {
         let side = self.size / f64::from(1_u32 << level);
         let low = self.low + side * DVec3::from(place.map(f64::from));
-        let largest = self.low.abs().max((self.low + self.size).abs()).max_element();
+        let end = self.low + self.extent;
+        let largest = self.low.abs().max(end.abs()).max_element();
         let pad = side * PADDING + COORDINATE_PADDING * largest;
-        Bounds3::new((low - pad).as_vec3().to_array(), (low + side + pad).as_vec3().to_array())
+        Bounds3::new((low - pad).as_vec3().to_array(), ((low + side).min(end) + pad).as_vec3().to_array())
     }
 
     /// Narrows a node's interval, which is its parent's so far. Negative extinction acts as 0.
@@ -414,16 +444,17 @@ impl Majorants {
 
     /// Least and most extinction in the leaf that holds a position of the object's frame.
     pub fn at(&self, position: DVec3) -> [f64; 2] {
-        let cell = cell_of((position - self.low) / self.size * FINEST);
+        let cell = self.cell_of((position - self.low) / self.size * FINEST);
         let leaf = self.leaf(cell);
         [f64::from(self.minorants[leaf]), f64::from(self.majorants[leaf])]
     }
 
     /// Least and most extinction in the whole box.
     pub fn range(&self) -> [f64; 2] {
-        let leaves = || (0..self.children.len()).filter(|&node| self.children[node] == 0);
-        let least = leaves().map(|leaf| self.minorants[leaf]).fold(f32::INFINITY, f32::min);
-        let most = leaves().map(|leaf| self.majorants[leaf]).fold(0.0, f32::max);
+        let leaves = self.all_leaves().into_iter().filter(|(leaf, level)| self.is_inside(leaf.place, *level));
+        let leaves: Vec<usize> = leaves.map(|(leaf, _)| leaf.node).collect();
+        let least = leaves.iter().map(|&leaf| self.minorants[leaf]).fold(f32::INFINITY, f32::min);
+        let most = leaves.iter().map(|&leaf| self.majorants[leaf]).fold(0.0, f32::max);
         [f64::from(least), f64::from(most)]
     }
 
@@ -433,6 +464,7 @@ impl Majorants {
         Flat {
             low: self.low,
             cell: self.size / FINEST,
+            inside: UVec3::from(self.inside.map(|cells| cells as u32)),
             nodes: self.table.len() as u32,
             tree: self.table.iter().copied().chain(nodes).collect(),
             rates: self
@@ -452,7 +484,7 @@ impl Majorants {
     /// A ray of the object's frame, its direction per metre of world space, between two distances;
     /// None where it misses the box.
     pub fn enter(&self, origin: DVec3, direction: DVec3, from: f64, to: f64) -> Option<Walk> {
-        let region = Region { low: self.low, high: self.low + self.size };
+        let region = Region { low: self.low, high: self.low + self.extent };
         let (enter, leave) = region.segment(origin, direction)?;
         let (from, to) = (from.max(enter), to.min(leave));
         if from >= to {
@@ -460,7 +492,7 @@ impl Majorants {
         }
         let origin = (origin - self.low) / self.size * FINEST;
         let direction = direction / self.size * FINEST;
-        Some(Walk { origin, direction, cell: cell_of(origin + direction * from), distance: from, end: to })
+        Some(Walk { origin, direction, cell: self.cell_of(origin + direction * from), distance: from, end: to })
     }
 
     /// The leaf where the ray is.
@@ -494,6 +526,12 @@ impl Majorants {
         }
     }
 
+    /// The cell of the finest level in the box that holds a place, or the nearest.
+    #[inline]
+    fn cell_of(&self, place: DVec3) -> [i32; 3] {
+        std::array::from_fn(|axis| (place[axis] as i32).clamp(0, self.inside[axis] - 1))
+    }
+
     /// Goes to the end of a leaf; false where the ray ends.
     #[inline]
     pub fn cross(&self, walk: &mut Walk, crossing: &Crossing) -> bool {
@@ -512,7 +550,7 @@ impl Majorants {
                 base - 1
             };
         }
-        (0..1 << LEVELS).contains(&walk.cell[crossing.axis])
+        (0..self.inside[crossing.axis]).contains(&walk.cell[crossing.axis])
     }
 
     /// Where the ray is, in the object's frame.
@@ -520,6 +558,48 @@ impl Majorants {
     pub fn position(&self, walk: &Walk) -> DVec3 {
         self.low + (walk.origin + walk.direction * walk.distance) * (self.size / FINEST)
     }
+}
+
+/// How often each side of a box is doubled for the tree: as often as its longest side is twice as long, or less, by what bounds tell. A layer of
+/// even noise has cells of even sides; one that was stretched with its box has cells that are stretched, too. Tried are boxes of one volume, whose
+/// sides are those of each way's cells, at the same places.
+fn shifts(
+    [low, extent]: [DVec3; 2],
+    to_world: &DMat4,
+    enclose: &impl Fn(&[Bounds3]) -> Result<Vec<Interval>>,
+) -> Result<[u32; 3]> {
+    let sides: [f64; 3] = std::array::from_fn(|axis| (to_world.col(axis).truncate() * extent[axis]).length());
+    let longest = sides.iter().copied().fold(0.0, f64::max);
+    // What is no number or flat has no shape to follow.
+    let most = sides.map(|side| {
+        let doublings = (longest / side).log2().floor();
+        if doublings.is_finite() { doublings.clamp(0.0, f64::from(MOST_SHIFTS)) as u32 } else { 0 }
+    });
+    let mut best = ([0; 3], f64::INFINITY);
+    for limit in 0..=most.into_iter().max().unwrap_or(0) {
+        if most == [0; 3] {
+            break;
+        }
+        let shifts = most.map(|shift| shift.min(limit));
+        let whole = f64::from(shifts.iter().sum::<u32>());
+        let part = DVec3::from(shifts.map(|shift| TRIED_SIDE * (f64::from(shift) - whole / 3.0).exp2()));
+        let side = extent * part.min(DVec3::ONE);
+        let boxes: Vec<Bounds3> = (0..TRIED)
+            .map(|number| {
+                let low = low + (extent - side) * additive_recurrence(number);
+                Bounds3::new(low.as_vec3().to_array(), (low + side).as_vec3().to_array())
+            })
+            .collect();
+        let gap = |interval: &Interval| match interval.may_be_nan {
+            true => f64::INFINITY,
+            false => f64::from(interval.high).max(0.0) - f64::from(interval.low).max(0.0),
+        };
+        let gaps: f64 = enclose(&boxes)?.iter().map(gap).sum();
+        if gaps < best.1 {
+            best = (shifts, gaps);
+        }
+    }
+    Ok(best.0)
 }
 
 /// Rays per square metre where one ray crosses the box: one over the mean area that a convex body
@@ -542,8 +622,86 @@ fn child_of(parent: &[i32; 3], first: usize, octant: usize) -> Pending {
     Pending { node: first + octant, place: std::array::from_fn(|axis| 2 * parent[axis] + (octant >> axis & 1) as i32) }
 }
 
-/// The cell of the finest level that holds a place, or the nearest.
-#[inline]
-fn cell_of(place: DVec3) -> [i32; 3] {
-    std::array::from_fn(|axis| (place[axis] as i32).clamp(0, (1 << LEVELS) - 1))
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A box of 8 x 8 x 0.5 m, [-1, 1] in its object's frame.
+    fn flat_box() -> ([DVec3; 2], DMat4) {
+        ([DVec3::NEG_ONE, DVec3::ONE], DMat4::from_scale(DVec3::new(4.0, 4.0, 0.25)))
+    }
+
+    /// Distance of the nearest and the farthest place of an interval from 0.
+    fn magnitudes(low: f64, high: f64) -> [f64; 2] {
+        [if low > 0.0 { low } else { (-high).max(0.0) }, low.abs().max(high.abs())]
+    }
+
+    /// Bounds of the distance from the middle, in metres.
+    fn distance(boxes: &[Bounds3]) -> Result<Vec<Interval>> {
+        let of = |part: &Bounds3| {
+            let ends = [0, 1, 2].map(|axis| magnitudes(part.low[axis].into(), part.high[axis].into()));
+            let length = |end: usize| DVec3::new(4.0 * ends[0][end], 4.0 * ends[1][end], 0.25 * ends[2][end]).length();
+            Interval::outward(length(0), length(1), false)
+        };
+        Ok(boxes.iter().map(of).collect())
+    }
+
+    /// Bounds of the height in the object's frame.
+    fn height(boxes: &[Bounds3]) -> Result<Vec<Interval>> {
+        let of = |part: &Bounds3| {
+            let [least, most] = magnitudes(part.low[2].into(), part.high[2].into());
+            Interval::outward(least, most, false)
+        };
+        Ok(boxes.iter().map(of).collect())
+    }
+
+    #[test]
+    fn cells_are_cubes_where_the_medium_has_no_direction_and_follow_it_where_it_has() {
+        let ([low, high], to_world) = flat_box();
+        assert_eq!(shifts([low, high - low], &to_world, &distance).expect("bounds"), [0, 0, 4]);
+        assert_eq!(shifts([low, high - low], &to_world, &height).expect("bounds"), [0; 3]);
+        assert_eq!(shifts([low, high - low], &DMat4::IDENTITY, &distance).expect("bounds"), [0; 3], "a cube");
+    }
+
+    #[test]
+    fn rays_through_a_flat_box_miss_no_part_of_it() {
+        let ([low, high], to_world) = flat_box();
+        let effort = Effort { rays: 1e6, tracking: Tracking::Proven };
+        let tree = Majorants::build([low, high], &to_world, effort, distance).expect("a tree");
+        assert_eq!(tree.inside, [512, 512, 32]);
+        assert!(tree.leaves() > 1000);
+        let mut longest = 0_usize;
+        for number in 0..400 {
+            let [from, to] = [number, number + 57].map(|index| additive_recurrence(index) * 2.4 - 1.2);
+            let way = (to - from).normalize();
+            let segment = Region { low, high }.segment(from, way).filter(|(enter, leave)| enter < leave);
+            let walk = tree.enter(from, way, -100.0, 100.0);
+            assert_eq!(walk.is_some(), segment.is_some(), "{from} to {to}");
+            let (Some(mut walk), Some((enter, leave))) = (walk, segment) else { continue };
+            let mut length = 0.0;
+            let mut crossings = 0;
+            loop {
+                let before = walk.distance;
+                let crossing = tree.crossing(&walk);
+                // In its middle a leaf's bounds hold, and they are those of the place.
+                let middle = from + way * ((before + crossing.exit) / 2.0);
+                let extinction = to_world.transform_vector3(middle).length();
+                let [least, most] = tree.at(middle);
+                if crossing.exit - before > 1e-9 {
+                    assert!(least <= extinction && extinction <= most, "{middle}: {least} {extinction} {most}");
+                    assert_eq!(most, crossing.majorant, "{middle}");
+                }
+                length += crossing.exit - before;
+                crossings += 1;
+                if !tree.cross(&mut walk, &crossing) {
+                    break;
+                }
+            }
+            assert!((length - (leave - enter)).abs() < 1e-9, "{from} to {to}: {length} of {}", leave - enter);
+            longest = longest.max(crossings);
+        }
+        assert!(longest > 20, "rays go through many leaves: {longest}");
+        let [least, most] = tree.range();
+        assert!(least < 0.1 && (5.6..6.2).contains(&most), "{least} to {most}");
+    }
 }

@@ -22,7 +22,6 @@ const BOUNCE: u32 = 2u;
 const LAST: u32 = 3u;
 
 // Cells of the finest level along a side.
-const FINEST: i32 = i32(1u << constants::LEVELS);
 
 // Stands for infinity, which WGSL does not promise.
 const FAR: f32 = 3e38;
@@ -50,6 +49,9 @@ struct Stage {
     first_sample: u32,
     seed: u32,
     table: u32,
+    // Cells of the finest level along each side of the medium's box; the tree's may have more.
+    inside: vec3u,
+    end_padding: u32,
 }
 
 // Where a camera ray enters the medium, and how much of it lies before the ray; 0: it misses.
@@ -195,12 +197,12 @@ fn enter(origin: vec3f, direction: vec3f, limit: f32) {
     path.walk_origin = (local - stage.low) * stage.cells_per_metre;
     path.walk_direction = way * stage.cells_per_metre;
     path.distance = 0.0;
-    path.cell = clamp(vec3i(path.walk_origin), vec3i(0), vec3i(FINEST - 1));
+    path.cell = clamp(vec3i(path.walk_origin), vec3i(0), vec3i(stage.inside) - 1);
     var end = limit;
     for (var axis = 0u; axis < 3u; axis++) {
         let slope = path.walk_direction[axis];
         if slope != 0.0 {
-            let face = select(0.0, f32(FINEST), slope > 0.0);
+            let face = select(0.0, f32(stage.inside[axis]), slope > 0.0);
             end = min(end, (face - path.walk_origin[axis]) / slope);
         }
     }
@@ -225,7 +227,7 @@ fn next_part() -> bool {
     if part.end < part.begin { return false; }
     path.distance = part.begin;
     path.end = part.end;
-    path.cell = clamp(vec3i(path.walk_origin + path.walk_direction * part.begin), vec3i(0), vec3i(FINEST - 1));
+    path.cell = clamp(vec3i(path.walk_origin + path.walk_direction * part.begin), vec3i(0), vec3i(stage.inside) - 1);
     return true;
 }
 #endif
@@ -279,7 +281,7 @@ fn cross_leaf(leaf: Crossing) -> bool {
     let rising = path.walk_direction[leaf.axis] > 0.0;
     cell[leaf.axis] = select(leaf.base[leaf.axis] - 1, leaf.base[leaf.axis] + leaf.span, rising);
     path.cell = cell;
-    return cell[leaf.axis] >= 0 && cell[leaf.axis] < FINEST;
+    return cell[leaf.axis] >= 0 && cell[leaf.axis] < i32(stage.inside[leaf.axis]);
 }
 
 fn position() -> vec3f {

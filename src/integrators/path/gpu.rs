@@ -14,7 +14,7 @@ use crate::gpu::{Bindings, ComputeKernel, Gpu, Layout, Slices, layout};
 use crate::graph::constants::{SharedConstants, SharedNumber};
 use crate::graph::wgsl::Linker;
 use crate::integrators::path::tracer::{Counters, EVENTS_BEFORE_ROULETTE, FAINT, Tracer, World, violation};
-use crate::media::majorant::{FINEST, LEVELS, TABLE_LEVEL};
+use crate::media::majorant::{LEVELS, TABLE_LEVEL};
 use crate::media::medium::Medium;
 use crate::shader_struct;
 use crate::view::sampled_lights::{GpuLight, POINT, SPOT, SUN_DISC};
@@ -76,6 +76,8 @@ shader_struct! {
         first_sample: u32,
         seed: u32,
         table: u32,
+        inside: [u32; 3],
+        end_padding: u32,
     }
 }
 
@@ -187,7 +189,8 @@ impl<'a> PathKernel<'a> {
         let flat = majorants.flat();
         let single = |values: [f64; 3]| values.map(|value| value as f32);
         let vector = |value: DVec3| value.as_vec3().to_array();
-        let middle = tracer.volume.to_frame.inverse().transform_point3(flat.low + flat.cell * (FINEST / 2.0));
+        let middle =
+            tracer.volume.to_frame.inverse().transform_point3(flat.low + flat.cell * flat.inside.as_dvec3() / 2.0);
         let transform = tracer.volume.to_frame * DMat4::from_translation(middle);
         let mut lights =
             tracer.lights.iter().map(|light| light.on_adapter(middle)).collect::<Result<Vec<GpuLight>>>()?;
@@ -207,6 +210,7 @@ impl<'a> PathKernel<'a> {
             cell: vector(flat.cell),
             to_object: std::array::from_fn(|row| transform.row(row).as_vec4().to_array()),
             table: flat.nodes,
+            inside: flat.inside.to_array(),
             ..Stage::zeroed()
         };
         // A buffer cannot be empty: a scene without lights has one that is never read.
