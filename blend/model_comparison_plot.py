@@ -1,16 +1,24 @@
-"""Figures of two density fields: histogram and power spectrum, as `cloudparity compare-models` measured them.
+"""Figures of density fields: histogram and power spectrum, as `cloudparity compare-models` measured them.
 
 Request: `sides` (title and statistics of each), `svg`, `png` and `pdf` (files to write). Left: the density of
 those places that hold something, over their mean; the legend says how many these are. Right: power of the
 density over its mean, per wave number.
 """
 
+import itertools
+
 import plots
 import protocol
 
 # Bins run from 0 to this many means; one more holds what lies beyond.
 HISTOGRAM_END = 6.0
-STYLES = ((plots.BLUE, "-", "o"), (plots.ORANGE, "--", "s"))
+STYLES = (
+    (plots.BLUE, "-", "o"),
+    (plots.ORANGE, "--", "s"),
+    (plots.GREEN, "-.", "^"),
+    (plots.PURPLE, ":", "d"),
+    (plots.BLACK, "-", "x"),
+)
 
 
 def draw(request, messages):
@@ -24,7 +32,7 @@ def _figure(sides):
     pyplot = plots.pyplot()
     figure, axes = pyplot.subplots(1, 2, figsize=(plots.TEXT_WIDTH, 2.9), layout="constrained")
     histogram, spectrum = axes
-    for side, (colour, dash, marker) in zip(sides, STYLES, strict=True):
+    for side, (colour, dash, marker) in zip(sides, itertools.cycle(STYLES), strict=False):
         found = side["statistics"]
         *shares, beyond = found["histogram"]
         width = HISTOGRAM_END / len(shares)

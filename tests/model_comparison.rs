@@ -21,7 +21,7 @@ fn compare(scene: &Scene, changes: &[&str], settings: &Settings, folder: &Path) 
     let model = engines::find("perlin-fbm").expect("it is there");
     let changes: Vec<String> = ["texture_size=32"].iter().chain(changes).map(|&text| text.into()).collect();
     let values = model.values(None, &changes).expect("in range");
-    run(scene, model, &values, settings, folder, &|_, _| ())
+    run(scene, &[(model, values)], settings, folder, &|_, _| ())
 }
 
 /// A homogeneous cube in the sun alone, single scattering.
@@ -41,7 +41,7 @@ fn a_homogeneous_cube_has_known_figures_and_both_lights_agree() {
     // The light "single" is single scattering; its steps are many, so that only their error of second order is left.
     let fine = ["march_steps=128", "light_steps=64"];
     let found = compare(&scene(), &fine, &SETTINGS, folder.path()).expect("a comparison");
-    let [graph, model] = &found.sides;
+    let [graph, model] = found.sides.as_slice() else { panic!("two sides") };
     for side in [graph, model] {
         // Sums of 262,144 places in f64, of densities in f32.
         assert!((side.statistics.mean_depth - 1.0).abs() < 1e-6, "{}: {}", side.id, side.statistics.mean_depth);
@@ -84,6 +84,31 @@ fn what_cannot_be_compared_is_refused() {
     flat.volume.bounds.max[2] = flat.volume.bounds.min[2];
     let error = refused(&flat, &[], &SETTINGS);
     assert!(error.contains("a box with a volume"), "{error}");
+}
+
+#[test]
+fn several_models_stand_side_by_side() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let settings = Settings { places: 24, samples: 4, mean_depth: Some(1.0), ..SETTINGS };
+    let models: Vec<(&engines::Model, _)> = ["bolt", "skill", "clusters"]
+        .map(|id| engines::find(id).expect("it is there"))
+        .map(|model| (model, model.values(None, &["march_steps=8".into()]).expect("in range")))
+        .into();
+    let found = run(&scene(), &models, &settings, folder.path(), &|_, _| ()).expect("a comparison");
+    let ids: Vec<&str> = found.sides.iter().map(|side| side.id.as_str()).collect();
+    assert_eq!(ids, ["graph", "bolt", "skill", "clusters"]);
+    for side in &found.sides {
+        assert!((side.statistics.mean_depth - 1.0).abs() < 1e-6, "{}: {}", side.id, side.statistics.mean_depth);
+        assert!(folder.path().join(format!("models-path-{}.exr", side.id)).is_file());
+        let own = found.pictures.iter().filter(|picture| picture.density == side.id);
+        assert!(own.clone().all(|picture| picture.bias.is_some() == (picture.light != "path")));
+        assert_eq!(4 * own.count(), found.pictures.len());
+    }
+    let twice = [models[0].clone(), models[0].clone()];
+    let error = run(&scene(), &twice, &settings, folder.path(), &|_, _| ()).expect_err("refused").to_string();
+    assert!(error.contains("bolt twice"), "{error}");
+    let error = run(&scene(), &[], &settings, folder.path(), &|_, _| ()).expect_err("refused").to_string();
+    assert!(error.contains("one at least"), "{error}");
 }
 
 #[test]

@@ -1,12 +1,12 @@
-//! `cloudparity compare-models`: the density of a scene's graph beside that of a published engine.
+//! `cloudparity compare-models`: the density of a scene's graph beside those of published engines.
 
-use crate::base::error::Result;
+use crate::base::error::{Error, Result};
 use crate::base::files;
 use crate::base::identity::Identity;
 use crate::cli::picture::SceneArguments;
-use crate::engines;
+use crate::engines::Selection;
 use crate::measure::densities::comparison;
-use crate::measure::densities::comparison::{Comparison, Settings};
+use crate::measure::densities::comparison::{Compared, Comparison, Settings};
 use crate::report;
 use crate::report::inputs::{Run, Timing};
 use std::fmt::Write as _;
@@ -14,28 +14,30 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Instant;
 
-/// Put the density of a scene's graph beside that of a published engine: same box, camera, light and mean optical depth.
+/// Put the density of a scene's graph beside those of published engines: same box, camera, light and mean optical depth.
 ///
-/// Measures both fields (histogram, power spectrum, covered share) and what a sample costs, renders both with the engine's light as
+/// Measures the fields (histogram, power spectrum, covered share) and what a sample costs, renders all with the first engine's light as
 /// published and corrected and by path tracing, and writes models.json, pictures and the report's page.
 #[derive(clap::Args)]
-#[command(after_help = "Example: cloudparity compare-models CLOUD.scene.json -o MODELS")]
+#[command(after_help = "Examples:
+  cloudparity compare-models CLOUD.scene.json -o MODELS
+  cloudparity compare-models CLOUD.scene.json --model bolt --model \"skill coverage=0.6\" --model takram -o MODELS")]
 pub(super) struct Arguments {
     #[command(flatten)]
     scene: SceneArguments,
     /// The folder to write to.
     #[arg(short, long, value_name = "DIR")]
     output: PathBuf,
-    /// The density model; `cloudparity models` lists them.
-    #[arg(long, default_value = "perlin-fbm")]
-    model: String,
-    /// A level of quality of the engine.
+    /// A density model, with parameters of it where wanted; may be given several times. `cloudparity models` lists them.
+    #[arg(long, value_name = "MODEL", default_values_t = ["perlin-fbm".to_owned()])]
+    model: Vec<String>,
+    /// A level of quality of the only model.
     #[arg(long, value_name = "LEVEL")]
     quality: Option<String>,
-    /// A parameter of the model. May be given several times.
+    /// A parameter of the only model. May be given several times.
     #[arg(short, long = "parameter", value_name = "NAME=VALUE")]
     parameters: Vec<String>,
-    /// Mean optical depth from top to bottom that both densities are brought to; the model's own if not given.
+    /// Mean optical depth from top to bottom that all densities are brought to; the first model's own if not given.
     #[arg(long, value_name = "DEPTH")]
     mean_depth: Option<f64>,
     /// Places per axis of the statistics, voxels per axis of path tracing.
@@ -54,8 +56,22 @@ pub(super) struct Arguments {
 
 pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
     let scene = arguments.scene.load()?;
-    let model = engines::find(&arguments.model)?;
-    let values = model.values(arguments.quality.as_deref(), &arguments.parameters)?;
+    if let (true, [_, second, ..]) =
+        (arguments.quality.is_some() || !arguments.parameters.is_empty(), arguments.model.as_slice())
+    {
+        return Err(Error::new(
+            format!("--model {second}"),
+            "--quality or --parameter, and several models",
+            "parameters beside each model's name",
+            "Write --model \"bolt coverage=0.6\".",
+        ));
+    }
+    let compared = |text: &String| {
+        let Selection { model, settings } = Selection::parse(text)?;
+        let all = [settings.as_slice(), &arguments.parameters].concat();
+        Ok((model, model.values(arguments.quality.as_deref(), &all)?))
+    };
+    let models: Vec<Compared> = arguments.model.iter().map(compared).collect::<Result<_>>()?;
     let settings = Settings {
         places: arguments.places,
         samples: arguments.samples,
@@ -66,11 +82,14 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
     let bar = super::progress_bar(1000);
     let progress = super::progress_on(&bar);
     let begin = Instant::now();
-    let mut found = comparison::run(&scene, model, &values, &settings, &arguments.output, &progress)?;
+    let mut found = comparison::run(&scene, &models, &settings, &arguments.output, &progress)?;
     bar.finish_and_clear();
     comparison::write(&found, &arguments.output)?;
     let run = Run {
-        title: Some(format!("Density models: {} and {}", found.sides[0].title, found.sides[1].title)),
+        title: Some(format!(
+            "Density models: {}",
+            found.sides.iter().map(|side| side.title.as_str()).collect::<Vec<_>>().join(", ")
+        )),
         scene: Some(scene.name.clone()),
         scene_sha256: Some(found.scene_sha256.clone()),
         command: Some("cloudparity compare-models".into()),

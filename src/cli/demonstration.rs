@@ -370,7 +370,7 @@ impl Demo<'_> {
         };
         let values = model.values(Some("high"), &[])?;
         let folder = self.settings.output.clone();
-        let mut found = comparison::run(&scene, model, &values, &settings, &folder, self.receive)?;
+        let mut found = comparison::run(&scene, &[(model, values)], &settings, &folder, self.receive)?;
         comparison::write(&found, &folder)?;
         if let Err(error) = comparison::show(&mut found, &scene.display, &folder) {
             self.leave_out("pictures of the density models", &error.found, &error.remedy);

@@ -37,7 +37,7 @@ pub const FILES: [(&str, &str); 16] = [
     ("bench.json", "speed against Cycles"),
     (STUDY_RESULTS, "error against time"),
     (TUNING_RESULTS, "tuned parameters"),
-    ("models.json", "two density models side by side"),
+    ("models.json", "density models side by side"),
     ("stability.json", "numerical stability"),
     ("explain.txt", "the specialised graph in words"),
     ("scene.json", "the scene"),

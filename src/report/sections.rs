@@ -271,34 +271,36 @@ fn fields(document: &mut Document, inputs: &Inputs) {
 fn models(document: &mut Document, inputs: &Inputs) {
     let Some(found) = &inputs.models else { return };
     document.heading("Density models side by side");
-    let titles = [&found.sides[0].title, &found.sides[1].title];
+    let titles: Vec<String> = found.sides.iter().map(|side| side.title.clone()).collect();
     let adapter = found.adapter.as_ref().map_or(String::new(), |adapter| format!("; adapter: {}", plain(adapter)));
     if inputs.pictures.contains_key(MODELS_FIGURE) {
         let caption = format!(
-            "{} and {} at the same mean optical depth, {}³ places: how often a density occurs where there is any (left), power of the density \
+            "{} at the same mean optical depth, {}³ places: how often a density occurs where there is any (left), power of the density \
              over its mean (right).",
-            titles[0], titles[1], found.settings.places
+            titles.join(", "),
+            found.settings.places
         );
         let (file, print) = (MODELS_FIGURE.to_owned(), with_extension(MODELS_FIGURE, "pdf"));
         document.figure(Figure { file, print, is_wide: true, caption });
     }
     let rows = model_rows(found)
         .into_iter()
-        .map(|(what, [first, second])| vec![Cell::text(what), Cell::text(first), Cell::text(second)]);
-    let names = [String::new(), titles[0].clone(), titles[1].clone()];
-    let caption = format!("Two density fields at {}³ places, scene {}{adapter}.", found.settings.places, found.scene);
+        .map(|(what, values)| std::iter::once(Cell::text(what)).chain(values.into_iter().map(Cell::text)).collect());
+    let names: Vec<String> = std::iter::once(String::new()).chain(titles).collect();
+    let caption = format!("Density fields at {}³ places, scene {}{adapter}.", found.settings.places, found.scene);
     document.table(Table::with_names(caption, names, rows));
     let rows = found.pictures.iter().map(|picture| {
         vec![
             Cell::text(picture.light_title.clone()),
             Cell::text(picture.density.clone()),
             Cell::Number(Some(picture.mean_radiance)),
+            Cell::Number(picture.bias.map(|bias| 100.0 * bias)),
             Cell::Number(Some(picture.seconds)),
         ]
     });
-    let heads = [("Light", ""), ("Density", ""), ("Mean radiance", ""), ("Time", "s")];
+    let heads = [("Light", ""), ("Density", ""), ("Mean radiance", ""), ("Of path tracing's", "%"), ("Time", "s")];
     let caption = format!(
-        "Pictures of both densities under each light model, scene {}; path tracing: {} samples per pixel.",
+        "Pictures of the densities under each light model, scene {}; path tracing: {} samples per pixel.",
         found.scene, found.settings.samples
     );
     document.table(Table::new(caption, &heads, rows));

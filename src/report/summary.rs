@@ -1,7 +1,7 @@
 //! The verdict on a run: one part per subject that was judged, and the figures that matter.
 
 use crate::base::numbers::{count, figure, percent, ratio, signed_percent};
-use crate::measure::densities::comparison::Comparison;
+use crate::measure::densities::comparison::{Comparison, Side};
 use crate::measure::pictures::Verdict;
 use crate::measure::stability;
 use crate::measure::stability::Table;
@@ -150,17 +150,13 @@ pub fn evaluator_name(name: &str) -> &str {
 }
 
 fn models_part(models: &Comparison) -> Part {
-    let [first, second] = &models.sides;
+    let all = |text: &dyn Fn(&Side) -> String| models.sides.iter().map(text).collect::<Vec<_>>().join(", ");
     let sentence = format!(
-        "{} and {} at a mean optical depth of {}: {} and {} of the vertical lines lose 10 % of the light, {} and {} ns per \
-         sample on the CPU.",
-        first.title,
-        second.title,
-        figure(Some(first.statistics.mean_depth)),
-        percent(Some(first.statistics.covered)),
-        percent(Some(second.statistics.covered)),
-        figure(Some(first.cpu_nanoseconds)),
-        figure(Some(second.cpu_nanoseconds)),
+        "{} at a mean optical depth of {}: {} of the vertical lines lose 10 % of the light, {} ns per sample on the CPU.",
+        all(&|side| side.title.clone()),
+        figure(models.sides.first().map(|side| side.statistics.mean_depth)),
+        all(&|side| percent(Some(side.statistics.covered))),
+        all(&|side| figure(Some(side.cpu_nanoseconds))),
     );
     Part::new("Density models", "models", None, sentence)
 }

@@ -185,7 +185,7 @@ pub struct ModelsTable<'a> {
     /// All figures.
     pub found: &'a Comparison,
     /// Figures as rows: what, and one text per density.
-    pub rows: Vec<(&'static str, [String; 2])>,
+    pub rows: Vec<(&'static str, Vec<String>)>,
     /// Histogram and spectrum.
     pub figure: Option<&'a Picture>,
     /// Pictures by light model, one per density.
@@ -197,8 +197,8 @@ pub struct ModelsTable<'a> {
 pub struct LightRow<'a> {
     /// The light model in words.
     pub title: &'a str,
-    /// Density in words, picture, seconds, mean radiance.
-    pub pictures: Vec<(&'a str, &'a Picture, f64, f64)>,
+    /// Density in words, picture, seconds, mean radiance, and how far that is from path tracing's.
+    pub pictures: Vec<(&'a str, &'a Picture, f64, f64, Option<String>)>,
 }
 
 impl<'a> ModelsTable<'a> {
@@ -209,7 +209,8 @@ impl<'a> ModelsTable<'a> {
             let title = picture.light_title.as_str();
             let Some(shown) = picture.png.as_ref().and_then(|name| pictures.get(name)) else { continue };
             let density = found.sides.iter().find(|side| side.id == picture.density).map_or("", |side| &side.title);
-            let entry = (density, shown, picture.seconds, picture.mean_radiance);
+            let bias = picture.bias.map(|bias| format!("{:+.1} %", 100.0 * bias));
+            let entry = (density, shown, picture.seconds, picture.mean_radiance, bias);
             match lights.last_mut().filter(|row| row.title == title) {
                 Some(row) => row.pictures.push(entry),
                 None => lights.push(LightRow { title, pictures: vec![entry] }),
@@ -219,9 +220,11 @@ impl<'a> ModelsTable<'a> {
     }
 }
 
-/// Figures of two density models: what, and one text per density.
-pub(super) fn model_rows(found: &Comparison) -> Vec<(&'static str, [String; 2])> {
-    let each = |text: &dyn Fn(&crate::measure::densities::comparison::Side) -> String| found.sides.each_ref().map(text);
+/// Figures of density models: what, and one text per density.
+pub(super) fn model_rows(found: &Comparison) -> Vec<(&'static str, Vec<String>)> {
+    let each = |text: &dyn Fn(&crate::measure::densities::comparison::Side) -> String| {
+        found.sides.iter().map(text).collect::<Vec<_>>()
+    };
     vec![
         ("factor on the density", each(&|side| figure(Some(side.factor)))),
         ("mean optical depth, top to bottom", each(&|side| figure(Some(side.statistics.mean_depth)))),

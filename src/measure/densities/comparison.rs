@@ -51,7 +51,7 @@ pub struct Settings {
     pub samples: u32,
     /// Rays per pixel and axis of the engine.
     pub sub_pixels: u32,
-    /// Mean optical depth of both; the model's own where none is given.
+    /// Mean optical depth of all; the first model's own where none is given.
     pub mean_depth: Option<f64>,
     /// Points of the timing.
     pub timed_points: usize,
@@ -67,9 +67,9 @@ pub struct Comparison {
     pub scene: String,
     /// Its hash.
     pub scene_sha256: String,
-    /// Name of the engine whose medium both densities are rendered as.
+    /// Name of the engine whose medium all densities are rendered as: the first model.
     pub model: String,
-    /// The model's parameters.
+    /// Its parameters.
     pub parameters: IndexMap<String, f64>,
     /// How it was made.
     pub settings: Settings,
@@ -84,7 +84,7 @@ pub struct Comparison {
     /// The adapter of the timing, if there is one.
     pub adapter: Option<serde_json::Value>,
     /// The densities, the graph's first.
-    pub sides: [Side; 2],
+    pub sides: Vec<Side>,
     /// Pictures, by light model and density.
     pub pictures: Vec<Picture>,
 }
@@ -125,6 +125,9 @@ pub struct Picture {
     pub seconds: f64,
     /// Mean of the colour channels over the picture, what the film holds.
     pub mean_radiance: f64,
+    /// Mean over that of path tracing of the same density, less 1; none of path tracing itself, and in older files.
+    #[serde(default)]
+    pub bias: Option<f64>,
 }
 
 /// File name of the figure of both fields.
@@ -139,17 +142,33 @@ const SEED: u64 = 42;
 /// Places that are evaluated together.
 const BATCH: usize = 1 << 18;
 
-/// Compares the density of a scene's graph with a model's; pictures are written to `folder` as they are made.
+/// A model with its parameters.
+pub type Compared = (&'static Model, Values);
+
+/// Compares the density of a scene's graph with those of models; pictures are written to `folder` as they are made. All are rendered as the medium of
+/// the first model, under its light.
 pub fn run(
     scene: &Scene,
-    model: &'static Model,
-    values: &Values,
+    models: &[Compared],
     settings: &Settings,
     folder: &Path,
     progress: Progress<'_>,
 ) -> Result<Comparison> {
     check(settings)?;
-    if model.is_of_scene {
+    let Some((model, values)) = models.first() else {
+        return Err(Error::new("density models", "none", "one at least", "Name one: cloudparity models lists them."));
+    };
+    let ids: Vec<&str> = std::iter::once("graph").chain(models.iter().map(|(model, _)| model.id)).collect();
+    if let Some(twice) = (1..ids.len()).find(|&index| ids[1..index].contains(&ids[index])) {
+        return Err(Error::new(
+            "density models",
+            format!("{} twice", ids[twice]),
+            "each once: pictures are named after them",
+            "Compare other parameters of one model with a study.",
+        )
+        .with_setting("model"));
+    }
+    if let Some((model, _)) = models.iter().find(|(model, _)| model.is_of_scene) {
         return Err(Error::new(
             "density model",
             format!("\"{}\"", model.id),
@@ -169,41 +188,49 @@ pub fn run(
 
     progress(0.0, "statistics of the fields");
     let graph = Medium::new(scene)?.density;
-    let fields = [
-        sample(&corrected.container, &graph, settings.places)?,
-        sample(&corrected.container, &corrected.density, settings.places)?,
-    ];
-    let depths = fields.each_ref().map(|field| field.mean().expect("a field has places") * mean_extinction);
-    let names = [("graph", format!("node graph of {}", scene.name)), (model.id, model.id.to_owned())];
-    for (depth, (_, title)) in depths.iter().zip(&names) {
+    let mut densities = vec![graph];
+    for (model, values) in models {
+        densities.push(model.engine(scene, values, &Defects::NONE, 0.0)?.density);
+    }
+    let fields: Vec<Array3<f64>> = densities
+        .iter()
+        .map(|density| sample(&corrected.container, density, settings.places))
+        .collect::<Result<_>>()?;
+    let depths: Vec<f64> =
+        fields.iter().map(|field| field.mean().expect("a field has places") * mean_extinction).collect();
+    let titles: Vec<String> = std::iter::once(format!("node graph of {}", scene.name))
+        .chain(models.iter().map(|(model, _)| model.id.to_owned()))
+        .collect();
+    for (depth, title) in depths.iter().zip(&titles) {
         if !(*depth > 0.0 && depth.is_finite()) {
             return Err(Error::new(
                 format!("the density: {title}"),
                 format!("a mean optical depth of {depth}"),
-                "one above 0, so that it can be brought to the other's",
+                "one above 0, so that it can be brought to the others'",
                 "Look at the density with cloudparity eval or grid, and correct the scene or the parameters.",
             ));
         }
     }
     let target = settings.mean_depth.unwrap_or(depths[1]);
-    let factors = depths.map(|depth| target / depth);
+    let factors: Vec<f64> = depths.iter().map(|depth| target / depth).collect();
 
     progress(0.1, "cost per sample");
     let gpu = Gpu::open().ok();
-    let [graph_cost, model_cost] = costs(&graph, &corrected.density, settings.timed_points, gpu.as_ref())?;
-    let evaluators = ["f32, vectors", "f32, scalar"];
-    let figures = |index: usize, (cpu_nanoseconds, gpu_nanoseconds): (f64, Option<f64>)| Side {
-        id: names[index].0.to_owned(),
-        title: names[index].1.clone(),
+    let costs = costs(&densities, settings.timed_points, gpu.as_ref())?;
+    let figures = |(index, (cpu_nanoseconds, gpu_nanoseconds)): (usize, (f64, Option<f64>))| Side {
+        id: ids[index].to_owned(),
+        title: titles[index].clone(),
         factor: factors[index],
         statistics: FieldStatistics::of(&fields[index].mapv(|density| density * factors[index]), mean_extinction),
-        evaluator: evaluators[index].to_owned(),
+        // The Perlin-FBM cloud's bakes are read place by place.
+        evaluator: if ids[index] == "perlin-fbm" { "f32, scalar" } else { "f32, vectors" }.to_owned(),
         cpu_nanoseconds,
         gpu_nanoseconds,
     };
-    let sides = [figures(0, graph_cost), figures(1, model_cost)];
+    let sides: Vec<Side> = costs.into_iter().enumerate().map(figures).collect();
 
-    let densities = [graph.scaled(factors[0]), corrected.density.scaled(factors[1])];
+    let densities: Vec<Density> =
+        densities.iter().zip(&factors).map(|(density, &factor)| density.scaled(factor)).collect();
     let mut pictures = Vec::new();
     let mut done = 0.15;
     let mut keep = |light: &str, title: &str, density: &str, image: &Image| -> Result<()> {
@@ -218,6 +245,7 @@ pub fn run(
             png: None,
             seconds: image.provenance.get("render_seconds").and_then(|text| text.parse().ok()).unwrap_or(f64::NAN),
             mean_radiance: sum / (3 * image.pixels.len()) as f64,
+            bias: None,
         });
         Ok(())
     };
@@ -229,7 +257,7 @@ pub fn run(
         named.apply(&mut corrected.light)?;
         lights.push((corrected, named.id, format!("Light {}: {}", named.id, named.about)));
     }
-    let share = 0.5 / (2 * lights.len()) as f64;
+    let share = 0.5 / (densities.len() * lights.len()) as f64;
     for (lit, id, title) in lights {
         for (density, side) in densities.iter().zip(&sides) {
             let engine = lit.with_density(density.clone());
@@ -240,17 +268,27 @@ pub fn run(
         }
     }
     let path_settings = PathSettings { samples: settings.samples, ..PathSettings::default() };
-    for ((density, side), factor) in densities.iter().zip(&sides).zip(factors) {
+    let share = 0.34 / densities.len() as f64;
+    for ((density, side), factor) in densities.iter().zip(&sides).zip(&factors) {
         let engine = corrected.with_density(density.clone());
         let medium = GivenMedium {
             identity: format!("density {} times {factor} as {}", side.title, engine.medium_identity()),
             object: Arc::new(engine.medium()?),
         };
         let subject = Subject { scene, medium: Some(&medium) };
-        let report = |part: f64, what: &str| progress(done + 0.17 * part, what);
+        let report = |part: f64, what: &str| progress(done + share * part, what);
         let image = path::render(subject, &path_settings, Backend::Cpu, None, &report)?;
         keep("path", "Path tracing", &side.id, &image)?;
-        done += 0.17;
+        done += share;
+    }
+    let traced: Vec<(String, f64)> = pictures
+        .iter()
+        .filter(|picture| picture.light == "path")
+        .map(|picture| (picture.density.clone(), picture.mean_radiance))
+        .collect();
+    for picture in pictures.iter_mut().filter(|picture| picture.light != "path") {
+        let truth = traced.iter().find(|(density, _)| *density == picture.density);
+        picture.bias = truth.map(|(_, mean)| picture.mean_radiance / mean - 1.0).filter(|bias| bias.is_finite());
     }
     Ok(Comparison {
         builds: vec![Identity::current().clone()],
@@ -307,10 +345,10 @@ fn sample(container: &Container, density: &Density, places: usize) -> Result<Arr
     Ok(Array3::from_shape_vec((places, places, places), values).expect("one value per place"))
 }
 
-/// Nanoseconds per density on the CPU and on the adapter, of the graph and of the model, at the same random places.
-fn costs(graph: &Density, model: &Density, count: usize, gpu: Option<&Gpu>) -> Result<[(f64, Option<f64>); 2]> {
+/// Nanoseconds per density on the CPU and on the adapter, at the same random places of the box.
+fn costs(densities: &[Density], count: usize, gpu: Option<&Gpu>) -> Result<Vec<(f64, Option<f64>)>> {
     let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(SEED);
-    let Region { low, high } = model.bounds;
+    let Region { low, high } = densities[0].bounds;
     let positions: Vec<[f32; 3]> = (0..count)
         .map(|_| {
             let part = DVec3::from(std::array::from_fn(|_| random.random_range(0.0..1.0)));
@@ -326,7 +364,7 @@ fn costs(graph: &Density, model: &Density, count: usize, gpu: Option<&Gpu>) -> R
             .transpose()?;
         Ok((cpu, on_adapter))
     };
-    Ok([cost(graph)?, cost(model)?])
+    densities.iter().map(cost).collect()
 }
 
 /// Median time of some repetitions after one that does not count, over the number of points.
