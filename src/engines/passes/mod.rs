@@ -41,7 +41,7 @@ pub const PASSES: &[NamedPass] = &[
     NamedPass {
         id: "god-rays",
         about: "a radial blur, at half the resolution, of what hides the sun (Mitchell 2007, GPU Gems 3)",
-        how: "--god-rays, god_rays of a study; each system with its own constants",
+        how: "the option god rays of a picture, god_rays of a study; each system with its own constants",
         prefix: Some("god_ray_"),
     },
     NamedPass {
