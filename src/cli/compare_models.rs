@@ -34,7 +34,7 @@ pub(super) struct Arguments {
     /// A level of quality of the only model.
     #[arg(long, value_name = "LEVEL")]
     quality: Option<String>,
-    /// A parameter of the only model. May be given several times.
+    /// A parameter of the model, where there is one only. May be given several times.
     #[arg(short, long = "parameter", value_name = "NAME=VALUE")]
     parameters: Vec<String>,
     /// Mean optical depth from top to bottom that all densities are brought to; the first model's own if not given.

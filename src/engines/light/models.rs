@@ -245,10 +245,10 @@ pub const PARAMETERS: &[Parameter] = &[
     },
     Parameter {
         name: "shadow_length",
-        about: "length of the march towards the sun in units of length, in place of its own; what lies beyond counts by a shadow map alone",
+        about: "length of the march towards the sun in units of length; 0: its own. What lies beyond counts by a shadow map alone",
         unit: "",
-        range: Range::Positive,
-        default: 1.0,
+        range: Range::NotNegative,
+        default: 0.0,
         usual: [0.01, 1.0],
     },
     Parameter {
@@ -452,6 +452,7 @@ pub fn set(light: &mut LightModel, name: &str, value: f64, place: &str) -> Resul
             light.shadow.sample = [ShadowSample::Left, ShadowSample::Middle, ShadowSample::Right][value as usize];
         }
         "shadow_growth" => light.shadow.growth = value,
+        "shadow_length" if value == 0.0 => (),
         "shadow_length" => light.shadow.length = ShadowLength::Fixed(value),
         "shadow_map" => light.shadow.map = map_of(value as u32, light.shadow.map),
         "shadow_by_angle" => light.shadow.by_angle = value,
