@@ -1,6 +1,8 @@
 //! The frame of a published slab in a container: its metres, its up axis, its lengths.
 
-use crate::engines::domain::Container;
+use crate::base::error::Result;
+use crate::engines::Request;
+use crate::engines::domain::{Container, Domain};
 use crate::engines::node_graph::{Input, NodeGraph};
 
 /// A published slab, placed in a container: the container's lower face is the slab's base, its upper face the slab's top, and its sides
@@ -20,6 +22,15 @@ pub struct SlabFrame {
 }
 
 impl SlabFrame {
+    /// The container of a request, an object's where none was asked for, and the slab in it whose base is the parameter `base`, whose height is
+    /// `thickness`.
+    pub fn of(request: &Request<'_>, base: &str) -> Result<(Container, Self)> {
+        let container = request.domain_or(Domain::Object)?;
+        let base = request.values.get(base);
+        let frame = Self::new(&container, base, base + request.values.get("thickness"));
+        Ok((container, frame))
+    }
+
     /// Places a slab from `base` to `top`, in metres.
     pub fn new(container: &Container, base: f64, top: f64) -> Self {
         let region = container.outline.region();

@@ -298,7 +298,7 @@ fn models(document: &mut Document, inputs: &Inputs) {
             Cell::Number(Some(picture.seconds)),
         ]
     });
-    let heads = [("Light", ""), ("Density", ""), ("Mean radiance", ""), ("Of path tracing's", "%"), ("Time", "s")];
+    let heads = [("Light", ""), ("Density", ""), ("Mean radiance", ""), ("Against path tracing", "%"), ("Time", "s")];
     let caption = format!(
         "Pictures of the densities under each light model, scene {}; path tracing: {} samples per pixel.",
         found.scene, found.settings.samples

@@ -17,7 +17,7 @@ mod sky;
 
 use crate::base::error::Result;
 use crate::engines::defects::Defects;
-use crate::engines::domain::{Domain, DomainKind};
+use crate::engines::domain::DomainKind;
 use crate::engines::frame::SlabFrame;
 use crate::engines::light::terms::{Boost, Powder, SilverLining, Terms};
 use crate::engines::light::{LightModel, ShadowExtinction, ShadowMarch, SourceFactor, Sun, TwoLobes};
@@ -175,9 +175,7 @@ const EXTINCTION: f64 = 0.01;
 
 fn engine(request: &Request<'_>) -> Result<Engine> {
     let Request { values, defects, seconds, .. } = *request;
-    let container = request.domain_or(Domain::Object)?;
-    let base = values.get("height");
-    let frame = SlabFrame::new(&container, base, base + values.get("thickness"));
+    let (container, frame) = SlabFrame::of(request, "height")?;
     let mut graph = NodeGraph::default();
     let density = density(&mut graph, &frame, values, defects, seconds);
     let is_storm = values.get("thunderstorm") == 1.0;

@@ -7,7 +7,7 @@
 pub mod defects;
 
 use crate::base::error::Result;
-use crate::engines::domain::{Domain, DomainKind};
+use crate::engines::domain::DomainKind;
 use crate::engines::frame::SlabFrame;
 use crate::engines::light::terms::Terms;
 use crate::engines::light::{LightModel, ShadowExtinction, ShadowMarch, SourceFactor, Sun, TwoLobes};
@@ -57,9 +57,7 @@ pub static MODEL: Model = Model {
 
 fn engine(request: &Request<'_>) -> Result<Engine> {
     let Request { values, defects, seconds, .. } = *request;
-    let container = request.domain_or(Domain::Object)?;
-    let bottom = values.get("bottom");
-    let frame = SlabFrame::new(&container, bottom, bottom + values.get("thickness"));
+    let (container, frame) = SlabFrame::of(request, "bottom")?;
     let mut graph = NodeGraph::default();
     let (place, _) = frame.place(&mut graph);
     let moved = values.get("speed") * seconds;

@@ -16,7 +16,7 @@ mod sky;
 
 use crate::base::error::Result;
 use crate::engines::defects::Defects;
-use crate::engines::domain::{Domain, DomainKind};
+use crate::engines::domain::DomainKind;
 use crate::engines::frame::SlabFrame;
 use crate::engines::light::terms::{Octaves, SilverLining, Terms};
 use crate::engines::light::{LightModel, ShadowExtinction, ShadowMarch, SourceFactor, Sun, TwoLobes};
@@ -141,9 +141,7 @@ const RAGGED: f64 = 400.0;
 
 fn engine(request: &Request<'_>) -> Result<Engine> {
     let Request { values, defects, seconds, .. } = *request;
-    let container = request.domain_or(Domain::Object)?;
-    let base = values.get("base");
-    let frame = SlabFrame::new(&container, base, base + values.get("thickness"));
+    let (container, frame) = SlabFrame::of(request, "base")?;
     let mut graph = NodeGraph::default();
     let density = density(&mut graph, &frame, values, defects, seconds);
     let light = light(values, defects, &frame);

@@ -16,7 +16,7 @@ pub mod defects;
 
 use crate::base::error::Result;
 use crate::engines::defects::Defects;
-use crate::engines::domain::{Domain, DomainKind};
+use crate::engines::domain::DomainKind;
 use crate::engines::frame::SlabFrame;
 use crate::engines::light::terms::{Octaves, Powder, Terms};
 use crate::engines::light::{
@@ -165,9 +165,7 @@ const LEAST_EXTINCTION: f64 = 1e-5;
 
 fn engine(request: &Request<'_>) -> Result<Engine> {
     let Request { values, defects, seconds, .. } = *request;
-    let container = request.domain_or(Domain::Object)?;
-    let bottom = values.get("bottom");
-    let frame = SlabFrame::new(&container, bottom, bottom + values.get("thickness"));
+    let (container, frame) = SlabFrame::of(request, "bottom")?;
     let mut graph = NodeGraph::default();
     let density = density(&mut graph, &frame, values, defects, seconds);
     let extinction = values.get("scattering") + values.get("absorption");
