@@ -12,7 +12,7 @@
 //! weight of a path becomes negative, or from what a few densities in the leaf suggest ([`Majorants::pilot`]).
 //!
 //! Of a flat box, whose sides differ by more than twice, the tree's own box may be larger: its short sides are doubled until cells are as nearly
-//! cubes as [`shifts`] finds that bounds are tight. What lies beyond the medium's box is empty, is not bounded, and no ray goes there.
+//! cubes as `shifts` finds that bounds are tight. What lies beyond the medium's box is empty, is not bounded, and no ray goes there.
 //!
 //! Flat arrays hold the tree, ready for an adapter: the first child of each node, the ends of
 //! its interval, its rates. A dense table enters it at level `TABLE_LEVEL`.
