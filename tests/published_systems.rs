@@ -14,6 +14,7 @@ use cloudparity::graph::bounds_check::{Survey, layer};
 use cloudparity::integrators::path;
 use cloudparity::integrators::path::{GivenMedium, PathSettings, Subject};
 use cloudparity::scene::Scene;
+use cloudparity::view::environment::Environment;
 use glam::{DMat3, DMat4, DVec3};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
@@ -209,4 +210,49 @@ fn a_shell_and_a_slab_are_domains_of_their_own() {
 
 fn engine_values(engine: &Engine) -> &Values {
     &engine.values
+}
+
+#[test]
+fn a_sky_is_a_picture_around_a_scene_and_colours_its_sun() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let scene = layer_scene([8, 5]);
+    let mut suns = Vec::new();
+    for model in engines::models().into_iter().filter(|model| model.sky.is_some()) {
+        let sky = model.sky.expect("it has one");
+        let values = Values::defaults(sky.parameters);
+        for elevation in [-10.0, 3.0, 60.0] {
+            let file = folder.path().join(format!("{}{elevation}.scene.json", model.id));
+            sky.write(&scene, &values, Some(elevation), &file).expect("a scene");
+            let under = Scene::load(&file).expect("it loads");
+            let world = Environment::load(&under).expect("a readable picture").expect("a picture");
+            let towards = cloudparity::scene::matrix_to_glam(&under.lights[0].matrix_world).z_axis.truncate();
+            assert!((towards.z - f64::from(elevation).to_radians().sin()).abs() < 1e-6, "{}", model.id);
+            let look = (sky.look)(&values, towards);
+            suns.push(under.lights[0].color);
+            let white = engines::sky::white(&scene);
+            for number in 0..200 {
+                let angle = f64::from(number) * 2.4;
+                let up: f64 = -0.99 + f64::from(number) * 0.0099;
+                let flat = (1.0 - up * up).sqrt();
+                let direction = DVec3::new(flat * angle.cos(), flat * angle.sin(), up);
+                let truth = (look.radiance)(direction).map(|channel| channel * white);
+                let found = world.radiance(direction);
+                for channel in 0..3 {
+                    // Pixels are 0.7 degrees high. The gradient's root falls steeply at the horizon: to within a pixel of it, by its root, 0.11 of all.
+                    let steep = if up.abs() < 0.02 { 0.11 } else { 0.004 };
+                    let bound = steep * white;
+                    let error = (found[channel] - truth[channel]).abs();
+                    assert!(error < bound, "{} at {elevation}, {direction}: {found:?}, not {truth:?}", model.id);
+                }
+            }
+            let engine = engine(model, &under, &Defects::NONE, None);
+            assert!(picture(&under, &engine).iter().all(|value| value.is_finite() && *value >= 0.0));
+        }
+    }
+    assert!(suns.len() == 6 && suns[1] != suns[2] && suns[4] != suns[5], "{suns:?}");
+    let dark = Scene { lights: Vec::new(), ..scene.clone() };
+    let sky = engines::find("bolt").expect("it is there").sky.expect("it has one");
+    let file = folder.path().join("dark.scene.json");
+    let error = sky.write(&dark, &Values::defaults(sky.parameters), None, &file).expect_err("refused").to_string();
+    assert!(error.contains("no sun") && !file.exists(), "{error}");
 }
