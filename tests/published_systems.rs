@@ -226,7 +226,7 @@ fn a_sky_is_a_picture_around_a_scene_and_colours_its_sun() {
             let under = Scene::load(&file).expect("it loads");
             let world = Environment::load(&under).expect("a readable picture").expect("a picture");
             let towards = cloudparity::scene::matrix_to_glam(&under.lights[0].matrix_world).z_axis.truncate();
-            assert!((towards.z - f64::from(elevation).to_radians().sin()).abs() < 1e-6, "{}", model.id);
+            assert!((towards.z - f64::to_radians(elevation).sin()).abs() < 1e-6, "{}", model.id);
             let look = (sky.look)(&values, towards);
             suns.push(under.lights[0].color);
             let white = engines::sky::white(&scene);
