@@ -8,7 +8,7 @@ use crate::base::files;
 use crate::engines::parameters::{Parameter, Values};
 use crate::scene::image::Image;
 use crate::scene::{self, LightKind, Scene, WorldImage};
-use glam::{DMat4, DVec3};
+use glam::DVec3;
 use rayon::prelude::*;
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 use std::path::Path;
@@ -76,10 +76,9 @@ impl Sky {
         let matrix = scene::matrix_to_glam(&light.matrix_world);
         let mut towards = matrix.z_axis.truncate().normalize();
         if let Some(degrees) = elevation {
-            let turn = if towards.truncate().length() > 0.0 { towards.y.atan2(towards.x) } else { 0.0 };
-            let (up, flat) = degrees.to_radians().sin_cos();
-            towards = DVec3::new(flat * turn.cos(), flat * turn.sin(), up);
-            light.matrix_world = facing(towards, matrix.w_axis.truncate());
+            let axes = scene::axes_from([towards.y.atan2(towards.x).to_degrees(), degrees]);
+            scene::put_axes(&mut light.matrix_world, axes, None);
+            towards = axes.z_axis;
         }
         let look = (self.look)(values, towards);
         light.color = look.sun.map(|channel| channel as f32);
@@ -88,22 +87,7 @@ impl Sky {
         scene.world = scene::World { color: [1.0; 3], strength: 1.0, image: Some(picture) };
         Ok((scene, image))
     }
-}
 
-/// Radiance that stands for 1 of a published display: of a white matte surface under the scene's first sun, before its colour; 1 / pi without one.
-pub fn white(scene: &Scene) -> f64 {
-    let sun = scene.lights.iter().find(|light| matches!(light.kind, LightKind::Sun { .. }));
-    sun.map_or(1.0, |sun| f64::from(sun.strength) * f64::from(sun.exposure).exp2()) / PI
-}
-
-/// A matrix of a light at `place` whose z axis, from which its light comes, is `towards`.
-fn facing(towards: DVec3, place: DVec3) -> scene::Matrix {
-    let (x, y) = towards.any_orthonormal_pair();
-    let matrix = DMat4::from_cols(x.extend(0.0), y.extend(0.0), towards.extend(0.0), place.extend(1.0));
-    std::array::from_fn(|row| std::array::from_fn(|column| matrix.row(row)[column] as f32))
-}
-
-impl Sky {
     /// [`Self::over`], written: the picture first, so that a scene file never names one that is not there.
     pub fn write(&self, scene: &Scene, values: &Values, elevation: Option<f64>, output: &Path) -> Result<Scene> {
         let name = output.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
@@ -119,6 +103,12 @@ impl Sky {
         files::write_atomically(output, files::json(&scene).as_bytes())?;
         Ok(scene)
     }
+}
+
+/// Radiance that stands for 1 of a published display: of a white matte surface under the scene's first sun, before its colour; 1 / pi without one.
+pub fn white(scene: &Scene) -> f64 {
+    let sun = scene.lights.iter().find(|light| matches!(light.kind, LightKind::Sun { .. }));
+    sun.map_or(1.0, scene::Light::exposed_strength) / PI
 }
 
 /// Between two colours, for a part from 0 to 1.

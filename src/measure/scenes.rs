@@ -2,7 +2,7 @@
 
 use crate::base::error::{Error, Result};
 use crate::scene::{self, Scene};
-use glam::{DMat3, DVec3};
+use glam::DVec3;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
@@ -59,44 +59,23 @@ impl SceneAxis {
             scene.set_volume_bounces(bounces);
         }
         if let Some(angles) = self.sun {
-            let axes = axes_from(angles);
+            let axes = scene::axes_from(angles);
             for light in &mut scene.lights {
-                put(&mut light.matrix_world, axes, None);
+                scene::put_axes(&mut light.matrix_world, axes, None);
             }
         }
         if let Some(angles) = self.camera {
-            let axes = axes_from(angles);
+            let axes = scene::axes_from(angles);
             let bounds = &scene.volume.bounds;
             let [low, high] = [bounds.min, bounds.max].map(|corner| DVec3::from(corner.map(f64::from)));
             let centre = scene::matrix_to_glam(&scene.volume.matrix_world).transform_point3((low + high) / 2.0);
             let eye = scene::matrix_to_glam(&scene.camera.matrix_world).transform_point3(DVec3::ZERO);
             let place = centre + axes.z_axis * eye.distance(centre);
-            put(&mut scene.camera.matrix_world, axes, Some(place));
+            scene::put_axes(&mut scene.camera.matrix_world, axes, Some(place));
         }
         scene.film.resolution = resolution;
         scene.film.resolution_percentage = 100;
         Ok(())
-    }
-}
-
-/// Axes of a camera or light that looks along -z: z points to where it stands, by azimuth and elevation in degrees; x is level.
-fn axes_from([azimuth, elevation]: [f64; 2]) -> DMat3 {
-    let (sine, cosine) = azimuth.to_radians().sin_cos();
-    let (rise, level) = elevation.to_radians().sin_cos();
-    let x = DVec3::new(-sine, cosine, 0.0);
-    let z = DVec3::new(level * cosine, level * sine, rise);
-    DMat3::from_cols(x, z.cross(x), z)
-}
-
-/// Replaces the axes of a matrix and, if there is one, its place.
-fn put(matrix: &mut [[f32; 4]; 4], axes: DMat3, place: Option<DVec3>) {
-    for row in 0..3 {
-        for column in 0..3 {
-            matrix[row][column] = axes.col(column)[row] as f32;
-        }
-        if let Some(place) = place {
-            matrix[row][3] = place[row] as f32;
-        }
     }
 }
 

@@ -296,6 +296,13 @@ pub struct Light {
     pub kind: LightKind,
 }
 
+impl Light {
+    /// Its strength with its exposure, before its colour.
+    pub fn exposed_strength(&self) -> f64 {
+        f64::from(self.strength) * f64::from(self.exposure).exp2()
+    }
+}
+
 /// Kinds of light with their own settings.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(tag = "type", rename_all = "lowercase")]
@@ -793,6 +800,27 @@ fn check_invertible(matrix: &Matrix, place: &str) -> Result<()> {
         ));
     }
     Ok(())
+}
+
+/// Axes of a camera or light that looks along -z: z points to where it stands, by azimuth and elevation in degrees; x is level.
+pub fn axes_from([azimuth, elevation]: [f64; 2]) -> glam::DMat3 {
+    let (sine, cosine) = azimuth.to_radians().sin_cos();
+    let (rise, level) = elevation.to_radians().sin_cos();
+    let x = glam::DVec3::new(-sine, cosine, 0.0);
+    let z = glam::DVec3::new(level * cosine, level * sine, rise);
+    glam::DMat3::from_cols(x, z.cross(x), z)
+}
+
+/// Replaces the axes of a matrix and, if there is one, its place.
+pub fn put_axes(matrix: &mut Matrix, axes: glam::DMat3, place: Option<glam::DVec3>) {
+    for row in 0..3 {
+        for column in 0..3 {
+            matrix[row][column] = axes.col(column)[row] as f32;
+        }
+        if let Some(place) = place {
+            matrix[row][3] = place[row] as f32;
+        }
+    }
 }
 
 /// Row-major f32 matrix as a `glam` f64 matrix.

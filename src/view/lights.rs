@@ -53,7 +53,7 @@ pub fn delta_lights(scene: &Scene) -> Result<Vec<DeltaLight>> {
             let matrix = scene::matrix_to_glam(&light.matrix_world);
             let towards = matrix.z_axis.truncate().normalize();
             let position = matrix.w_axis.truncate();
-            let strength = f64::from(light.strength) * f64::from(light.exposure).exp2();
+            let strength = light.exposed_strength();
             let power = light.color.map(|channel| f64::from(channel) * strength);
             let unsupported = |found: String| {
                 Error::new(

@@ -122,7 +122,7 @@ impl SampledLight {
         }
         let back = back.normalize();
         let centre = matrix.w_axis.truncate();
-        let scale = f64::from(light.strength) * f64::from(light.exposure).exp2();
+        let scale = light.exposed_strength();
         let strength = light.color.map(|channel| f64::from(channel) * scale);
         let largest = strength.iter().copied().fold(0.0, f64::max);
         let times = |factor: f64| strength.map(|channel| channel * factor);

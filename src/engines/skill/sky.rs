@@ -45,12 +45,13 @@ fn time_of_day(up: f64, jumps: bool) -> [[f64; 3]; 2] {
 
 fn look(values: &Values, sun: DVec3) -> Look {
     let [colour, tint] = time_of_day(sun.z, values.get("jumps") == 1.0);
+    let gradient = GRADIENT.map(|(part, colour)| (part, of_web(colour)));
     let radiance = move |direction: DVec3| {
         // Below the horizon its colour goes on.
         let down = 1.0 - direction.z.clamp(0.0, 1.0);
-        let above = GRADIENT.windows(2).find(|pair| down <= pair[1].0).unwrap_or(&GRADIENT[2..]);
+        let above = gradient.windows(2).find(|pair| down <= pair[1].0).unwrap_or(&gradient[2..]);
         let [(from, first), (to, last)] = [above[0], above[1]];
-        let sky = mix(of_web(first), of_web(last), (down - from) / (to - from));
+        let sky = mix(first, last, (down - from) / (to - from));
         [0, 1, 2].map(|channel| sky[channel] * tint[channel])
     };
     Look { sun: colour, radiance: Box::new(radiance) }

@@ -188,8 +188,8 @@ pub fn run(
 
     progress(0.0, "statistics of the fields");
     let graph = Medium::new(scene)?.density;
-    let mut densities = vec![graph];
-    for (model, values) in models {
+    let mut densities = vec![graph, corrected.density.clone()];
+    for (model, values) in &models[1..] {
         densities.push(model.engine(scene, values, &Defects::NONE, 0.0)?.density);
     }
     let fields: Vec<Array3<f64>> = densities
@@ -253,9 +253,9 @@ pub fn run(
         EngineSettings { jitter: EngineJitter::None, frame: 0, sub_pixels: settings.sub_pixels, god_rays: false };
     let mut lights = vec![(engine(&Defects::ALL)?, "as-published", "Light as published".to_owned())];
     for named in LIGHTS {
-        let mut corrected = engine(&Defects::NONE)?;
-        named.apply(&mut corrected.light)?;
-        lights.push((corrected, named.id, format!("Light {}: {}", named.id, named.about)));
+        let mut lit = corrected.with_density(corrected.density.clone());
+        named.apply(&mut lit.light)?;
+        lights.push((lit, named.id, format!("Light {}: {}", named.id, named.about)));
     }
     let share = 0.5 / (densities.len() * lights.len()) as f64;
     for (lit, id, title) in lights {
