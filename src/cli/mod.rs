@@ -41,6 +41,7 @@ mod parity;
 mod passes;
 mod picture;
 mod probe;
+mod publish;
 mod render;
 mod report;
 mod resume;
@@ -81,6 +82,7 @@ enum Command {
     Explain(explain::Arguments),
     Eval(eval::Arguments),
     Probe(probe::Arguments),
+    Publish(Box<publish::Arguments>),
     Shader(shader::Arguments),
     Grid(grid::Arguments),
 }
@@ -101,6 +103,7 @@ const TASKS: [(&str, &[(&str, &str)]); 4] = [
             ("render", "render a scene: march, path, engine, or Cycles"),
             ("diff", "compare pictures, by tolerances or by statistics"),
             ("report", "one page of what a folder of results holds"),
+            ("publish", "shaders and a WebGPU page that run elsewhere, with their error"),
         ],
     ),
     (
@@ -199,6 +202,7 @@ pub fn run() -> ExitCode {
         Command::Explain(arguments) => explain::run(&arguments),
         Command::Eval(arguments) => eval::run(&arguments),
         Command::Probe(arguments) => probe::run(&arguments),
+        Command::Publish(arguments) => publish::run(&arguments),
         Command::Shader(arguments) => shader::run(&arguments),
         Command::Grid(arguments) => grid::run(&arguments),
     };

@@ -38,6 +38,7 @@ const SHARED: &[(&str, &[&str], &[&str])] = &[
     ("parameter", &["NAME=VALUE"], &["parameter of the model", "parameter of the system"]),
     ("part", &["PART"], &["render pass"]),
     ("points", &["N", "FILE"], &["points"]),
+    ("preset", &["FILE"], &["as a tuned preset"]),
     ("quality", &["LEVEL"], &["level of quality"]),
     ("repeats", &["N"], &["repetitions"]),
     ("replicas", &["N"], &["replicas of each way", "as many pictures with seeds"]),

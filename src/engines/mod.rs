@@ -7,6 +7,7 @@
 pub mod best;
 pub mod bfwe;
 pub mod bolt;
+pub mod bundle;
 pub mod clusters;
 pub mod defects;
 pub mod domain;

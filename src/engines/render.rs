@@ -13,7 +13,7 @@ use crate::base::identity::Identity;
 use crate::base::progress::Progress;
 use crate::engines::Engine;
 use crate::engines::light::{LightModel, Sun};
-use crate::engines::march::gpu::MarchKernel;
+use crate::engines::march::gpu::{MarchKernel, MarchParts};
 use crate::engines::march::shadow_map::ShadowMap;
 use crate::engines::march::{Marched, RealTimePixel, RealTimeRay};
 use crate::engines::passes::compositing::{self, CompositeKernel, Part, mean_transmittance};
@@ -301,6 +301,26 @@ impl<'a> EngineRenderer<'a> {
             Shot { color: [red, green, blue], distance }
         };
         Ok(rays.iter().zip(&found).zip(nears).map(shot).collect())
+    }
+
+    /// What its march on an adapter is made of.
+    pub(crate) fn march_parts(&self) -> Result<MarchParts> {
+        MarchParts::new(&self.marched()?, &self.engine.march)
+    }
+
+    /// What stands behind the cloud in a finished picture: None where that has an alpha. An error where it is a picture.
+    pub(crate) fn constant_background(&self) -> Result<Option<[f64; 3]>> {
+        match &self.background {
+            _ if self.scene.film.transparent => Ok(None),
+            Background::Constant(radiance) => Ok(Some(*radiance)),
+            Background::Picture(_) => Err(Error::new(
+                "the world of the scene",
+                "a picture",
+                "one colour, or a film that is transparent: bundles carry no picture of a world",
+                "Leave the world out of what the camera sees, or make it one colour.",
+            )
+            .with_setting("film_transparent")),
+        }
     }
 
     /// The camera.

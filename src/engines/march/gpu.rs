@@ -1,6 +1,7 @@
 //! The march of a real-time engine on the adapter: `shaders/engines/march.wgsl`, in f32.
 
 use crate::base::error::{Error, Result};
+use crate::base::texture::TextureHandle;
 use crate::engines::domain::Outline;
 use crate::engines::light::{MOST_SUNS, ShadowExtinction, ShadowLength, SourceFactor};
 use crate::engines::march::{Leftover, Marched, RealTimePixel, RealTimeRay, RealTimeSettings};
@@ -29,7 +30,7 @@ const DENSITIES: usize = 1 << 18;
 
 shader_struct! {
     /// Uniforms of the kernel.
-    struct MarchUniform = "March" {
+    pub(crate) struct MarchUniform = "March" {
         extinction: [f32; 3],
         steps: u32,
         ambient: [f32; 3],
@@ -81,7 +82,8 @@ shader_struct! {
 }
 
 shader_struct! {
-    struct Sun = "Sun" {
+    /// A sun as the kernel knows it.
+    pub(crate) struct Sun = "Sun" {
         way: [f32; 3],
         padding: f32,
         direction: [f32; 3],
@@ -92,7 +94,8 @@ shader_struct! {
 }
 
 shader_struct! {
-    struct Ray = "Ray" {
+    /// A ray in the domain.
+    pub(crate) struct Ray = "Ray" {
         origin: [f32; 3],
         length: f32,
         way: [f32; 3],
@@ -145,8 +148,7 @@ pub struct MarchKernel<'a> {
     maps: Option<wgpu::Buffer>,
     /// Steps of one dispatch.
     together: u32,
-    /// Densities of one dispatch, at most.
-    densities: usize,
+    rays_together: usize,
 }
 
 /// Iterations that a node of a program may take in a kernel: a smooth Voronoi texture in four dimensions goes through 625 cells in each
@@ -180,198 +182,35 @@ impl<'a> MarchKernel<'a> {
 
     /// Compiles it: what the settings do not ask for is left out.
     pub async fn new_async(gpu: &'a Gpu, marched: &Marched<'_>, settings: &RealTimeSettings) -> Result<Self> {
-        marched.check()?;
-        let Marched { light, density, container, .. } = *marched;
-        if light.suns.len() > MOST_SUNS {
-            return Err(Error::new(
-                "the lights of the scene",
-                format!("{} suns", light.suns.len()),
-                format!("at most {MOST_SUNS}"),
-                "Take suns away.",
-            ));
-        }
-        if settings.distance_levels.is_some() {
-            return Err(Error::new(
-                "the march on the adapter",
-                "steps by the distance of each ray",
-                "one number of steps for all rays",
-                "Render on the CPU, or leave the parameter distance_levels at 0.",
-            ));
-        }
-        let mut definitions = Vec::new();
-        let mut define = |is_wanted: bool, name: &'static str| definitions.extend(is_wanted.then_some(name));
-        define(settings.integration == Integration::Plain, "PLAIN");
-        define(settings.exit_fade, "EXIT_FADE");
-        define(settings.leftover == Leftover::Dropped, "LEFTOVER_DROPPED");
-        define(settings.leftover == Leftover::Rescaled, "LEFTOVER_RESCALED");
-        define(!matches!(light.shadow.length, ShadowLength::Fixed(_)), "SHADOW_TO_EXIT");
-        define(matches!(light.shadow.length, ShadowLength::ToExitAtMost(_)), "SHADOW_AT_MOST");
-        define(light.shadow.growth != 1.0, "SHADOW_GROWTH");
-        define(light.shadow.by_angle != 0.0, "SHADOW_BY_ANGLE");
-        define(light.shadow.map.is_some() && !light.suns.is_empty(), "SHADOW_MAP");
-        define(light.phase.alpha != [0.0; 2], "DRAINE");
-        define(light.phase.gain != 1.0 || light.phase.rim != 0.0, "OWN_PHASE");
-        define(light.phase.again.is_some(), "PHASE_TWICE");
-        define(light.shadow.extinction == ShadowExtinction::View, "SHADOW_VIEW");
-        define(light.source == SourceFactor::Density, "SOURCE_DENSITY");
-        let terms = &light.terms;
-        define(terms.octaves.count > 1, "OCTAVES");
-        define(terms.octaves.compression > 0.0, "COMPRESSION");
-        define(terms.powder.strength > 0.0, "POWDER");
-        define(terms.silver.strength > 0.0, "SILVER");
-        define(terms.ambient != [1.0; 2], "AMBIENT_GRADIENT");
-        define(terms.ray_powder, "RAY_POWDER");
-        define(terms.boost.is_on(), "BOOST");
-        define(terms.boost.is_on() && terms.boost.by_angle, "BOOST_BY_ANGLE");
-        define(terms.body.strength > 0.0, "BODY");
-        define(terms.body.shadow, "COARSE_SHADOW");
-        define(!density.fills_all_cells(), "EMPTY_CELLS");
-        define(light.suns.is_empty(), "NO_SUN");
-        define(light.suns.len() > 1, "SEVERAL_SUNS");
-        define(matches!(container.outline, Outline::Shell { .. }), "SHELL");
-        define(matches!(container.outline, Outline::Mesh(_)), "MESH");
-        define(!marched.terms.is_empty(), "TERMS");
-        let mut linker = Linker::new(density.program())?;
-        linker.add_constants(&CONSTANTS)?;
-        match marched.averages {
-            Some(averages) => {
-                linker.add_program(ALONG, &averages.along)?;
-                linker.add_program(AROUND, &averages.around)?;
-            }
-            None => {
-                for path in [ALONG, AROUND] {
-                    linker.add_program(path, &Program::constant("averages", 0.0))?;
-                }
-            }
-        }
-        for term in marched.terms {
-            linker.add(term.import_path(), &term.shader())?;
-        }
-        linker.add("generated/terms.wgsl", &terms_module(marched))?;
-        let textures = gpu.upload_textures(linker.textures())?;
-        let source = include_str!("../../../shaders/engines/march.wgsl");
-        let module = linker.link_with("engines/march.wgsl", source, &definitions)?;
-        let single = |values: [f64; 3]| values.map(|value| value as f32);
-        let vector = |value: DVec3| value.as_vec3().to_array();
-        let region = container.outline.region();
-        let [inner, outer] = match container.outline {
-            Outline::Box(_) | Outline::Mesh(_) => [0.0; 2],
-            Outline::Shell { inner, outer } => [inner as f32, outer as f32],
+        let parts = MarchParts::new(marched, settings)?;
+        let textures = gpu.upload_textures(&parts.textures)?;
+        let mesh = match &parts.outline {
+            Outline::Mesh(mesh) => Some(mesh.mesh().upload(gpu, DVec3::ZERO, DVec3::ONE)?),
+            Outline::Box(_) | Outline::Shell { .. } => None,
         };
-        let mut suns: Vec<Sun> = light
-            .suns
-            .iter()
-            .map(|sun| Sun {
-                way: vector(container.way(DVec3::from(sun.direction))),
-                direction: vector(sun.towards()),
-                irradiance: single(sun.irradiance),
-                ..Sun::zeroed()
-            })
-            .collect();
-        // A buffer cannot be empty.
-        suns.resize(suns.len().max(1), Sun::zeroed());
-        let cells: Vec<u32> = match density.fills_all_cells() {
-            true => vec![1],
-            false => density.cells().into_iter().map(u32::from).collect(),
-        };
-        let uniform = MarchUniform {
-            extinction: single(marched.extinction),
-            steps: settings.steps,
-            ambient: single(light.ambient),
-            shadow_steps: light.shadow.steps,
-            low: vector(region.low),
-            shadow_length: match light.shadow.length {
-                ShadowLength::Fixed(length) | ShadowLength::ToExitAtMost(length) => length as f32,
-                ShadowLength::ToExit => 0.0,
-            },
-            high: vector(region.high),
-            depth_compression: terms.octaves.compression as f32,
-            albedo: match light.source {
-                SourceFactor::Density => [0.0; 3],
-                SourceFactor::Albedo(albedo) => single(albedo),
-            },
-            powder_ambient: terms.powder.ambient as f32,
-            anisotropy: light.phase.anisotropy.map(|anisotropy| anisotropy as f32),
-            second: light.phase.second as f32,
-            least_density: settings.least_density as f32,
-            least_transmittance: settings.least_transmittance as f32,
-            octaves: terms.octaves.count,
-            contribution: terms.octaves.contribution as f32,
-            attenuation: terms.octaves.attenuation as f32,
-            eccentricity: terms.octaves.eccentricity as f32,
-            powder_strength: terms.powder.strength as f32,
-            powder_length: terms.powder.length as f32,
-            silver_strength: terms.silver.strength as f32,
-            silver_exponent: terms.silver.exponent as f32,
-            ambient_bottom: terms.ambient[0] as f32,
-            ambient_top: terms.ambient[1] as f32,
-            body_strength: terms.body.strength as f32,
-            body_length: terms.body.length as f32,
-            inner,
-            outer,
-            suns: light.suns.len() as u32,
-            phase_gain: light.phase.gain as f32,
-            alpha: light.phase.alpha.map(|alpha| alpha as f32),
-            rim: light.phase.rim as f32,
-            again: light.phase.again.unwrap_or_default().map(|anisotropy| anisotropy as f32),
-            shadow_sample: light.shadow.sample.part() as f32,
-            shadow_growth: light.shadow.growth as f32,
-            shadow_first: light.shadow.parts()[0][1] as f32,
-            shadow_by_angle: light.shadow.by_angle as f32,
-            map_from: light.shadow.map_from() as f32,
-            map_size: light.shadow.map.map_or(0, |map| map.size),
-            boost_light: terms.boost.light as f32,
-            boost_ambient: terms.boost.ambient as f32,
-            boost_length: terms.boost.length as f32,
-            shadow_extinction: match light.shadow.extinction {
-                ShadowExtinction::Of(extinction) => extinction as f32,
-                ShadowExtinction::Density | ShadowExtinction::View => 1.0,
-            },
-            ..MarchUniform::zeroed()
-        };
-        let is_software = gpu.adapter().is_software();
-        let iterations = iterations(density.program());
-        let (mesh, visits) = match &container.outline {
-            Outline::Mesh(mesh) => {
-                let mesh = mesh.mesh();
-                let visits = u32::try_from(mesh.nodes()).unwrap_or(u32::MAX).saturating_mul(SEARCHES);
-                (Some(mesh.upload(gpu, DVec3::ZERO, DVec3::ONE)?), visits)
-            }
-            _ => (None, 0),
-        };
-        let together = match is_software {
-            true => steps_together(iterations, uniform.shadow_steps, uniform.suns, uniform.octaves, visits),
+        let together = match gpu.adapter().is_software() {
+            true => parts.steps_together(),
             false => settings.steps.max(1),
         };
-        let of_maps: Vec<[f32; 4]> = marched
-            .maps
-            .iter()
-            .flat_map(|map| map.rows.iter().map(|row| row.as_vec4().to_array()).chain(map.texels.iter().copied()))
-            .collect();
-        let maps = (!of_maps.is_empty())
-            .then(|| gpu.upload("shadow maps", bytemuck::cast_slice(&of_maps), wgpu::BufferUsages::STORAGE));
-        let layouts = [Layout::of::<MarchUniform>(), Layout::of::<Ray>(), Layout::of::<Pixel>(), Layout::of::<Sun>()];
+        let upload = |label, contents: &[u8]| gpu.upload(label, contents, wgpu::BufferUsages::STORAGE);
         Ok(Self {
             gpu,
-            outline: container.outline.clone(),
-            kernel: gpu.kernel_async("engine_march", &module, &layouts).await?,
-            uniform,
-            suns: gpu.upload("suns", bytemuck::cast_slice(&suns), wgpu::BufferUsages::STORAGE),
-            cells: gpu.upload("cells", bytemuck::cast_slice(&cells), wgpu::BufferUsages::STORAGE),
+            kernel: gpu.kernel_async("engine_march", &parts.module, &MarchParts::LAYOUTS).await?,
+            suns: upload("suns", bytemuck::cast_slice(&parts.suns)),
+            cells: upload("cells", bytemuck::cast_slice(&parts.cells)),
             textures,
             mesh,
-            maps,
+            maps: (!parts.maps.is_empty()).then(|| upload("shadow maps", bytemuck::cast_slice(&parts.maps))),
             together,
-            // A program with loops costs some hundred times what a texture does.
-            densities: if iterations > 0 { DENSITIES / 16 } else { DENSITIES },
+            rays_together: parts.rays_together(together),
+            uniform: parts.uniform,
+            outline: parts.outline,
         })
     }
 
     /// Rays that are marched in one go, at most: so many that a submission takes a software adapter some 50 ms.
     pub fn rays_together(&self) -> usize {
-        let per_step = 1 + (self.uniform.suns * self.uniform.shadow_steps) as usize;
-        let per_ray = self.uniform.steps.min(self.together) as usize * per_step;
-        (self.densities / per_ray).max(1).next_multiple_of(self.kernel.workgroup()[0] as usize)
+        self.rays_together
     }
 
     /// Marches rays, as many as fit a buffer; their [`Pixel`]s stay on the adapter, in their order.
@@ -459,6 +298,217 @@ impl<'a> MarchKernel<'a> {
             distance: None,
         };
         Ok(found.into_iter().map(widened).collect())
+    }
+}
+
+/// What a march on an adapter is made of, before there is one: its kernel, and what is in its buffers.
+pub(crate) struct MarchParts {
+    pub(crate) outline: Outline,
+    pub(crate) module: naga::Module,
+    pub(crate) uniform: MarchUniform,
+    /// One at least: a buffer cannot be empty.
+    pub(crate) suns: Vec<Sun>,
+    /// Whether each cell may hold something.
+    pub(crate) cells: Vec<u32>,
+    pub(crate) textures: Vec<TextureHandle>,
+    /// Rows and texels of shadow maps.
+    pub(crate) maps: Vec<[f32; 4]>,
+    iterations: u32,
+    visits: u32,
+}
+
+impl MarchParts {
+    /// Of the structs in the kernel's buffers.
+    pub(crate) const LAYOUTS: [Layout; 4] =
+        [Layout::of::<MarchUniform>(), Layout::of::<Ray>(), Layout::of::<Pixel>(), Layout::of::<Sun>()];
+
+    /// Links the kernel: what the settings do not ask for is left out.
+    pub(crate) fn new(marched: &Marched<'_>, settings: &RealTimeSettings) -> Result<Self> {
+        marched.check()?;
+        let Marched { light, density, container, .. } = *marched;
+        if light.suns.len() > MOST_SUNS {
+            return Err(Error::new(
+                "the lights of the scene",
+                format!("{} suns", light.suns.len()),
+                format!("at most {MOST_SUNS}"),
+                "Take suns away.",
+            ));
+        }
+        if settings.distance_levels.is_some() {
+            return Err(Error::new(
+                "the march on the adapter",
+                "steps by the distance of each ray",
+                "one number of steps for all rays",
+                "Render on the CPU, or leave the parameter distance_levels at 0.",
+            ));
+        }
+        let mut definitions = Vec::new();
+        let mut define = |is_wanted: bool, name: &'static str| definitions.extend(is_wanted.then_some(name));
+        define(settings.integration == Integration::Plain, "PLAIN");
+        define(settings.exit_fade, "EXIT_FADE");
+        define(settings.leftover == Leftover::Dropped, "LEFTOVER_DROPPED");
+        define(settings.leftover == Leftover::Rescaled, "LEFTOVER_RESCALED");
+        define(!matches!(light.shadow.length, ShadowLength::Fixed(_)), "SHADOW_TO_EXIT");
+        define(matches!(light.shadow.length, ShadowLength::ToExitAtMost(_)), "SHADOW_AT_MOST");
+        define(light.shadow.growth != 1.0, "SHADOW_GROWTH");
+        define(light.shadow.by_angle != 0.0, "SHADOW_BY_ANGLE");
+        define(light.shadow.map.is_some() && !light.suns.is_empty(), "SHADOW_MAP");
+        define(light.phase.alpha != [0.0; 2], "DRAINE");
+        define(light.phase.gain != 1.0 || light.phase.rim != 0.0, "OWN_PHASE");
+        define(light.phase.again.is_some(), "PHASE_TWICE");
+        define(light.shadow.extinction == ShadowExtinction::View, "SHADOW_VIEW");
+        define(light.source == SourceFactor::Density, "SOURCE_DENSITY");
+        let terms = &light.terms;
+        define(terms.octaves.count > 1, "OCTAVES");
+        define(terms.octaves.compression > 0.0, "COMPRESSION");
+        define(terms.powder.strength > 0.0, "POWDER");
+        define(terms.silver.strength > 0.0, "SILVER");
+        define(terms.ambient != [1.0; 2], "AMBIENT_GRADIENT");
+        define(terms.ray_powder, "RAY_POWDER");
+        define(terms.boost.is_on(), "BOOST");
+        define(terms.boost.is_on() && terms.boost.by_angle, "BOOST_BY_ANGLE");
+        define(terms.body.strength > 0.0, "BODY");
+        define(terms.body.shadow, "COARSE_SHADOW");
+        define(!density.fills_all_cells(), "EMPTY_CELLS");
+        define(light.suns.is_empty(), "NO_SUN");
+        define(light.suns.len() > 1, "SEVERAL_SUNS");
+        define(matches!(container.outline, Outline::Shell { .. }), "SHELL");
+        define(matches!(container.outline, Outline::Mesh(_)), "MESH");
+        define(!marched.terms.is_empty(), "TERMS");
+        let mut linker = Linker::new(density.program())?;
+        linker.add_constants(&CONSTANTS)?;
+        match marched.averages {
+            Some(averages) => {
+                linker.add_program(ALONG, &averages.along)?;
+                linker.add_program(AROUND, &averages.around)?;
+            }
+            None => {
+                for path in [ALONG, AROUND] {
+                    linker.add_program(path, &Program::constant("averages", 0.0))?;
+                }
+            }
+        }
+        for term in marched.terms {
+            linker.add(term.import_path(), &term.shader())?;
+        }
+        linker.add("generated/terms.wgsl", &terms_module(marched))?;
+        let textures = linker.textures().to_vec();
+        let source = include_str!("../../../shaders/engines/march.wgsl");
+        let module = linker.link_with("engines/march.wgsl", source, &definitions)?;
+        let single = |values: [f64; 3]| values.map(|value| value as f32);
+        let vector = |value: DVec3| value.as_vec3().to_array();
+        let region = container.outline.region();
+        let [inner, outer] = match container.outline {
+            Outline::Box(_) | Outline::Mesh(_) => [0.0; 2],
+            Outline::Shell { inner, outer } => [inner as f32, outer as f32],
+        };
+        let mut suns: Vec<Sun> = light
+            .suns
+            .iter()
+            .map(|sun| Sun {
+                way: vector(container.way(DVec3::from(sun.direction))),
+                direction: vector(sun.towards()),
+                irradiance: single(sun.irradiance),
+                ..Sun::zeroed()
+            })
+            .collect();
+        // A buffer cannot be empty.
+        suns.resize(suns.len().max(1), Sun::zeroed());
+        let cells: Vec<u32> = match density.fills_all_cells() {
+            true => vec![1],
+            false => density.cells().into_iter().map(u32::from).collect(),
+        };
+        let uniform = MarchUniform {
+            extinction: single(marched.extinction),
+            steps: settings.steps,
+            ambient: single(light.ambient),
+            shadow_steps: light.shadow.steps,
+            low: vector(region.low),
+            shadow_length: match light.shadow.length {
+                ShadowLength::Fixed(length) | ShadowLength::ToExitAtMost(length) => length as f32,
+                ShadowLength::ToExit => 0.0,
+            },
+            high: vector(region.high),
+            depth_compression: terms.octaves.compression as f32,
+            albedo: match light.source {
+                SourceFactor::Density => [0.0; 3],
+                SourceFactor::Albedo(albedo) => single(albedo),
+            },
+            powder_ambient: terms.powder.ambient as f32,
+            anisotropy: light.phase.anisotropy.map(|anisotropy| anisotropy as f32),
+            second: light.phase.second as f32,
+            least_density: settings.least_density as f32,
+            least_transmittance: settings.least_transmittance as f32,
+            octaves: terms.octaves.count,
+            contribution: terms.octaves.contribution as f32,
+            attenuation: terms.octaves.attenuation as f32,
+            eccentricity: terms.octaves.eccentricity as f32,
+            powder_strength: terms.powder.strength as f32,
+            powder_length: terms.powder.length as f32,
+            silver_strength: terms.silver.strength as f32,
+            silver_exponent: terms.silver.exponent as f32,
+            ambient_bottom: terms.ambient[0] as f32,
+            ambient_top: terms.ambient[1] as f32,
+            body_strength: terms.body.strength as f32,
+            body_length: terms.body.length as f32,
+            inner,
+            outer,
+            suns: light.suns.len() as u32,
+            phase_gain: light.phase.gain as f32,
+            alpha: light.phase.alpha.map(|alpha| alpha as f32),
+            rim: light.phase.rim as f32,
+            again: light.phase.again.unwrap_or_default().map(|anisotropy| anisotropy as f32),
+            shadow_sample: light.shadow.sample.part() as f32,
+            shadow_growth: light.shadow.growth as f32,
+            shadow_first: light.shadow.parts()[0][1] as f32,
+            shadow_by_angle: light.shadow.by_angle as f32,
+            map_from: light.shadow.map_from() as f32,
+            map_size: light.shadow.map.map_or(0, |map| map.size),
+            boost_light: terms.boost.light as f32,
+            boost_ambient: terms.boost.ambient as f32,
+            boost_length: terms.boost.length as f32,
+            shadow_extinction: match light.shadow.extinction {
+                ShadowExtinction::Of(extinction) => extinction as f32,
+                ShadowExtinction::Density | ShadowExtinction::View => 1.0,
+            },
+            ..MarchUniform::zeroed()
+        };
+        let visits = match &container.outline {
+            Outline::Mesh(mesh) => u32::try_from(mesh.mesh().nodes()).unwrap_or(u32::MAX).saturating_mul(SEARCHES),
+            Outline::Box(_) | Outline::Shell { .. } => 0,
+        };
+        let maps = marched
+            .maps
+            .iter()
+            .flat_map(|map| map.rows.iter().map(|row| row.as_vec4().to_array()).chain(map.texels.iter().copied()))
+            .collect();
+        Ok(Self {
+            outline: container.outline.clone(),
+            module,
+            uniform,
+            suns,
+            cells,
+            textures,
+            maps,
+            iterations: iterations(density.program()),
+            visits,
+        })
+    }
+
+    /// Steps of one dispatch that end within the loops of a software adapter ([`SOFTWARE_LOOPS`]).
+    pub(crate) fn steps_together(&self) -> u32 {
+        let MarchUniform { shadow_steps, suns, octaves, .. } = self.uniform;
+        steps_together(self.iterations, shadow_steps, suns, octaves, self.visits)
+    }
+
+    /// Rays of one dispatch of so many steps, whole workgroups, so that a submission takes a software adapter some 50 ms. A density with loops
+    /// costs some hundred times what a texture does.
+    pub(crate) fn rays_together(&self, together: u32) -> usize {
+        let densities = if self.iterations > 0 { DENSITIES / 16 } else { DENSITIES };
+        let MarchUniform { steps, suns, shadow_steps, .. } = self.uniform;
+        let per_ray = steps.min(together) as usize * (1 + (suns * shadow_steps) as usize);
+        let workgroup = self.module.entry_points[0].workgroup_size[0] as usize;
+        (densities / per_ray).max(1).next_multiple_of(workgroup)
     }
 }
 

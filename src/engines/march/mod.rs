@@ -15,6 +15,7 @@
 //! and T *= exp(-e s). Lengths are in the engine's unit ([`Container::unit`]), directions unit vectors of the world; places are in the
 //! density's frame, whose axes need not be of one length or at right angles.
 
+pub mod camera;
 pub mod distance_levels;
 pub mod gpu;
 pub mod shadow_map;
@@ -34,7 +35,7 @@ use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
 /// A crossing shorter than this, in units of length, is left out.
-const SHORTEST: f64 = 1e-3;
+pub(crate) const SHORTEST: f64 = 1e-3;
 
 /// Rays of a task.
 const RAYS: usize = 64;

@@ -101,7 +101,7 @@ pub struct Part {
 
 shader_struct! {
     /// Uniforms of the kernel.
-    struct CompositeUniform = "Composite" {
+    pub(crate) struct CompositeUniform = "Composite" {
         background: [f32; 3],
         exposure: f32,
         first: u32,
@@ -109,6 +109,26 @@ shader_struct! {
         rays: u32,
         begin: u32,
     }
+}
+
+impl CompositeUniform {
+    /// Over a background, with a factor on radiance; no pixels yet.
+    pub(crate) fn over(background: [f64; 3], exposure: f32) -> Self {
+        Self { background: background.map(|channel| channel as f32), exposure, first: 0, count: 0, rays: 0, begin: 0 }
+    }
+}
+
+/// Of the structs in the kernel's buffers.
+pub(crate) const LAYOUTS: [Layout; 2] = [Layout::of::<CompositeUniform>(), Layout::of::<Pixel>()];
+
+/// The kernel for a kind of background and for frames with these channels. What is not asked for is left out.
+pub(crate) fn module(compositing: Compositing, background: &Background, channels: Channels) -> Result<naga::Module> {
+    let mut definitions = background.definitions().to_vec();
+    definitions.extend(compositing.alpha_of_red.then_some("ALPHA_OF_RED"));
+    definitions.extend(compositing.alpha_twice.then_some("ALPHA_TWICE"));
+    definitions.extend(channels.transmittance.then_some("TRANSMITTANCE"));
+    let source = include_str!("../../../shaders/engines/passes/compositing.wgsl");
+    Linker::bare()?.link_with("engines/passes/compositing.wgsl", source, &definitions)
 }
 
 /// Compositing on the adapter.
@@ -127,14 +147,8 @@ impl<'a> CompositeKernel<'a> {
         background: Background,
         channels: Channels,
     ) -> Result<Self> {
-        let mut definitions = background.definitions().to_vec();
-        definitions.extend(compositing.alpha_of_red.then_some("ALPHA_OF_RED"));
-        definitions.extend(compositing.alpha_twice.then_some("ALPHA_TWICE"));
-        definitions.extend(channels.transmittance.then_some("TRANSMITTANCE"));
-        let source = include_str!("../../../shaders/engines/passes/compositing.wgsl");
-        let module = Linker::bare()?.link_with("engines/passes/compositing.wgsl", source, &definitions)?;
-        let layouts = [Layout::of::<CompositeUniform>(), Layout::of::<Pixel>()];
-        let kernel = gpu.kernel_async("compositing", &module, &layouts).await?;
+        let module = module(compositing, &background, channels)?;
+        let kernel = gpu.kernel_async("compositing", &module, &LAYOUTS).await?;
         Ok(Self { gpu, kernel, background, channels })
     }
 

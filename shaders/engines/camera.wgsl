@@ -1,0 +1,94 @@
+// Rays of a camera through a box, for a picture whose camera moves: twin of src/engines/march/camera.rs, one invocation per pixel.
+#import cloudparity::camera::constants
+
+// Linear in the raster position, which runs from the bottom-left corner in pixels: where a ray begins, in the density's frame; its
+// displacement there per unit of length, before it is divided by the length of its direction; its direction in the world, likewise.
+struct View {
+    start: vec3f,
+    width: u32,
+    start_across: vec3f,
+    height: u32,
+    start_up: vec3f,
+    // Units of length from where a ray begins to where it ends, along an axis at which the direction has length 1.
+    farthest: f32,
+    way: vec3f,
+    // Pixels of this dispatch, row by row from the top.
+    first: u32,
+    way_across: vec3f,
+    count: u32,
+    way_up: vec3f,
+    // Part of a step before the first sample.
+    jitter: f32,
+    direction: vec3f,
+    // 1 where the box has no end, so that rays end where the view does.
+    is_endless: u32,
+    direction_across: vec3f,
+    padding: f32,
+    direction_up: vec3f,
+    more_padding: f32,
+    low: vec3f,
+    further_padding: f32,
+    high: vec3f,
+    end_padding: f32,
+}
+
+// As the march reads it.
+struct Ray {
+    origin: vec3f,
+    length: f32,
+    way: vec3f,
+    jitter: f32,
+    direction: vec3f,
+    farthest: f32,
+    first: f32,
+    gap: f32,
+    further: u32,
+    further_end: u32,
+}
+
+@group(0) @binding(0) var<uniform> view: View;
+@group(0) @binding(1) var<storage, read_write> rays: array<Ray>;
+
+const LARGEST = 3.40282347e38;
+
+// Lengths at which a ray enters and leaves the box; the first is not below the second where it misses.
+fn segment(origin: vec3f, way: vec3f) -> vec2f {
+    var enter = -LARGEST;
+    var leave = LARGEST;
+    for (var axis = 0u; axis < 3u; axis++) {
+        // A ray that runs in a face is inside.
+        if way[axis] == 0.0 {
+            if origin[axis] < view.low[axis] || origin[axis] > view.high[axis] { return vec2f(0.0); }
+            continue;
+        }
+        let near = (view.low[axis] - origin[axis]) / way[axis];
+        let far = (view.high[axis] - origin[axis]) / way[axis];
+        enter = max(enter, min(near, far));
+        leave = min(leave, max(near, far));
+    }
+    return vec2f(enter, leave);
+}
+
+@compute @workgroup_size(64)
+fn main(@builtin(global_invocation_id) invocation: vec3u) {
+    if invocation.x >= view.count { return; }
+    let pixel = view.first + invocation.x;
+    let raster = vec2f(f32(pixel % view.width) + 0.5, f32(view.height - 1u - pixel / view.width) + 0.5);
+    let direction = view.direction + raster.x * view.direction_across + raster.y * view.direction_up;
+    let stretch = length(direction);
+    let way = (view.way + raster.x * view.way_across + raster.y * view.way_up) / stretch;
+    let origin = view.start + raster.x * view.start_across + raster.y * view.start_up;
+    let ends = segment(origin, way);
+    let start = max(ends.x, 0.0);
+    var farthest = view.farthest * stretch;
+    var span = ends.y - start;
+    if view.is_endless != 0u { span = min(span, max(farthest - start, 0.0)); }
+    var ray = Ray(origin, 0.0, way, view.jitter, direction / stretch, farthest, 0.0, 0.0, 0u, 0u);
+    if span >= constants::SHORTEST {
+        ray.origin = origin + way * start;
+        ray.length = span;
+        ray.farthest = farthest - start;
+    }
+    ray.first = ray.length;
+    rays[invocation.x] = ray;
+}

@@ -1,0 +1,303 @@
+// Runs a bundle in plain WebGPU: rays of the camera, the march, compositing, and the picture on a canvas. bundle.json says what goes where.
+//
+// For other pages: `await open(canvas, folder)` gives a host with `draw()`, `orbit(longitude, latitude, distance)`, `set(kernel, name, values)`
+// and `read()`, which gives the linear colours as Float32Array, four numbers a pixel from the top-left corner.
+
+const RAY = 64, PIXEL = 32;
+
+// What a page may change, by kernel and field: the range that makes sense, on a scale of factors where it is one.
+const NUMBERS = [
+  ["march", "extinction", "Extinction", "factor", 0.1, 10],
+  ["march", "ambient", "Light of the world", "factor", 0.1, 10],
+  ["march", "anisotropy", "Anisotropy", "value", -0.95, 0.95],
+  ["march", "steps", "Steps of the march", "whole", 1, 256],
+  ["march", "shadow_steps", "Steps towards the sun", "whole", 1, 64],
+  ["compose", "exposure", "Exposure", "factor", 0.1, 10],
+];
+
+const SHOW = `
+@group(0) @binding(0) var<storage, read> colour: array<vec4f>;
+@group(0) @binding(1) var<uniform> size: vec2u;
+@vertex fn corner(@builtin(vertex_index) index: u32) -> @builtin(position) vec4f {
+  return vec4f(f32(index & 1u) * 4.0 - 1.0, f32(index >> 1u) * 4.0 - 1.0, 0.0, 1.0);
+}
+// IEC 61966-2-1, the curve of sRGB.
+fn encoded(linear: vec3f) -> vec3f {
+  let value = clamp(linear, vec3f(0.0), vec3f(1.0));
+  return select(1.055 * pow(value, vec3f(1.0 / 2.4)) - 0.055, 12.92 * value, value <= vec3f(0.0031308));
+}
+@fragment fn shown(@builtin(position) place: vec4f) -> @location(0) vec4f {
+  let pixel = colour[u32(place.y) * size.x + u32(place.x)];
+  return vec4f(encoded(pixel.rgb), 1.0);
+}`;
+
+const add = (a, b, times = 1) => a.map((value, axis) => value + times * b[axis]);
+const dot = (a, b) => a.reduce((sum, value, axis) => sum + value * b[axis], 0);
+const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
+const unit = (a) => a.map((value) => value / Math.hypot(...a));
+const linear = (matrix, a) => [0, 1, 2].map((row) => dot(matrix[row].slice(0, 3), a));
+// Rodrigues' formula.
+const turned = (a, axis, angle) => {
+  const [c, s] = [Math.cos(angle), Math.sin(angle)];
+  return add(add(a.map((value) => value * c), cross(axis, a), s), axis, dot(axis, a) * (1 - c));
+};
+
+export async function open(canvas, folder = ".") {
+  const get = async (name) => {
+    const answer = await fetch(`${folder}/${name}`);
+    if (!answer.ok) throw new Error(`${name}: the server answers ${answer.status}. The folder must be served whole.`);
+    return answer;
+  };
+  const bundle = await (await get("bundle.json")).json();
+  if (!navigator.gpu) throw new Error("This browser has no WebGPU. Chrome and Edge from 113, Safari from 26 and Firefox from 141 have it; on Linux it may have to be switched on. Pages need https or localhost for it.");
+  const adapter = await navigator.gpu.requestAdapter({ powerPreference: "high-performance" });
+  if (!adapter) throw new Error("The browser has WebGPU but gives no graphics adapter. Its page about graphics (chrome://gpu) says why.");
+  const [width, height] = bundle.resolution;
+  const files = new Map();
+  for (const kernel of bundle.kernels) {
+    for (const binding of kernel.bindings.filter((one) => one.file)) {
+      if (!files.has(binding.file)) files.set(binding.file, await (await get(binding.file)).arrayBuffer());
+    }
+  }
+  const largest = Math.max(width * height * 16, ...[...files.values()].map((content) => content.byteLength));
+  const buffers = Math.max(...bundle.kernels.map((kernel) => kernel.bindings.length));
+  const wanted = { maxStorageBufferBindingSize: largest, maxBufferSize: largest, maxStorageBuffersPerShaderStage: buffers };
+  const requiredLimits = {};
+  for (const [name, needed] of Object.entries(wanted)) {
+    if (needed > adapter.limits[name]) throw new Error(`This scene needs ${name} of ${needed}, and the adapter has ${adapter.limits[name]}.`);
+    // The default of every implementation is enough for small scenes.
+    if (name !== "maxStorageBuffersPerShaderStage" || needed > 8) requiredLimits[name] = needed;
+  }
+  const device = await adapter.requestDevice({ requiredLimits });
+  const host = { bundle, device, lost: null };
+  device.lost.then((why) => { host.lost = why.message || why.reason; });
+
+  const buffer = (size, usage) => device.createBuffer({ size, usage });
+  const { STORAGE, COPY_SRC, COPY_DST, UNIFORM, MAP_READ } = GPUBufferUsage;
+  const rays = buffer(bundle.rays_together * RAY, STORAGE);
+  const pixels = buffer(bundle.rays_together * PIXEL, STORAGE | COPY_DST);
+  const colour = buffer(width * height * 16, STORAGE | COPY_SRC);
+  const roles = { rays, pixels, colour };
+  for (const [name, content] of files) {
+    roles[name] = buffer(content.byteLength, STORAGE | COPY_DST);
+    device.queue.writeBuffer(roles[name], 0, content);
+  }
+  const kernels = {};
+  for (const kernel of bundle.kernels) {
+    const code = await (await get(kernel.file)).text();
+    const pipeline = await device.createComputePipelineAsync({
+      layout: "auto", compute: { module: device.createShaderModule({ code }), entryPoint: "main" },
+    });
+    const fields = Object.fromEntries(kernel.uniform.map((field) => [field.name, { ...field, values: [...field.values] }]));
+    kernels[kernel.name] = { ...kernel, pipeline, fields };
+  }
+
+  // What a kernel is given for one dispatch.
+  const packed = (kernel, changes) => {
+    const bytes = new DataView(new ArrayBuffer(kernel.bytes));
+    for (const { name, offset, kind, values } of Object.values(kernel.fields)) {
+      (name in changes ? [changes[name]] : values).forEach((value, number) => {
+        if (kind === "f32") bytes.setFloat32(offset + 4 * number, value, true);
+        else bytes.setUint32(offset + 4 * number, value, true);
+      });
+    }
+    return bytes;
+  };
+  let spare = [];
+  const run = (encoder, used, kernel, count, changes) => {
+    const uniform = spare.find((one) => one.size === kernel.bytes && !used.includes(one)) ?? buffer(kernel.bytes, UNIFORM | COPY_DST);
+    used.push(uniform);
+    device.queue.writeBuffer(uniform, 0, packed(kernel, changes));
+    const groups = new Map([[0, [{ binding: 0, resource: { buffer: uniform } }]]]);
+    for (const { group, binding, role, file } of kernel.bindings) {
+      if (!groups.has(group)) groups.set(group, []);
+      groups.get(group).push({ binding, resource: { buffer: roles[file ?? role] } });
+    }
+    const pass = encoder.beginComputePass();
+    pass.setPipeline(kernel.pipeline);
+    for (const [number, entries] of groups) {
+      pass.setBindGroup(number, device.createBindGroup({ layout: kernel.pipeline.getBindGroupLayout(number), entries }));
+    }
+    pass.dispatchWorkgroups(Math.ceil(count / kernel.workgroup));
+    pass.end();
+  };
+
+  const context = canvas?.getContext("webgpu");
+  let screen = null;
+  if (context) {
+    canvas.width = width;
+    canvas.height = height;
+    const format = navigator.gpu.getPreferredCanvasFormat();
+    context.configure({ device, format, alphaMode: "opaque" });
+    const module = device.createShaderModule({ code: SHOW });
+    const pipeline = await device.createRenderPipelineAsync({
+      layout: "auto", vertex: { module }, fragment: { module, targets: [{ format }] },
+    });
+    const size = buffer(16, UNIFORM | COPY_DST);
+    device.queue.writeBuffer(size, 0, new Uint32Array([width, height, 0, 0]));
+    const entries = [{ binding: 0, resource: { buffer: colour } }, { binding: 1, resource: { buffer: size } }];
+    screen = { pipeline, group: device.createBindGroup({ layout: pipeline.getBindGroupLayout(0), entries }) };
+  }
+
+  // One picture; resolves when the adapter is done, with the milliseconds that it took.
+  host.draw = async () => {
+    if (host.lost) throw new Error(`The graphics device was lost: ${host.lost}. Load the page again.`);
+    const begin = performance.now();
+    const { camera, march, compose } = kernels;
+    const steps = march.fields.steps.values[0];
+    const together = Math.max(1, bundle.steps_together);
+    for (let first = 0; first < width * height; first += bundle.rays_together) {
+      const count = Math.min(bundle.rays_together, width * height - first);
+      const used = [];
+      const encoder = device.createCommandEncoder();
+      encoder.clearBuffer(pixels);
+      run(encoder, used, camera, count, { first, count });
+      for (let step = 0; step < steps; step += together) {
+        run(encoder, used, march, count, { count, first_step: step, end_step: step + together });
+      }
+      run(encoder, used, compose, count, { first, count, rays: 1, begin: 0 });
+      device.queue.submit([encoder.finish()]);
+      // Uniforms are free again for the next submission: writes to them are queued behind it.
+      spare = [...new Set([...spare, ...used])];
+    }
+    if (screen) {
+      const encoder = device.createCommandEncoder();
+      const view = context.getCurrentTexture().createView();
+      const pass = encoder.beginRenderPass({ colorAttachments: [{ view, loadOp: "clear", storeOp: "store" }] });
+      pass.setPipeline(screen.pipeline);
+      pass.setBindGroup(0, screen.group);
+      pass.draw(3);
+      pass.end();
+      device.queue.submit([encoder.finish()]);
+    }
+    await device.queue.onSubmittedWorkDone();
+    return performance.now() - begin;
+  };
+
+  host.read = async () => {
+    const copy = buffer(width * height * 16, COPY_DST | MAP_READ);
+    const encoder = device.createCommandEncoder();
+    encoder.copyBufferToBuffer(colour, 0, copy, 0, copy.size);
+    device.queue.submit([encoder.finish()]);
+    await copy.mapAsync(GPUMapMode.READ);
+    const values = new Float32Array(copy.getMappedRange().slice(0));
+    copy.destroy();
+    return values;
+  };
+
+  host.get = (kernel, name) => kernels[kernel].fields[name].values;
+  host.set = (kernel, name, values) => { kernels[kernel].fields[name].values = [...values]; };
+  host.original = (kernel, name) =>
+    bundle.kernels.find((one) => one.name === kernel).uniform.find((field) => field.name === name).values;
+
+  // The scene's camera, turned around what it looks at (the middle of the density's box) and moved towards it or away: longitude around the
+  // world's z axis and latitude in radians, distance as a factor.
+  host.orbit = (longitude, latitude, distance) => {
+    const { place, target, to_local, unit: metres } = bundle.camera;
+    const away = add(place, target, -1);
+    const side = unit(cross([0, 0, 1], away).map((value) => value || 1e-9));
+    const turn = (a) => turned(turned(a, side, -latitude), [0, 0, 1], longitude);
+    const at = (name) => host.original("camera", name);
+    for (const part of ["", "_across", "_up"]) {
+      const direction = turn(at(`direction${part}`));
+      host.set("camera", `direction${part}`, direction);
+      host.set("camera", `way${part}`, linear(to_local, direction).map((value) => value * metres));
+    }
+    // Where rays begin, from the camera's place on, which was given in the density's frame.
+    const middle = add(linear(to_local, target), to_local.map((row) => row[3]));
+    const to_world = inverse(to_local);
+    const moved = (local) => linear(to_local, turn(linear(to_world, local)));
+    const from = add(linear(to_local, place), to_local.map((row) => row[3]));
+    const near = moved(add(at("start"), from, -1));
+    host.set("camera", "start", add(add(middle, linear(to_local, turn(away)), distance), near));
+    host.set("camera", "start_across", moved(at("start_across")));
+    host.set("camera", "start_up", moved(at("start_up")));
+  };
+  return host;
+}
+
+// Of the linear part of a matrix of rows.
+function inverse(matrix) {
+  const rows = matrix.slice(0, 3).map((row) => row.slice(0, 3));
+  const columns = [cross(rows[1], rows[2]), cross(rows[2], rows[0]), cross(rows[0], rows[1])];
+  const determinant = dot(rows[0], columns[0]);
+  return [0, 1, 2].map((row) => columns.map((column) => column[row] / determinant).concat(0));
+}
+
+// The page.
+const canvas = document.getElementById("picture");
+if (canvas) {
+  const status = document.getElementById("status");
+  const fail = (error) => { status.className = "failed"; status.textContent = error.message; };
+  try {
+    const began = performance.now();
+    const host = await open(canvas);
+    window.host = host;
+    const { model, scene } = host.bundle;
+    document.getElementById("title").textContent = document.title = `${scene}, ${model}`;
+    let [longitude, latitude, distance] = [0, 0, 1];
+    let busy = false, again = false;
+    const show = async () => {
+      if (busy) { again = true; return; }
+      busy = true;
+      try {
+        do {
+          again = false;
+          const took = await host.draw();
+          window.firstPicture ??= performance.now() - began;
+          status.textContent = `${host.bundle.resolution.join(" × ")}: ${took.toFixed(0)} ms a picture. Drag to go around, turn the wheel to come closer.`;
+        } while (again);
+      } catch (error) { fail(error); }
+      busy = false;
+    };
+    const turn = () => { host.orbit(longitude, latitude, distance); show(); };
+    canvas.addEventListener("pointerdown", (event) => canvas.setPointerCapture(event.pointerId));
+    canvas.addEventListener("pointermove", (event) => {
+      if (!event.buttons) return;
+      longitude -= event.movementX * 0.008;
+      latitude = Math.max(-1.4, Math.min(1.4, latitude + event.movementY * 0.008));
+      turn();
+    });
+    canvas.addEventListener("wheel", (event) => {
+      event.preventDefault();
+      distance = Math.max(0.05, Math.min(20, distance * Math.exp(event.deltaY * 0.001)));
+      turn();
+    }, { passive: false });
+    const reset = [];
+    for (const [kernel, name, title, scale, low, high] of NUMBERS) {
+      const own = host.original(kernel, name);
+      if (!own.some((value) => value !== 0)) continue;
+      const label = document.createElement("label");
+      const shown = document.createElement("output");
+      const slider = Object.assign(document.createElement("input"), { type: "range", step: "any" });
+      const factor = scale === "factor";
+      [slider.min, slider.max] = factor ? [Math.log(low), Math.log(high)] : [low, high];
+      if (scale === "whole") slider.step = 1;
+      const write = () => {
+        const value = Number(slider.value);
+        host.set(kernel, name, factor ? own.map((one) => one * Math.exp(value)) : own.map((one, index) => (index ? one : value)));
+        shown.value = factor ? `× ${Math.exp(value).toFixed(2)}` : value.toFixed(scale === "whole" ? 0 : 2);
+      };
+      const start = () => { slider.value = factor ? 0 : own[0]; write(); };
+      slider.addEventListener("input", () => { write(); show(); });
+      label.append(title, shown, slider);
+      document.getElementById("numbers").append(label);
+      start();
+      reset.push(start);
+    }
+    document.getElementById("reset").addEventListener("click", () => {
+      [longitude, latitude, distance] = [0, 0, 1];
+      reset.forEach((start) => start());
+      turn();
+    });
+    const answer = await fetch("certificate.json");
+    const facts = answer.ok ? await answer.json() : {};
+    for (const [name, value] of Object.entries(facts)) {
+      if (typeof value === "object" || name === "format") continue;
+      const [term, text] = [document.createElement("dt"), document.createElement("dd")];
+      [term.textContent, text.textContent] = [name.replaceAll("_", " "), typeof value === "number" ? value.toPrecision(4) : value];
+      document.getElementById("certificate").append(term, text);
+    }
+    await show();
+  } catch (error) { fail(error); }
+}

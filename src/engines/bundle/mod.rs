@@ -1,0 +1,443 @@
+//! A shader bundle: an engine in a scene as files that run without this program. Three kernels in plain WGSL (rays of a camera, the march,
+//! compositing), what is in their buffers, and `bundle.json`, which says how they go together; a page in plain WebGPU runs them.
+//!
+//! The kernels are those of this program, with nothing of a scene left in them that it does not use. What they are given lies in uniforms by
+//! name: a number is changed at run time, without compiling. [`Bundle::picture`] runs the files on an adapter as a host does, from the texts and
+//! bytes that were written.
+
+use crate::base::error::{Error, Result};
+use crate::base::files;
+use crate::base::identity::Identity;
+use crate::engines::Engine;
+use crate::engines::domain::Outline;
+use crate::engines::march::gpu::MarchParts;
+use crate::engines::march::{camera, camera::ViewUniform};
+use crate::engines::passes::compositing::{self, Background, CompositeUniform};
+use crate::engines::passes::{Channels, frame::Frame};
+use crate::engines::render::EngineRenderer;
+use crate::gpu::layout::ShaderStruct;
+use crate::gpu::{Bindings, ComputeKernel, Gpu, Layout};
+use crate::graph::wgsl::{self, Language};
+use crate::scene::Scene;
+use crate::scene::image::Image;
+use naga::ScalarKind;
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+use std::path::Path;
+
+/// What `bundle.json` begins with.
+pub const FORMAT: &str = "cloudparity bundle 1";
+
+/// The page and its program.
+const PAGE: [(&str, &str); 2] = [("index.html", include_str!("index.html")), ("host.js", include_str!("host.js"))];
+
+/// Bytes of a ray and of what it came to.
+const RAY: u64 = 64;
+const PIXEL: u64 = 32;
+
+/// `bundle.json`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Manifest {
+    /// [`FORMAT`].
+    pub format: String,
+    /// The cloud system.
+    pub model: String,
+    /// Defects of the original that it has.
+    pub defects: String,
+    /// Its parameters, as the shaders were made for.
+    pub parameters: serde_json::Value,
+    /// The scene's name.
+    pub scene: String,
+    /// SHA-256 of the scene's content.
+    pub scene_sha256: String,
+    /// The build that wrote it.
+    pub build: String,
+    /// Width and height of the scene's picture.
+    pub resolution: [u32; 2],
+    /// The scene's camera and the frame of its density, for hosts whose camera moves.
+    pub camera: CameraFrame,
+    /// Steps of a dispatch of the march, at most: a software adapter cuts off loops that are longer. The pixels keep what a ray came to
+    /// between dispatches.
+    pub steps_together: u32,
+    /// Rays of a dispatch, at most, so that a software adapter is done in some 50 ms.
+    pub rays_together: u32,
+    /// `camera`, `march` and `compose`, in this order.
+    pub kernels: [Kernel; 3],
+}
+
+/// What a host needs to make the uniforms of the camera for another place.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct CameraFrame {
+    /// The camera's place in the world.
+    pub place: [f64; 3],
+    /// The middle of the density's box in the world.
+    pub target: [f64; 3],
+    /// World to the density's frame, row by row.
+    pub to_local: [[f64; 4]; 4],
+    /// Metres of the engine's unit of length.
+    pub unit: f64,
+}
+
+/// A compute kernel; its entry point is `main`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Kernel {
+    /// Its name.
+    pub name: String,
+    /// Its text.
+    pub file: String,
+    /// Invocations of a workgroup.
+    pub workgroup: u32,
+    /// Bytes of the uniform, binding 0 of group 0.
+    pub bytes: u32,
+    /// Fields of the uniform with the numbers of the scene.
+    pub uniform: Vec<Field>,
+    /// Further bindings.
+    pub bindings: Vec<Binding>,
+}
+
+/// A field of a uniform.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Field {
+    /// Its name in the shader, where its meaning stands.
+    pub name: String,
+    /// Bytes before it.
+    pub offset: u32,
+    /// `f32` or `u32`.
+    pub kind: String,
+    /// Its numbers, one or a vector's.
+    pub values: Vec<f64>,
+}
+
+/// A storage buffer of a kernel.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Binding {
+    /// Its group.
+    pub group: u32,
+    /// Its number there.
+    pub binding: u32,
+    /// `rays` (64 bytes each), `pixels` (32 bytes each), `colour` (`vec4f` each, from the top-left corner), or `file`.
+    pub role: String,
+    /// Its content, where the role is `file`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub file: Option<String>,
+}
+
+/// A bundle in memory.
+pub struct Bundle {
+    /// What `bundle.json` says.
+    pub manifest: Manifest,
+    /// The other files by name.
+    pub files: BTreeMap<String, Vec<u8>>,
+}
+
+impl Bundle {
+    /// The bundle of an engine in a scene: one ray per pixel, samples in the middle of their steps. An error where the engine needs what a
+    /// bundle has not: passes over the picture, a domain that is no box, a picture of a world.
+    pub fn new(scene: &Scene, engine: &Engine) -> Result<Self> {
+        if let Some(pass) = engine.passes.first() {
+            return Err(Error::new(
+                format!("pass {}", pass.id()),
+                "a pass over the picture",
+                "an engine without passes: bundles carry none",
+                "Switch the pass off by its parameter, or take another model.",
+            ));
+        }
+        let renderer = EngineRenderer::new(scene, engine, None)?;
+        let size = scene.image_size();
+        let march = renderer.march_parts()?;
+        let background = renderer.constant_background()?;
+        let view = ViewUniform::new(renderer.camera(), &engine.container, size)?;
+        let kind = background.map_or(Background::None, Background::Constant);
+        let composite = CompositeUniform::over(background.unwrap_or_default(), scene.film.exposure);
+        let mut files = BTreeMap::new();
+        let mut kernel = |name: &str, module: &naga::Module, uniform: Uniform, contents: Vec<Content>| {
+            kernel(&mut files, name, module, uniform, contents)
+        };
+        let no_gaps: [[f32; 2]; 2] = [[0.0; 2]; 2];
+        let mut of_march = vec![
+            Content::role(1, "rays"),
+            Content::role(2, "pixels"),
+            Content::bytes(0, 3, "suns", bytemuck::cast_slice(&march.suns)),
+            Content::bytes(0, 4, "cells", bytemuck::cast_slice(&march.cells)),
+            Content::bytes(0, 5, "gaps", bytemuck::cast_slice(&no_gaps)),
+            Content::bytes(0, 6, "shadow-maps", bytemuck::cast_slice(&march.maps)),
+        ];
+        let textures: Vec<u8> = march.textures.iter().flat_map(|texture| texture.texels().words()).collect();
+        of_march.push(Content::bytes(1, 0, "textures", &textures));
+        let kernels = [
+            kernel("camera", &camera::module()?, Uniform::of(&view), vec![Content::role(1, "rays")])?,
+            kernel("march", &march.module, Uniform::of(&march.uniform), of_march)?,
+            kernel(
+                "compose",
+                &compositing::module(engine.compositing, &kind, Channels::default())?,
+                Uniform::of(&composite),
+                vec![Content::role(1, "pixels"), Content::role(2, "colour")],
+            )?,
+        ];
+        for (name, text) in PAGE {
+            files.insert(name.into(), text.into());
+        }
+        let region = match &engine.container.outline {
+            Outline::Box(region) => *region,
+            other => other.region(),
+        };
+        let to_world = engine.container.to_local.inverse();
+        let steps_together = march.steps_together();
+        let manifest = Manifest {
+            format: FORMAT.into(),
+            model: engine.model.into(),
+            defects: engine.defects.to_string(),
+            parameters: serde_json::to_value(&engine.values).unwrap_or_default(),
+            scene: scene.name.clone(),
+            scene_sha256: scene.content_hash(),
+            build: Identity::current().full().to_owned(),
+            resolution: size,
+            camera: CameraFrame {
+                place: scene.camera.matrix_world.map(|row| f64::from(row[3]))[..3].try_into().unwrap_or_default(),
+                target: to_world.transform_point3((region.low + region.high) / 2.0).to_array(),
+                to_local: engine.container.to_local.transpose().to_cols_array_2d(),
+                unit: engine.container.unit,
+            },
+            steps_together,
+            rays_together: march.rays_together(steps_together) as u32,
+            kernels,
+        };
+        Ok(Self { manifest, files })
+    }
+
+    /// Writes it into a folder, `bundle.json` last.
+    pub fn write(&self, folder: &Path) -> Result<()> {
+        let made = std::fs::create_dir_all(folder);
+        made.map_err(|cause| Error::io(folder, "a folder that can be made", &cause))?;
+        for (name, bytes) in &self.files {
+            files::write_atomically(&folder.join(name), bytes)?;
+        }
+        let text = serde_json::to_string_pretty(&self.manifest).expect("a manifest is JSON");
+        files::write_atomically(&folder.join("bundle.json"), (text + "\n").as_bytes())
+    }
+
+    /// Reads it from a folder.
+    pub fn load(folder: &Path) -> Result<Self> {
+        let path = folder.join("bundle.json");
+        let text = files::read_text(&path, "the manifest of a bundle")?;
+        let manifest: Manifest = serde_json::from_str(&text).map_err(|cause| {
+            let place = format!("{}, line {}", path.display(), cause.line());
+            Error::new(place, cause.to_string(), "the manifest of a bundle", "Publish the scene again.")
+        })?;
+        if manifest.format != FORMAT {
+            return Err(Error::new(
+                path.display().to_string(),
+                format!("format \"{}\"", manifest.format),
+                format!("\"{FORMAT}\""),
+                "Publish the scene again.",
+            ));
+        }
+        let mut found = BTreeMap::new();
+        for kernel in &manifest.kernels {
+            for name in kernel.bindings.iter().filter_map(|binding| binding.file.as_ref()).chain([&kernel.file]) {
+                let path = folder.join(name);
+                let bytes = std::fs::read(&path).map_err(|cause| Error::io(&path, "a file of the bundle", &cause))?;
+                found.insert(name.clone(), bytes);
+            }
+        }
+        Ok(Self { manifest, files: found })
+    }
+
+    /// The scene's picture, from the texts and bytes of the bundle alone.
+    pub fn picture(&self, gpu: &Gpu) -> Result<Image> {
+        let Manifest { resolution: [width, height], kernels: [camera, march, compose], .. } = &self.manifest;
+        let total = width * height;
+        let [ready_camera, ready_march, ready_compose] = [
+            self.compiled(gpu, camera, &camera::LAYOUTS)?,
+            self.compiled(gpu, march, &MarchParts::LAYOUTS)?,
+            self.compiled(gpu, compose, &compositing::LAYOUTS)?,
+        ];
+        let together = self.manifest.rays_together.max(1);
+        let buffer = |label, size| {
+            gpu.device().create_buffer(&wgpu::BufferDescriptor {
+                label: Some(label),
+                size,
+                usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC | wgpu::BufferUsages::COPY_DST,
+                mapped_at_creation: false,
+            })
+        };
+        let rays = buffer("rays", u64::from(together) * RAY);
+        let frame = Frame::new(gpu, [*width, *height], Channels::default())?;
+        let held = |kernel: &Kernel| -> Vec<((u32, u32), wgpu::Buffer)> {
+            let files = kernel.bindings.iter().filter_map(|binding| Some((binding, binding.file.as_ref()?)));
+            let upload = |name: &String| gpu.upload(name, &self.files[name], wgpu::BufferUsages::STORAGE);
+            files.map(|(binding, name)| ((binding.group, binding.binding), upload(name))).collect()
+        };
+        let of_march = held(march);
+        let steps = march.number("steps");
+        for first in (0..total).step_by(together as usize) {
+            let count = together.min(total - first);
+            // A buffer of its own: a march goes on from what its pixels hold.
+            let pixels = buffer("pixels", u64::from(together) * PIXEL);
+            let run = |kernel: &Kernel, ready: &ComputeKernel, changed: &[(&str, u32)]| -> Result<()> {
+                let uniform = kernel.packed(changed)?;
+                let uniform = gpu.upload(&kernel.name, &uniform, wgpu::BufferUsages::UNIFORM);
+                let mut bindings = Bindings::new().bind(0, 0, uniform.as_entire_binding());
+                for binding in &kernel.bindings {
+                    let buffer = match binding.role.as_str() {
+                        "rays" => &rays,
+                        "pixels" => &pixels,
+                        "colour" => &frame.colour,
+                        _ => {
+                            let place = (binding.group, binding.binding);
+                            let found = of_march.iter().find(|(at, _)| *at == place);
+                            found.map(|(_, buffer)| buffer).ok_or_else(|| unknown(&binding.role))?
+                        }
+                    };
+                    bindings = bindings.bind(binding.group, binding.binding, buffer.as_entire_binding());
+                }
+                gpu.dispatch(ready, &bindings, [count, 1, 1])
+            };
+            run(camera, &ready_camera, &[("first", first), ("count", count)])?;
+            for begin in (0..steps).step_by(self.manifest.steps_together.max(1) as usize) {
+                let end = begin.saturating_add(self.manifest.steps_together);
+                run(march, &ready_march, &[("count", count), ("first_step", begin), ("end_step", end)])?;
+            }
+            run(compose, &ready_compose, &[("first", first), ("count", count), ("rays", 1), ("begin", 0)])?;
+        }
+        frame.read_back(gpu)
+    }
+
+    fn compiled(&self, gpu: &Gpu, kernel: &Kernel, layouts: &[Layout]) -> Result<ComputeKernel> {
+        let text = String::from_utf8_lossy(&self.files[&kernel.file]);
+        let module = naga::front::wgsl::parse_str(&text).map_err(|cause| {
+            Error::new(
+                format!("shader {}", kernel.file),
+                cause.emit_to_string(&text),
+                "a shader in WGSL",
+                "Publish the scene again.",
+            )
+        })?;
+        gpu.block_on(gpu.kernel_async(&kernel.name, &module, layouts))?
+    }
+}
+
+fn unknown(role: &str) -> Error {
+    Error::new("bundle.json", format!("role \"{role}\""), "rays, pixels, colour or file", "Publish the scene again.")
+}
+
+impl Kernel {
+    /// A whole number of the uniform; 0 where there is none of the name.
+    fn number(&self, name: &str) -> u32 {
+        let field = self.uniform.iter().find(|field| field.name == name);
+        field.and_then(|field| field.values.first()).map_or(0, |&value| value as u32)
+    }
+
+    /// The uniform as bytes, with other whole numbers for some of its fields.
+    fn packed(&self, changed: &[(&str, u32)]) -> Result<Vec<u8>> {
+        let mut bytes = vec![0; self.bytes as usize];
+        for field in &self.uniform {
+            for (number, &value) in field.values.iter().enumerate() {
+                let other = changed.iter().find(|(name, _)| *name == field.name);
+                let word = match field.kind.as_str() {
+                    "f32" => (value as f32).to_le_bytes(),
+                    _ => other.map_or(value as u32, |(_, value)| *value).to_le_bytes(),
+                };
+                let at = field.offset as usize + 4 * number;
+                let place = bytes.get_mut(at..at + 4).ok_or_else(|| {
+                    Error::new(
+                        format!("bundle.json, field {} of {}", field.name, self.name),
+                        format!("{at} bytes before it"),
+                        format!("a place within the {} bytes of the uniform", self.bytes),
+                        "Publish the scene again.",
+                    )
+                })?;
+                place.copy_from_slice(&word);
+            }
+        }
+        Ok(bytes)
+    }
+}
+
+/// A uniform as bytes, and where its fields lie.
+struct Uniform {
+    bytes: Vec<u8>,
+    fields: &'static [crate::gpu::layout::Field],
+}
+
+impl Uniform {
+    fn of<T: ShaderStruct>(value: &T) -> Self {
+        Self { bytes: bytemuck::bytes_of(value).to_vec(), fields: T::FIELDS }
+    }
+
+    /// Its fields with their numbers; gaps are left out.
+    fn described(&self) -> Vec<Field> {
+        let of = |field: &crate::gpu::layout::Field| {
+            let is_float = field.kind == Some(ScalarKind::Float);
+            let word = |bytes: &[u8]| -> f64 {
+                let bytes: [u8; 4] = bytes.try_into().unwrap_or_default();
+                if is_float { f64::from(f32::from_le_bytes(bytes)) } else { f64::from(u32::from_le_bytes(bytes)) }
+            };
+            Field {
+                name: field.name.into(),
+                offset: field.offset as u32,
+                kind: if is_float { "f32" } else { "u32" }.into(),
+                values: self.bytes[field.offset..field.offset + field.size].chunks_exact(4).map(word).collect(),
+            }
+        };
+        self.fields.iter().filter(|field| !field.name.contains("padding")).map(of).collect()
+    }
+}
+
+/// What a binding holds.
+struct Content {
+    group: u32,
+    binding: u32,
+    role: &'static str,
+    bytes: Vec<u8>,
+}
+
+impl Content {
+    fn role(binding: u32, role: &'static str) -> Self {
+        Self { group: 0, binding, role, bytes: Vec::new() }
+    }
+
+    /// A file of its name; a buffer cannot be empty.
+    fn bytes(group: u32, binding: u32, role: &'static str, bytes: &[u8]) -> Self {
+        let mut bytes = bytes.to_vec();
+        bytes.resize(bytes.len().next_multiple_of(4).max(16), 0);
+        Self { group, binding, role, bytes }
+    }
+}
+
+/// Writes a kernel's text and the contents of those bindings that are left in it.
+fn kernel(
+    files: &mut BTreeMap<String, Vec<u8>>,
+    name: &str,
+    module: &naga::Module,
+    uniform: Uniform,
+    contents: Vec<Content>,
+) -> Result<Kernel> {
+    let file = format!("{name}.wgsl");
+    files.insert(file.clone(), wgsl::write(module, Language::Wgsl)?);
+    let is_left = |content: &Content| {
+        let wanted = (content.group, content.binding);
+        let mut places = module.global_variables.iter().filter_map(|(_, variable)| variable.binding);
+        places.any(|place| (place.group, place.binding) == wanted)
+    };
+    let mut bindings = Vec::new();
+    for content in contents.into_iter().filter(is_left) {
+        let Content { group, binding, role, bytes } = content;
+        let (role, file) = match bytes.is_empty() {
+            true => (role.to_owned(), None),
+            false => ("file".to_owned(), Some(format!("{role}.bin"))),
+        };
+        if let Some(file) = &file {
+            files.insert(file.clone(), bytes);
+        }
+        bindings.push(Binding { group, binding, role, file });
+    }
+    Ok(Kernel {
+        name: name.into(),
+        file,
+        workgroup: module.entry_points[0].workgroup_size[0],
+        bytes: uniform.bytes.len() as u32,
+        uniform: uniform.described(),
+        bindings,
+    })
+}
