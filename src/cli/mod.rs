@@ -79,7 +79,6 @@ enum Command {
     Diff(Box<diff::Arguments>),
     Report(report::Arguments),
     Measure(Box<measure::Arguments>),
-    Explain(explain::Arguments),
     Eval(eval::Arguments),
     Probe(probe::Arguments),
     Publish(Box<publish::Arguments>),
@@ -94,7 +93,7 @@ const TASKS: [(&str, &[(&str, &str)]); 4] = [
         &[
             ("init", "begin with a .blend: its scene, a study, a tuning, what to do next"),
             ("export", "convert: .blend to scene file and back, EXR to PNG"),
-            ("show", "parameters of a scene, nodes, models, lights, passes, this machine"),
+            ("show", "what a scene evaluates, parameters, nodes, models, this machine"),
         ],
     ),
     (
@@ -109,7 +108,6 @@ const TASKS: [(&str, &[(&str, &str)]); 4] = [
     (
         "Values of the field",
         &[
-            ("explain", "what of the node graph is evaluated, what is left out, and why"),
             ("eval", "density, or any inner output, at points"),
             ("probe", "our values against live Cycles at the same points"),
             ("shader", "the density as WGSL, SPIR-V, GLSL, HLSL or MSL"),
@@ -199,7 +197,6 @@ pub fn run() -> ExitCode {
         Command::Diff(arguments) => diff::run(&arguments),
         Command::Report(arguments) => report::run(&arguments),
         Command::Measure(arguments) => measure::run(&arguments),
-        Command::Explain(arguments) => explain::run(&arguments),
         Command::Eval(arguments) => eval::run(&arguments),
         Command::Probe(arguments) => probe::run(&arguments),
         Command::Publish(arguments) => publish::run(&arguments),

@@ -1,10 +1,10 @@
 //! `cloudparity show`: what there is.
 
-use super::{completions, doctor, lights, man, models, nodes, params, passes, schema};
+use super::{completions, doctor, explain, lights, man, models, nodes, params, passes, schema};
 use crate::base::error::Result;
 use std::process::ExitCode;
 
-/// Show what there is: a scene's parameters, nodes, engines, light models, this machine.
+/// Show what there is: what a scene evaluates, its parameters, nodes, engines, light models, this machine.
 #[derive(clap::Args)]
 pub(super) struct Arguments {
     #[command(subcommand)]
@@ -13,6 +13,7 @@ pub(super) struct Arguments {
 
 #[derive(clap::Subcommand)]
 enum What {
+    Explain(explain::Arguments),
     Params(params::Arguments),
     Models(models::Arguments),
     Lights(lights::Arguments),
@@ -26,6 +27,7 @@ enum What {
 
 pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
     match &arguments.what {
+        What::Explain(arguments) => explain::run(arguments),
         What::Params(arguments) => params::run(arguments),
         What::Models(arguments) => models::run(arguments),
         What::Lights(arguments) => lights::run(arguments),

@@ -434,6 +434,13 @@ pub fn validate(module: &naga::Module) -> Result<naga::valid::ModuleInfo> {
     })
 }
 
+/// The largest f32 as the writer of naga puts it: the shortest decimals that round to it, which are a little more. Chromium's compiler refuses
+/// a literal above the largest number.
+const LARGEST_IN_DECIMALS: &str = "340282350000000000000000000000000000000f";
+
+/// The same number exactly.
+const LARGEST: &str = "0x1.fffffep+127f";
+
 /// Writes a module in a language.
 pub fn write(module: &naga::Module, language: Language) -> Result<Vec<u8>> {
     use naga::back;
@@ -445,6 +452,7 @@ pub fn write(module: &naga::Module, language: Language) -> Result<Vec<u8>> {
     Ok(match language {
         Language::Wgsl => back::wgsl::write_string(module, &info, back::wgsl::WriterFlags::empty())
             .map_err(|cause| failure(cause.to_string()))?
+            .replace(LARGEST_IN_DECIMALS, LARGEST)
             .into_bytes(),
         Language::Spirv => {
             let options = back::spv::Options { lang_version: (1, 3), ..Default::default() };
@@ -496,4 +504,21 @@ pub fn write(module: &naga::Module, language: Language) -> Result<Vec<u8>> {
                 .into_bytes()
         }
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_largest_number_is_written_so_that_every_compiler_takes_it() {
+        let source = "@group(0) @binding(0) var<storage, read_write> result: f32;
+            @compute @workgroup_size(1) fn main() { result = max(result, -3.40282347e38); }";
+        let module = Linker::bare().and_then(|linker| linker.link("largest.wgsl", source)).expect("it links");
+        let text = String::from_utf8(write(&module, Language::Wgsl).expect("WGSL")).expect("text");
+        assert!(text.contains("-0x1.fffffep+127f"), "{text}");
+        let again = naga::front::wgsl::parse_str(&text).expect("it parses");
+        let again = String::from_utf8(write(&again, Language::Wgsl).expect("WGSL")).expect("text");
+        assert!(again.contains("-0x1.fffffep+127f"), "another number: {again}");
+    }
 }

@@ -295,7 +295,8 @@ if (canvas) {
     for (const [name, value] of Object.entries(facts)) {
       if (typeof value === "object" || name === "format") continue;
       const [term, text] = [document.createElement("dt"), document.createElement("dd")];
-      [term.textContent, text.textContent] = [name.replaceAll("_", " "), typeof value === "number" ? value.toPrecision(4) : value];
+      [term.textContent, text.textContent] = [name.replaceAll("_", " "), typeof value === "number" ? Number(value.toPrecision(4)) : value];
+      text.title = value;
       document.getElementById("certificate").append(term, text);
     }
     await show();
