@@ -366,7 +366,9 @@ fn link_own_nodes() -> BTreeSet<String> {
 /// A linker with all that entries import: a program, two averages, the constants of every kernel, and a system's own terms.
 fn linker(program: &Program) -> Result<Linker> {
     let mut linker = Linker::new(program)?;
-    for constants in [&engines::march::gpu::CONSTANTS, &march::CONSTANTS, &path::CONSTANTS] {
+    for constants in
+        [&engines::march::gpu::CONSTANTS, &engines::march::camera::CONSTANTS, &march::CONSTANTS, &path::CONSTANTS]
+    {
         linker.add_constants(constants)?;
     }
     let [along, around, _] = textures();

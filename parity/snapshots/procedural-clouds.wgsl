@@ -78,7 +78,7 @@ const numeric_PI: f32 = 3.1415927f;
 const hash_PCG_MULTIPLIER: i32 = 1664525i;
 const hash_PCG_INCREMENT: i32 = 1013904223i;
 const hash_PCG_UNIT: f32 = 0.0000000004656613f;
-const numeric_LARGEST: f32 = 340282350000000000000000000000000000000f;
+const numeric_LARGEST: f32 = 0x1.fffffep+127f;
 
 @group(0) @binding(0) 
 var<storage> points: array<f32>;
@@ -616,7 +616,7 @@ fn voronoi_texture_1i_scan_w(s_5: ptr<function, voronoi_texture_1i_Search>, a_9:
 
 fn voronoi_texture_1i_search(site: voronoi_texture_1i_Site, p_7: voronoi_texture_1i_Parameters) -> voronoi_texture_1i_Search {
     var a_10: voronoi_texture_1i_Axes;
-    var s_6: voronoi_texture_1i_Search = voronoi_texture_1i_Search(340282350000000000000000000000000000000f, 0f, 340282350000000000000000000000000000000f, 0f);
+    var s_6: voronoi_texture_1i_Search = voronoi_texture_1i_Search(0x1.fffffep+127f, 0f, 0x1.fffffep+127f, 0f);
 
     let upper = (site.local >= vec4(0.5f));
     let rest = (vec4(1f) - site.local);
