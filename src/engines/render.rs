@@ -223,7 +223,7 @@ impl<'a> EngineRenderer<'a> {
     }
 
     /// What passes know.
-    fn view(&self) -> View<'_> {
+    pub(crate) fn view(&self) -> View<'_> {
         let container = &self.engine.container;
         let region = container.outline.region();
         View {

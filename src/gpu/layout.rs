@@ -22,7 +22,7 @@ pub struct Field {
 
 impl Field {
     /// Fields of this name fill gaps: what is in them is read by nobody, and either side may count them otherwise.
-    fn is_padding(name: &str) -> bool {
+    pub(crate) fn is_padding(name: &str) -> bool {
         name.contains("padding")
     }
 }

@@ -9,8 +9,7 @@ use crate::base::error::{Error, Result};
 use crate::base::files;
 use crate::base::identity::Identity;
 use crate::engines::Engine;
-use crate::engines::domain::Outline;
-use crate::engines::march::gpu::MarchParts;
+use crate::engines::march::gpu::{MarchParts, Pixel, Ray};
 use crate::engines::march::{camera, camera::ViewUniform};
 use crate::engines::passes::compositing::{self, Background, CompositeUniform};
 use crate::engines::passes::{Channels, frame::Frame};
@@ -30,10 +29,6 @@ pub const FORMAT: &str = "cloudparity bundle 1";
 
 /// The page and its program.
 const PAGE: [(&str, &str); 2] = [("index.html", include_str!("index.html")), ("host.js", include_str!("host.js"))];
-
-/// Bytes of a ray and of what it came to.
-const RAY: u64 = 64;
-const PIXEL: u64 = 32;
 
 /// `bundle.json`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -177,11 +172,6 @@ impl Bundle {
         for (name, text) in PAGE {
             files.insert(name.into(), text.into());
         }
-        let region = match &engine.container.outline {
-            Outline::Box(region) => *region,
-            other => other.region(),
-        };
-        let to_world = engine.container.to_local.inverse();
         let steps_together = march.steps_together();
         let manifest = Manifest {
             format: FORMAT.into(),
@@ -194,7 +184,7 @@ impl Bundle {
             resolution: size,
             camera: CameraFrame {
                 place: scene.camera.matrix_world.map(|row| f64::from(row[3]))[..3].try_into().unwrap_or_default(),
-                target: to_world.transform_point3((region.low + region.high) / 2.0).to_array(),
+                target: renderer.view().centre.to_array(),
                 to_local: engine.container.to_local.transpose().to_cols_array_2d(),
                 unit: engine.container.unit,
             },
@@ -245,62 +235,21 @@ impl Bundle {
 
     /// The scene's picture, from the texts and bytes of the bundle alone.
     pub fn picture(&self, gpu: &Gpu) -> Result<Image> {
-        let Manifest { resolution: [width, height], kernels: [camera, march, compose], .. } = &self.manifest;
-        let total = width * height;
-        let [ready_camera, ready_march, ready_compose] = [
+        self.ready(gpu)?.picture()
+    }
+
+    /// Compiled, with its data on the adapter: for pictures whose time is measured.
+    pub fn ready<'a>(&'a self, gpu: &'a Gpu) -> Result<ReadyBundle<'a>> {
+        let [camera, march, compose] = &self.manifest.kernels;
+        let kernels = [
             self.compiled(gpu, camera, &camera::LAYOUTS)?,
             self.compiled(gpu, march, &MarchParts::LAYOUTS)?,
             self.compiled(gpu, compose, &compositing::LAYOUTS)?,
         ];
-        let together = self.manifest.rays_together.max(1);
-        let buffer = |label, size| {
-            gpu.device().create_buffer(&wgpu::BufferDescriptor {
-                label: Some(label),
-                size,
-                usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC | wgpu::BufferUsages::COPY_DST,
-                mapped_at_creation: false,
-            })
-        };
-        let rays = buffer("rays", u64::from(together) * RAY);
-        let frame = Frame::new(gpu, [*width, *height], Channels::default())?;
-        let held = |kernel: &Kernel| -> Vec<((u32, u32), wgpu::Buffer)> {
-            let files = kernel.bindings.iter().filter_map(|binding| Some((binding, binding.file.as_ref()?)));
-            let upload = |name: &String| gpu.upload(name, &self.files[name], wgpu::BufferUsages::STORAGE);
-            files.map(|(binding, name)| ((binding.group, binding.binding), upload(name))).collect()
-        };
-        let of_march = held(march);
-        let steps = march.number("steps");
-        for first in (0..total).step_by(together as usize) {
-            let count = together.min(total - first);
-            // A buffer of its own: a march goes on from what its pixels hold.
-            let pixels = buffer("pixels", u64::from(together) * PIXEL);
-            let run = |kernel: &Kernel, ready: &ComputeKernel, changed: &[(&str, u32)]| -> Result<()> {
-                let uniform = kernel.packed(changed)?;
-                let uniform = gpu.upload(&kernel.name, &uniform, wgpu::BufferUsages::UNIFORM);
-                let mut bindings = Bindings::new().bind(0, 0, uniform.as_entire_binding());
-                for binding in &kernel.bindings {
-                    let buffer = match binding.role.as_str() {
-                        "rays" => &rays,
-                        "pixels" => &pixels,
-                        "colour" => &frame.colour,
-                        _ => {
-                            let place = (binding.group, binding.binding);
-                            let found = of_march.iter().find(|(at, _)| *at == place);
-                            found.map(|(_, buffer)| buffer).ok_or_else(|| unknown(&binding.role))?
-                        }
-                    };
-                    bindings = bindings.bind(binding.group, binding.binding, buffer.as_entire_binding());
-                }
-                gpu.dispatch(ready, &bindings, [count, 1, 1])
-            };
-            run(camera, &ready_camera, &[("first", first), ("count", count)])?;
-            for begin in (0..steps).step_by(self.manifest.steps_together.max(1) as usize) {
-                let end = begin.saturating_add(self.manifest.steps_together);
-                run(march, &ready_march, &[("count", count), ("first_step", begin), ("end_step", end)])?;
-            }
-            run(compose, &ready_compose, &[("first", first), ("count", count), ("rays", 1), ("begin", 0)])?;
-        }
-        frame.read_back(gpu)
+        let files = march.bindings.iter().filter_map(|binding| Some((binding, binding.file.as_ref()?)));
+        let upload = |name: &String| gpu.upload(name, &self.files[name], wgpu::BufferUsages::STORAGE);
+        let held = files.map(|(binding, name)| ((binding.group, binding.binding), upload(name))).collect();
+        Ok(ReadyBundle { bundle: self, gpu, kernels, held })
     }
 
     fn compiled(&self, gpu: &Gpu, kernel: &Kernel, layouts: &[Layout]) -> Result<ComputeKernel> {
@@ -314,6 +263,65 @@ impl Bundle {
             )
         })?;
         gpu.block_on(gpu.kernel_async(&kernel.name, &module, layouts))?
+    }
+}
+
+/// A bundle on an adapter.
+pub struct ReadyBundle<'a> {
+    bundle: &'a Bundle,
+    gpu: &'a Gpu,
+    /// Of the camera, the march, compositing.
+    kernels: [ComputeKernel; 3],
+    /// Buffers of the march by group and binding.
+    held: BTreeMap<(u32, u32), wgpu::Buffer>,
+}
+
+impl ReadyBundle<'_> {
+    /// The scene's picture.
+    pub fn picture(&self) -> Result<Image> {
+        let Self { gpu, kernels: [ready_camera, ready_march, ready_compose], .. } = self;
+        let manifest = &self.bundle.manifest;
+        let Manifest { resolution: [width, height], kernels: [camera, march, compose], .. } = manifest;
+        let total = width * height;
+        let together = manifest.rays_together.max(1);
+        let buffer = |label, size| {
+            gpu.device().create_buffer(&wgpu::BufferDescriptor {
+                label: Some(label),
+                size,
+                usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC | wgpu::BufferUsages::COPY_DST,
+                mapped_at_creation: false,
+            })
+        };
+        let rays = buffer("rays", u64::from(together) * size_of::<Ray>() as u64);
+        let frame = Frame::new(gpu, [*width, *height], Channels::default())?;
+        let steps = march.number("steps");
+        for first in (0..total).step_by(together as usize) {
+            let count = together.min(total - first);
+            // A buffer of its own: a march goes on from what its pixels hold.
+            let pixels = buffer("pixels", u64::from(together) * size_of::<Pixel>() as u64);
+            let run = |kernel: &Kernel, ready: &ComputeKernel, changed: &[(&str, u32)]| -> Result<()> {
+                let uniform = kernel.packed(changed)?;
+                let uniform = gpu.upload(&kernel.name, &uniform, wgpu::BufferUsages::UNIFORM);
+                let mut bindings = Bindings::new().bind(0, 0, uniform.as_entire_binding());
+                for binding in &kernel.bindings {
+                    let buffer = match binding.role.as_str() {
+                        "rays" => &rays,
+                        "pixels" => &pixels,
+                        "colour" => &frame.colour,
+                        role => self.held.get(&(binding.group, binding.binding)).ok_or_else(|| unknown(role))?,
+                    };
+                    bindings = bindings.bind(binding.group, binding.binding, buffer.as_entire_binding());
+                }
+                gpu.dispatch(ready, &bindings, [count, 1, 1])
+            };
+            run(camera, ready_camera, &[("first", first), ("count", count)])?;
+            for begin in (0..steps).step_by(manifest.steps_together.max(1) as usize) {
+                let end = begin.saturating_add(manifest.steps_together);
+                run(march, ready_march, &[("count", count), ("first_step", begin), ("end_step", end)])?;
+            }
+            run(compose, ready_compose, &[("first", first), ("count", count), ("rays", 1), ("begin", 0)])?;
+        }
+        frame.read_back(gpu)
     }
 }
 
@@ -380,7 +388,7 @@ impl Uniform {
                 values: self.bytes[field.offset..field.offset + field.size].chunks_exact(4).map(word).collect(),
             }
         };
-        self.fields.iter().filter(|field| !field.name.contains("padding")).map(of).collect()
+        self.fields.iter().filter(|field| !crate::gpu::layout::Field::is_padding(field.name)).map(of).collect()
     }
 }
 
