@@ -32,7 +32,8 @@ build: setup
 	cargo build $(CARGO_FLAGS)
 
 # The demo prints the path of its page, and fails where field or picture differ from Cycles.
-demo: build ## render the cloud, compare it with the committed Cycles reference, write out/demo/index.html
+demo: build ## render the cloud, compare it with the committed Cycles reference, write out/demo/index.html and the page out/demo/web
+	$(PROGRAM) publish $(SCENE) --quality medium --resolution 480x270 -o out/demo/web
 	$(PROGRAM) demo -o out/demo
 
 demo-live: build ## the same with a fresh Cycles render as reference (needs bpy; minutes)

@@ -5,7 +5,7 @@
 //! uses what stands before it in that way and nothing behind it (`tests/arrows.rs`). `ARCHITECTURE.md` is the map.
 //!
 //! The feature `tools`, which is on by default, adds the bridge to Blender, measurements, reports and the command line; without it nothing
-//! needs an operating system.
+//! needs an operating system. The feature `viewer`, on by default, too, adds the window.
 
 pub mod base;
 #[cfg(feature = "tools")]
@@ -24,5 +24,7 @@ pub mod nodes;
 pub mod report;
 pub mod scene;
 pub mod view;
+#[cfg(feature = "viewer")]
+pub mod viewer;
 
 pub use base::error::{Error, Result};

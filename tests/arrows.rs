@@ -25,6 +25,7 @@ const ALLOWED: &[(&str, &[&str])] = &[
         "report",
         &["base", "scene", "nodes", "graph", "gpu", "media", "view", "integrators", "engines", "bridge", "measure"],
     ),
+    ("viewer", &["base", "scene", "nodes", "graph", "gpu", "media", "view", "integrators", "engines"]),
     (
         "cli",
         &[
@@ -40,6 +41,7 @@ const ALLOWED: &[(&str, &[&str])] = &[
             "bridge",
             "measure",
             "report",
+            "viewer",
         ],
     ),
 ];

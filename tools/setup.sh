@@ -9,9 +9,9 @@ set -euo pipefail
 cd "$(dirname "$0")/.."
 
 # Shared libraries that bpy is linked against, and the loader and software driver that wgpu needs where
-# there is no GPU. gcc links Rust programs.
+# there is no GPU; the second row opens the window. gcc links Rust programs.
 LIBRARIES=(libx11-6 libxext6 libxrender1 libxfixes3 libxi6 libxkbcommon0 libsm6 libice6 libgl1
-    libvulkan1 mesa-vulkan-drivers gcc libc6-dev)
+    libx11-xcb1 libxcursor1 libxkbcommon-x11-0 libvulkan1 mesa-vulkan-drivers gcc libc6-dev)
 
 say() { printf 'setup: %s\n' "$*" >&2; }
 

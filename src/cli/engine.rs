@@ -17,7 +17,7 @@ use std::path::Path;
 use std::process::ExitCode;
 
 /// What says which engine it is.
-#[derive(clap::Args)]
+#[derive(Clone, clap::Args)]
 pub(super) struct EngineArguments {
     /// engine: the cloud system; `cloudparity models` lists them [default of render: graph, the scene's own; of bench-voxels: perlin-fbm].
     #[arg(long, value_name = "MODEL")]
@@ -67,8 +67,35 @@ impl EngineArguments {
         ]
     }
 
-    /// The engine, of `model` where no other is given.
+    /// An error where options are given that a picture in motion has not: jitter and god rays; or any of them beside a preset.
+    pub(super) fn refuse_for_views(&self, has_preset: bool) -> Result<()> {
+        let given: Vec<&str> = self.given().into_iter().filter(|(_, given)| *given).map(|(name, _)| name).collect();
+        if let Some(name) = given.iter().find(|name| ["--jitter-frame", "--god-rays"].contains(name)) {
+            return Err(Error::new(
+                *name,
+                "an option of pictures",
+                "options of the engine: there is no jitter here, and there are no god rays",
+                format!("Leave {name} out."),
+            ));
+        }
+        match given.first().filter(|_| has_preset) {
+            None => Ok(()),
+            Some(name) => Err(Error::new(
+                *name,
+                "an option beside --preset",
+                "a preset alone, which says all of the engine",
+                format!("Leave {name} or --preset out."),
+            )),
+        }
+    }
+
+    /// The engine, of `model` where no other is given; warnings go to stderr.
     pub(super) fn engine(&self, scene: &Scene, model: &str) -> Result<Engine> {
+        self.silent(scene, model).map(warned)
+    }
+
+    /// The same without warnings.
+    pub(super) fn silent(&self, scene: &Scene, model: &str) -> Result<Engine> {
         let domain = self.domain.as_deref().map(str::parse::<Domain>).transpose();
         let domain = domain.map_err(|error| Error { place: "--domain".into(), ..error })?;
         let model = engines::find(self.model.as_deref().unwrap_or(model))?;
@@ -77,7 +104,7 @@ impl EngineArguments {
         if !seconds.is_finite() {
             return Err(Error::new("--seconds", seconds.to_string(), "a finite number", "Correct the option."));
         }
-        let mut engine = warned(model.engine_in(domain, scene, &values, &self.defects.read()?, seconds)?);
+        let mut engine = model.engine_in(domain, scene, &values, &self.defects.read()?, seconds)?;
         if let Some(light) = &self.light {
             models::find(light)?.apply(&mut engine.light)?;
         }
@@ -88,6 +115,41 @@ impl EngineArguments {
         Ok(engine)
     }
 
+    /// The options as they would be for the engine with changes.
+    #[cfg(feature = "viewer")]
+    pub(super) fn changed(&self, changes: &crate::viewer::Changes) -> Self {
+        let texts = |values: &indexmap::IndexMap<String, f64>| -> Vec<String> {
+            values.iter().map(|(name, value)| format!("{name}={value}")).collect()
+        };
+        let mut changed = self.clone();
+        changed.quality = changes.quality.clone().or(changed.quality);
+        changed.light = changes.light.clone().or(changed.light);
+        changed.parameters.extend(texts(&changes.density));
+        changed.light_parameters.extend(texts(&changes.of_light));
+        if changes.seconds != 0.0 {
+            changed.seconds = Some(self.seconds.unwrap_or(0.0) + changes.seconds);
+        }
+        changed
+    }
+
+    /// The same without defects.
+    #[cfg(feature = "viewer")]
+    pub(super) fn corrected(&self) -> Self {
+        Self { defects: DefectsArgument { defects: None, variant: None }, ..self.clone() }
+    }
+
+    /// Seconds of animation.
+    #[cfg(feature = "viewer")]
+    pub(super) fn seconds(&self) -> f64 {
+        self.seconds.unwrap_or(0.0)
+    }
+
+    /// The light model's name and the parameters that were given for it.
+    #[cfg(feature = "viewer")]
+    pub(super) fn light(&self) -> (&str, &[String]) {
+        (self.light.as_deref().unwrap_or(models::OWN), &self.light_parameters)
+    }
+
     /// How its picture is made.
     pub(super) fn settings(&self, jitter: EngineJitter, sub_pixels: u32) -> EngineSettings {
         EngineSettings { jitter, frame: self.jitter_frame.unwrap_or(0), sub_pixels, god_rays: self.god_rays }
@@ -95,7 +157,7 @@ impl EngineArguments {
 }
 
 /// Which defects an engine keeps.
-#[derive(clap::Args)]
+#[derive(Clone, clap::Args)]
 pub(super) struct DefectsArgument {
     /// Defects of the original that are kept: all (as published), none (corrected), or some, such as PF-4,PF-6; `cloudparity models` says
     /// what each is [default: none].

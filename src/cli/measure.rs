@@ -2,7 +2,7 @@
 
 use super::{
     bench, bench_bake, bench_compile, bench_nodes, bench_voxels, bounds, compare_models, convergence, demo, modes,
-    parity, sequence, stability, study, time_to_error, tune,
+    parity, probe, sequence, stability, study, time_to_error, tune,
 };
 use crate::base::error::Result;
 use std::process::ExitCode;
@@ -21,6 +21,7 @@ enum What {
     Sequence(sequence::Arguments),
     Tune(tune::Arguments),
     CompareModels(Box<compare_models::Arguments>),
+    Probe(probe::Arguments),
     Parity(parity::Arguments),
     Modes(modes::Arguments),
     Bounds(bounds::Arguments),
@@ -42,6 +43,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
         What::Sequence(arguments) => sequence::run(arguments),
         What::Tune(arguments) => tune::run(arguments),
         What::CompareModels(arguments) => compare_models::run(arguments),
+        What::Probe(arguments) => probe::run(arguments),
         What::Parity(arguments) => parity::run(arguments),
         What::Modes(arguments) => modes::run(arguments),
         What::Bounds(arguments) => bounds::run(arguments),

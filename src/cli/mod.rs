@@ -53,6 +53,8 @@ mod stability;
 mod study;
 mod time_to_error;
 mod tune;
+#[cfg(feature = "viewer")]
+mod view;
 #[cfg(test)]
 mod vocabulary;
 
@@ -75,12 +77,13 @@ enum Command {
     Init(init::Arguments),
     Export(Box<export::Arguments>),
     Show(show::Arguments),
+    #[cfg(feature = "viewer")]
+    View(Box<view::Arguments>),
     Render(Box<render::Arguments>),
     Diff(Box<diff::Arguments>),
     Report(report::Arguments),
     Measure(Box<measure::Arguments>),
     Eval(eval::Arguments),
-    Probe(probe::Arguments),
     Publish(Box<publish::Arguments>),
     Shader(shader::Arguments),
     Grid(grid::Arguments),
@@ -99,6 +102,8 @@ const TASKS: [(&str, &[(&str, &str)]); 4] = [
     (
         "Pictures",
         &[
+            #[cfg(feature = "viewer")]
+            ("view", "a window: turn a scene beside the truth, error against time"),
             ("render", "render a scene: march, path, engine, or Cycles"),
             ("diff", "compare pictures, by tolerances or by statistics"),
             ("report", "one page of what a folder of results holds"),
@@ -109,7 +114,6 @@ const TASKS: [(&str, &[(&str, &str)]); 4] = [
         "Values of the field",
         &[
             ("eval", "density, or any inner output, at points"),
-            ("probe", "our values against live Cycles at the same points"),
             ("shader", "the density as WGSL, SPIR-V, GLSL, HLSL or MSL"),
             ("grid", "the density as an OpenVDB grid"),
         ],
@@ -193,12 +197,13 @@ pub fn run() -> ExitCode {
         Command::Init(arguments) => init::run(&arguments),
         Command::Export(arguments) => export::run(&arguments),
         Command::Show(arguments) => show::run(&arguments),
+        #[cfg(feature = "viewer")]
+        Command::View(arguments) => view::run(*arguments),
         Command::Render(arguments) => render::run(&arguments),
         Command::Diff(arguments) => diff::run(&arguments),
         Command::Report(arguments) => report::run(&arguments),
         Command::Measure(arguments) => measure::run(&arguments),
         Command::Eval(arguments) => eval::run(&arguments),
-        Command::Probe(arguments) => probe::run(&arguments),
         Command::Publish(arguments) => publish::run(&arguments),
         Command::Shader(arguments) => shader::run(&arguments),
         Command::Grid(arguments) => grid::run(&arguments),

@@ -92,28 +92,11 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
 impl Arguments {
     /// The engine, and the scene that it is in: a preset may change both.
     fn engine(&self, scene: Scene) -> Result<(Scene, Engine)> {
-        let given: Vec<&str> =
-            self.engine.given().into_iter().filter(|(_, given)| *given).map(|(name, _)| name).collect();
-        if let Some(name) = given.iter().find(|name| ["--jitter-frame", "--god-rays"].contains(name)) {
-            return Err(Error::new(
-                *name,
-                "an option of pictures",
-                "options of the engine: a bundle has no jitter and no god rays",
-                format!("Leave {name} out."),
-            ));
-        }
+        self.engine.refuse_for_views(self.preset.is_some())?;
         let Some(path) = &self.preset else {
             let engine = self.engine.engine(&scene, "graph")?;
             return Ok((scene, engine));
         };
-        if let Some(name) = given.first() {
-            return Err(Error::new(
-                *name,
-                "an option beside --preset",
-                "a preset alone, which says all of the engine",
-                format!("Leave {name} or --preset out."),
-            ));
-        }
         let (scene, engine, _) = super::engine::preset(path)?.build(&scene)?;
         Ok((scene, engine))
     }

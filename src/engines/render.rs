@@ -305,7 +305,7 @@ impl<'a> EngineRenderer<'a> {
 
     /// What its march on an adapter is made of.
     pub(crate) fn march_parts(&self) -> Result<MarchParts> {
-        MarchParts::new(&self.marched()?, &self.engine.march)
+        MarchParts::new(&self.marched()?, &self.engine.march, false)
     }
 
     /// What stands behind the cloud in a finished picture: None where that has an alpha. An error where it is a picture.

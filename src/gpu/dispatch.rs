@@ -3,9 +3,17 @@
 use super::layout::{self, Layout};
 use super::{Gpu, clock, trusted_module};
 use crate::base::error::{Error, Result};
+use crate::base::files::sha256;
+use crate::graph::wgsl::{self, Language};
 use std::collections::{BTreeMap, BTreeSet};
+use std::sync::PoisonError;
+use std::sync::atomic::Ordering;
+
+/// Kernels that are kept at most; then all are forgotten, so that an hour of changes takes no more memory than some minutes.
+const MOST_KEPT: usize = 64;
 
 /// A compute kernel that is ready to run.
+#[derive(Clone)]
 pub struct ComputeKernel {
     label: String,
     pipeline: wgpu::ComputePipeline,
@@ -59,6 +67,26 @@ impl<'a> Bindings<'a> {
 impl Gpu {
     /// Compiles the entry point `main` of a linked module. `layouts` has every struct of the module's buffers.
     pub async fn kernel_async(&self, label: &str, module: &naga::Module, layouts: &[Layout]) -> Result<ComputeKernel> {
+        let kept = || self.kept.lock().unwrap_or_else(PoisonError::into_inner);
+        if kept().is_none() {
+            return self.compiled_async(label, module, layouts).await;
+        }
+        let hash = sha256(wgsl::write(module, Language::Wgsl)?.as_slice());
+        if let Some(kernel) = kept().as_ref().and_then(|kept| kept.get(&hash)) {
+            return Ok(kernel.clone());
+        }
+        let kernel = self.compiled_async(label, module, layouts).await?;
+        if let Some(kept) = kept().as_mut() {
+            if kept.len() == MOST_KEPT {
+                kept.clear();
+            }
+            kept.insert(hash, kernel.clone());
+        }
+        Ok(kernel)
+    }
+
+    async fn compiled_async(&self, label: &str, module: &naga::Module, layouts: &[Layout]) -> Result<ComputeKernel> {
+        self.compilations.fetch_add(1, Ordering::Relaxed);
         crate::graph::wgsl::validate(module)?;
         layout::check_all(module, layouts)?;
         let entry = module.entry_points.iter().find(|entry| entry.name == "main").ok_or_else(|| {

@@ -25,6 +25,8 @@ use crate::base::choice::choice;
 use crate::base::error::{Error, Result};
 use futures_channel::oneshot;
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// An open device.
@@ -36,6 +38,10 @@ pub struct Gpu {
     adapter: Adapter,
     /// The clock of dispatches while something is timed.
     clock: Mutex<Option<clock::Clock>>,
+    /// Kernels by the hash of their text, where they are kept.
+    kept: Mutex<Option<BTreeMap<String, ComputeKernel>>>,
+    /// Kernels that were compiled.
+    compilations: AtomicU64,
 }
 
 /// Which adapter and driver did the work.
@@ -161,7 +167,25 @@ impl Gpu {
                 kind: format!("{:?}", info.device_type),
             },
             clock: Mutex::new(None),
+            kept: Mutex::new(None),
+            compilations: AtomicU64::new(0),
         }
+    }
+
+    /// Keeps every kernel from now on: one of the same text is compiled once. For programs in which engines are put together again and
+    /// again with other numbers.
+    pub fn keep_kernels(&self) {
+        self.kept.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert_default();
+    }
+
+    /// Whether kernels are kept.
+    pub fn keeps_kernels(&self) -> bool {
+        self.kept.lock().unwrap_or_else(PoisonError::into_inner).is_some()
+    }
+
+    /// How many kernels were compiled so far; those that were kept count once.
+    pub fn compilations(&self) -> u64 {
+        self.compilations.load(Ordering::Relaxed)
     }
 
     /// The adapter and its driver.
@@ -231,7 +255,7 @@ impl Gpu {
     }
 
     /// An error if the device was lost or refused a call; everything it gives after that is worthless.
-    fn check(&self) -> Result<()> {
+    pub(crate) fn check(&self) -> Result<()> {
         match self.fault.lock().unwrap_or_else(PoisonError::into_inner).as_ref() {
             None => Ok(()),
             Some(cause) => Err(self.failed(cause.clone())),

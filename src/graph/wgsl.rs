@@ -31,6 +31,9 @@ const SHARED: &[(&str, &str)] = &[
     ("nodes/shared/texture.wgsl", include_str!("../../shaders/nodes/shared/texture.wgsl")),
 ];
 
+/// What programs read whose constants are in a buffer.
+const NUMBERS: (&str, &str) = ("nodes/shared/numbers.wgsl", include_str!("../../shaders/nodes/shared/numbers.wgsl"));
+
 /// Import path of the specialised graph.
 pub const PROGRAM_PATH: &str = "cloudparity::graph";
 
@@ -67,6 +70,8 @@ pub struct Linker {
     counts: HashMap<&'static str, usize>,
     /// Textures of the programs in the order of their words.
     textures: Vec<TextureHandle>,
+    /// Constants that programs read from a buffer, where they do.
+    numbers: Option<Vec<f32>>,
 }
 
 impl Linker {
@@ -77,6 +82,21 @@ impl Linker {
         let mut linker = Self::bare()?;
         linker.add_program(PROGRAM_PATH, program)?;
         Ok(linker)
+    }
+
+    /// The same, but constants of this program and of those that are added lie in a buffer, binding 1 of group 1: programs that differ in
+    /// numbers alone have one text. A constant of 0 stays in the text, where it leaves out what it leaves out.
+    pub fn with_numbers(program: &Program) -> Result<Self> {
+        let mut linker = Self::bare()?;
+        linker.add(NUMBERS.0, NUMBERS.1)?;
+        linker.numbers = Some(Vec::new());
+        linker.add_program(PROGRAM_PATH, program)?;
+        Ok(linker)
+    }
+
+    /// The constants in the order of the buffer; none where they are in the text.
+    pub fn numbers(&self) -> &[f32] {
+        self.numbers.as_deref().unwrap_or_default()
     }
 
     /// Adds another program under an import path of its own, with a function as that of [`Self::new`]. Textures that programs share are
@@ -136,6 +156,7 @@ impl Linker {
             instances: HashMap::new(),
             counts: HashMap::new(),
             textures: Vec::new(),
+            numbers: None,
         };
         for (path, source) in LIGHT {
             linker.add(path, source)?;
@@ -231,7 +252,7 @@ impl Linker {
                 if operands.iter().all(|operand| matches!(operand, Operand::Constant(value) if *value == 0.0)) {
                     definitions.push(shader_name(&format!("input_{}_is_zero", socket.identifier)));
                 }
-                arguments.push(expression(operands, &names, &instruction.label)?);
+                arguments.push(self.expression(operands, &names, &instruction.label)?);
             }
             let module = instruction.node_type.module;
             let mut constants = instruction.mode.shader_constants();
@@ -273,11 +294,14 @@ impl Linker {
             }
         }
         let mut text = format!("#define_import_path {import_path}\n\n");
+        if self.numbers.is_some() {
+            text.push_str("#import cloudparity::numbers::numbers\n\n");
+        }
         let attributes: String = (0..program.attributes.len()).map(|number| format!(", a{number}v: vec3f")).collect();
         let expressions: Vec<String> = program
             .outputs
             .iter()
-            .map(|output| expression(&output.operands, &names, &output.name))
+            .map(|output| self.expression(&output.operands, &names, &output.name))
             .collect::<Result<_>>()?;
         let kinds: Vec<&str> = program.outputs.iter().map(|output| type_name(output.kind)).collect();
         let (kind, value) = match expressions.as_slice() {
@@ -295,6 +319,45 @@ impl Linker {
         text.push_str(&body);
         line(&mut text, format_args!("    return {value};\n}}"));
         Ok(text)
+    }
+
+    /// One component as WGSL.
+    fn scalar(&mut self, operand: &Operand, names: &[String], place: &str) -> Result<String> {
+        Ok(match operand {
+            Operand::Constant(value) if value.is_finite() => match &mut self.numbers {
+                Some(numbers) if *value != 0.0 => {
+                    numbers.push(*value);
+                    format!("numbers[{}]", numbers.len() - 1)
+                }
+                _ => format!("{value:?}f"),
+            },
+            Operand::Constant(value) => {
+                return Err(Error::new(
+                    format!("shader: {place}"),
+                    format!("the constant {value}"),
+                    "a finite constant (WGSL has no infinities and no NaN)",
+                    "Change the settings that lead to it, or evaluate on the CPU.",
+                ));
+            }
+            Operand::Position(axis) => format!("position.{}", AXES[*axis]),
+            Operand::Attribute(number, axis) => format!("a{number}v.{}", AXES[*axis]),
+            Operand::Register(register) => names[*register].clone(),
+        })
+    }
+
+    /// One socket's components as WGSL; a whole vector is named as such.
+    fn expression(&mut self, operands: &[Operand], names: &[String], place: &str) -> Result<String> {
+        let parts: Vec<String> =
+            operands.iter().map(|operand| self.scalar(operand, names, place)).collect::<Result<_>>()?;
+        if parts.len() == 1 {
+            return Ok(parts[0].clone());
+        }
+        if let Some(whole) = parts[0].strip_suffix(".x")
+            && parts.iter().zip(AXES).all(|(part, axis)| *part == format!("{whole}.{axis}"))
+        {
+            return Ok(whole.to_owned());
+        }
+        Ok(format!("vec3f({})", parts.join(", ")))
     }
 }
 
@@ -326,38 +389,6 @@ fn comment(name: &str) -> String {
 
 fn type_name(kind: SocketType) -> &'static str {
     if kind.components() == 1 { "f32" } else { "vec3f" }
-}
-
-/// One component as WGSL.
-fn scalar(operand: &Operand, names: &[String], place: &str) -> Result<String> {
-    Ok(match operand {
-        Operand::Constant(value) if value.is_finite() => format!("{value:?}f"),
-        Operand::Constant(value) => {
-            return Err(Error::new(
-                format!("shader: {place}"),
-                format!("the constant {value}"),
-                "a finite constant (WGSL has no infinities and no NaN)",
-                "Change the settings that lead to it, or evaluate on the CPU.",
-            ));
-        }
-        Operand::Position(axis) => format!("position.{}", AXES[*axis]),
-        Operand::Attribute(number, axis) => format!("a{number}v.{}", AXES[*axis]),
-        Operand::Register(register) => names[*register].clone(),
-    })
-}
-
-/// One socket's components as WGSL; a whole vector is named as such.
-fn expression(operands: &[Operand], names: &[String], place: &str) -> Result<String> {
-    let parts: Vec<String> = operands.iter().map(|operand| scalar(operand, names, place)).collect::<Result<_>>()?;
-    if parts.len() == 1 {
-        return Ok(parts[0].clone());
-    }
-    if let Some(whole) = parts[0].strip_suffix(".x")
-        && parts.iter().zip(AXES).all(|(part, axis)| *part == format!("{whole}.{axis}"))
-    {
-        return Ok(whole.to_owned());
-    }
-    Ok(format!("vec3f({})", parts.join(", ")))
 }
 
 /// Gives functions and types the names that a person reads: `math_1i_evaluate`, not the composer's

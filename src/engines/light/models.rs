@@ -465,6 +465,66 @@ pub fn set(light: &mut LightModel, name: &str, value: f64, place: &str) -> Resul
     Ok(())
 }
 
+/// The value of a parameter in a light model: what [`set`] would leave as it is. None of a name that is not in the list.
+pub fn value(light: &LightModel, name: &str) -> Option<f64> {
+    let LightModel { terms, phase, shadow, source, .. } = light;
+    Some(match name {
+        "exposure" => terms.exposure,
+        "octaves" => f64::from(terms.octaves.count),
+        "contribution" => terms.octaves.contribution,
+        "attenuation" => terms.octaves.attenuation,
+        "eccentricity" => terms.octaves.eccentricity,
+        "depth_compression" => terms.octaves.compression,
+        "powder_strength" => terms.powder.strength,
+        "powder_length" => terms.powder.length,
+        "powder_ambient" => terms.powder.ambient,
+        "body_strength" => terms.body.strength,
+        "body_length" => terms.body.length,
+        "coarse_shadow" => f64::from(u8::from(terms.body.shadow)),
+        "silver_strength" => terms.silver.strength,
+        "silver_exponent" => terms.silver.exponent,
+        "ambient_bottom" => terms.ambient[0],
+        "ambient_top" => terms.ambient[1],
+        "ray_powder" => f64::from(u8::from(terms.ray_powder)),
+        "boost_light" => terms.boost.light,
+        "boost_ambient" => terms.boost.ambient,
+        "boost_length" => terms.boost.length,
+        "boost_by_angle" => f64::from(u8::from(terms.boost.by_angle)),
+        "rim_strength" => phase.rim,
+        "phase_gain" => phase.gain,
+        "first_alpha" => phase.alpha[0],
+        "second_alpha" => phase.alpha[1],
+        "shadow_sample" => match shadow.sample {
+            ShadowSample::Left => 0.0,
+            ShadowSample::Middle => 1.0,
+            ShadowSample::Right => 2.0,
+        },
+        "shadow_growth" => shadow.growth,
+        // A length that goes by where a ray ends is the system's own.
+        "shadow_length" => {
+            if let ShadowLength::Fixed(length) = shadow.length {
+                length
+            } else {
+                0.0
+            }
+        }
+        "shadow_map" => shadow.map.map_or(0.0, |map| f64::from(map.size)),
+        "shadow_by_angle" => shadow.by_angle,
+        "first_lobe" => phase.anisotropy[0],
+        "second_lobe" => phase.anisotropy[1],
+        "second_share" => phase.second,
+        // Of a source that is none, the green is as good as any.
+        "source_albedo" => {
+            if let SourceFactor::Albedo(albedo) = source {
+                albedo[1]
+            } else {
+                1.0
+            }
+        }
+        _ => return None,
+    })
+}
+
 /// A shadow map of a size, with the settings of the one that is there; none for 0.
 fn map_of(size: u32, there: Option<ShadowMapSettings>) -> Option<ShadowMapSettings> {
     let settings = there.unwrap_or(ShadowMapSettings::new(size, SHADOW_MAP_STEPS, 1.0));
@@ -489,6 +549,21 @@ mod tests {
             set(&mut changed, parameter.name, parameter.default, "test").expect("a default is in range");
         }
         assert_eq!(changed, light());
+    }
+
+    #[test]
+    fn what_was_set_is_read_back() {
+        for parameter in PARAMETERS {
+            for &wanted in &parameter.usual {
+                let mut changed = light();
+                set(&mut changed, parameter.name, wanted, "test").expect("usual");
+                let found = value(&changed, parameter.name).expect("it is in the list");
+                let is_own = parameter.name == "shadow_length" && wanted == 0.0;
+                let wanted = if is_own { value(&light(), "shadow_length").expect("known") } else { wanted };
+                assert_eq!(found, wanted, "{}", parameter.name);
+            }
+        }
+        assert_eq!(value(&light(), "no such name"), None);
     }
 
     #[test]

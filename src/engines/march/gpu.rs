@@ -146,6 +146,7 @@ pub struct MarchKernel<'a> {
     textures: Option<wgpu::Buffer>,
     mesh: Option<wgpu::Buffer>,
     maps: Option<wgpu::Buffer>,
+    numbers: Option<wgpu::Buffer>,
     /// Steps of one dispatch.
     together: u32,
     rays_together: usize,
@@ -182,7 +183,7 @@ impl<'a> MarchKernel<'a> {
 
     /// Compiles it: what the settings do not ask for is left out.
     pub async fn new_async(gpu: &'a Gpu, marched: &Marched<'_>, settings: &RealTimeSettings) -> Result<Self> {
-        let parts = MarchParts::new(marched, settings)?;
+        let parts = MarchParts::new(marched, settings, gpu.keeps_kernels())?;
         let textures = gpu.upload_textures(&parts.textures)?;
         let mesh = match &parts.outline {
             Outline::Mesh(mesh) => Some(mesh.mesh().upload(gpu, DVec3::ZERO, DVec3::ONE)?),
@@ -201,6 +202,7 @@ impl<'a> MarchKernel<'a> {
             textures,
             mesh,
             maps: (!parts.maps.is_empty()).then(|| upload("shadow maps", bytemuck::cast_slice(&parts.maps))),
+            numbers: (!parts.numbers.is_empty()).then(|| upload("numbers", bytemuck::cast_slice(&parts.numbers))),
             together,
             rays_together: parts.rays_together(together),
             uniform: parts.uniform,
@@ -268,6 +270,9 @@ impl<'a> MarchKernel<'a> {
                 if let Some(maps) = &self.maps {
                     bindings = bindings.bind(0, 6, maps.as_entire_binding());
                 }
+                if let Some(numbers) = &self.numbers {
+                    bindings = bindings.bind(1, 1, numbers.as_entire_binding());
+                }
                 let bindings = bindings
                     .bind(0, 0, uniform.as_entire_binding())
                     .bind(0, 1, rays_buffer.as_entire_binding())
@@ -313,6 +318,8 @@ pub(crate) struct MarchParts {
     pub(crate) textures: Vec<TextureHandle>,
     /// Rows and texels of shadow maps.
     pub(crate) maps: Vec<[f32; 4]>,
+    /// Constants of the programs, where they are in a buffer.
+    pub(crate) numbers: Vec<f32>,
     iterations: u32,
     visits: u32,
 }
@@ -323,7 +330,8 @@ impl MarchParts {
         [Layout::of::<MarchUniform>(), Layout::of::<Ray>(), Layout::of::<Pixel>(), Layout::of::<Sun>()];
 
     /// Links the kernel: what the settings do not ask for is left out.
-    pub(crate) fn new(marched: &Marched<'_>, settings: &RealTimeSettings) -> Result<Self> {
+    /// With `has_numbers`, constants of the programs are in a buffer.
+    pub(crate) fn new(marched: &Marched<'_>, settings: &RealTimeSettings, has_numbers: bool) -> Result<Self> {
         marched.check()?;
         let Marched { light, density, container, .. } = *marched;
         if light.suns.len() > MOST_SUNS {
@@ -375,7 +383,8 @@ impl MarchParts {
         define(matches!(container.outline, Outline::Shell { .. }), "SHELL");
         define(matches!(container.outline, Outline::Mesh(_)), "MESH");
         define(!marched.terms.is_empty(), "TERMS");
-        let mut linker = Linker::new(density.program())?;
+        let mut linker =
+            if has_numbers { Linker::with_numbers(density.program()) } else { Linker::new(density.program()) }?;
         linker.add_constants(&CONSTANTS)?;
         match marched.averages {
             Some(averages) => {
@@ -393,6 +402,7 @@ impl MarchParts {
         }
         linker.add("generated/terms.wgsl", &terms_module(marched))?;
         let textures = linker.textures().to_vec();
+        let numbers = linker.numbers().to_vec();
         let source = include_str!("../../../shaders/engines/march.wgsl");
         let module = linker.link_with("engines/march.wgsl", source, &definitions)?;
         let single = |values: [f64; 3]| values.map(|value| value as f32);
@@ -489,6 +499,7 @@ impl MarchParts {
             suns,
             cells,
             textures,
+            numbers,
             maps,
             iterations: iterations(density.program()),
             visits,

@@ -122,8 +122,13 @@ impl Preset {
 
     /// The scene with the preset's values, and its engine in it.
     pub fn build(&self, scene: &Scene) -> Result<(Scene, Engine, Combination)> {
+        self.build_at(scene, 0.0)
+    }
+
+    /// The same after `seconds` of animation.
+    pub fn build_at(&self, scene: &Scene, seconds: f64) -> Result<(Scene, Engine, Combination)> {
         let combination = self.engine.combination(&scene.name);
-        let (scene, mut engine) = build(scene, &combination, &of_medium(&self.parameters))?;
+        let (scene, mut engine) = build_at(scene, &combination, &of_medium(&self.parameters), seconds)?;
         engine.light = lit(&engine.light, &self.engine.light, &self.parameters)?;
         Ok((scene, engine, combination))
     }
@@ -153,6 +158,15 @@ pub(super) fn build(
     combination: &Combination,
     changed: &[(Owner, &str, f64)],
 ) -> Result<(Scene, Engine)> {
+    build_at(scene, combination, changed, 0.0)
+}
+
+fn build_at(
+    scene: &Scene,
+    combination: &Combination,
+    changed: &[(Owner, &str, f64)],
+    seconds: f64,
+) -> Result<(Scene, Engine)> {
     let mut scene = scene.clone();
     let mut parameters = Vec::new();
     for (owner, name, value) in changed {
@@ -161,6 +175,6 @@ pub(super) fn build(
             _ => parameters.push(format!("{name}={value}")),
         }
     }
-    let engine = combination.engine(&scene, &parameters)?;
+    let engine = combination.engine_at(&scene, &parameters, seconds)?;
     Ok((scene, engine))
 }

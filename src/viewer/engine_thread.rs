@@ -1,0 +1,143 @@
+//! Pictures of the engine, made in a thread: the newest request counts, what was asked before is dropped.
+
+use super::look::{Look, centre};
+use super::{Changes, Source};
+use crate::base::error::{Error, Result};
+use crate::engines::Engine;
+use crate::engines::render::{EngineJitter, EngineRenderer, EngineSettings};
+use crate::gpu::{Backend, Gpu, worker};
+use crate::scene::Scene;
+use crate::scene::image::Image;
+use std::sync::Arc;
+use std::sync::mpsc::{Receiver, Sender, TryRecvError};
+use std::time::Instant;
+
+/// What is wanted.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Wanted {
+    pub look: Look,
+    pub changes: Changes,
+}
+
+/// A picture that is there.
+pub struct Shown {
+    /// The picture.
+    pub image: Image,
+    /// The scene as it is looked at.
+    pub scene: Scene,
+    /// The engine's light, whose parameters the window shows.
+    pub engine: Arc<Engine>,
+    /// View and changes that it is of.
+    pub(super) wanted: Wanted,
+    /// Time of its making without preparation, in milliseconds.
+    pub milliseconds: f64,
+    /// Time in kernels by the adapter's own clock; none on the CPU and where the adapter has no clock.
+    pub kernel_milliseconds: Option<f64>,
+    /// Time until everything was ready: the engine put together, kernels linked, compiled where they had to be.
+    pub preparation_milliseconds: f64,
+    /// Kernels that were compiled so far.
+    pub compilations: u64,
+    /// What made it, in words.
+    pub worker: String,
+}
+
+/// What the thread says.
+pub(super) enum Answer {
+    Shown(Box<Shown>),
+    /// The adapter cannot be had: pictures come from all cores.
+    NoAdapter(Error),
+    Failed(Error),
+}
+
+/// The newest of what is asked for; none where nobody asks any more.
+pub(super) fn newest<T>(requests: &Receiver<T>, mut request: T) -> T {
+    while let Ok(newer) = requests.try_recv() {
+        request = newer;
+    }
+    request
+}
+
+/// The loop of the thread; it ends when the window is gone.
+pub(super) fn run(
+    source: &dyn Source,
+    backend: Backend,
+    requests: &Receiver<Wanted>,
+    answers: &Sender<Answer>,
+    wake: &dyn Fn(),
+) {
+    let mut gpu = None;
+    let mut backend = backend;
+    let mut known: Option<(Changes, Scene, Arc<Engine>)> = None;
+    while let Ok(wanted) = requests.recv() {
+        let wanted = newest(requests, wanted);
+        if backend == Backend::Gpu && gpu.is_none() {
+            match Gpu::open() {
+                Ok(opened) => {
+                    opened.keep_kernels();
+                    gpu = Some(opened);
+                }
+                Err(error) => {
+                    backend = Backend::Cpu;
+                    let _ = answers.send(Answer::NoAdapter(error));
+                }
+            }
+        }
+        let answer = match picture(source, gpu.as_ref(), &mut known, wanted) {
+            Ok(shown) => Answer::Shown(Box::new(shown)),
+            Err(error) => {
+                // A lost device stays lost: the next picture has another.
+                gpu = gpu.filter(|gpu| gpu.check().is_ok());
+                Answer::Failed(error)
+            }
+        };
+        if answers.send(answer).is_err() {
+            return;
+        }
+        wake();
+        if let Err(TryRecvError::Disconnected) = requests.try_recv().map(drop) {
+            return;
+        }
+    }
+}
+
+fn picture(
+    source: &dyn Source,
+    gpu: Option<&Gpu>,
+    known: &mut Option<(Changes, Scene, Arc<Engine>)>,
+    wanted: Wanted,
+) -> Result<Shown> {
+    let begin = Instant::now();
+    let known = match known {
+        Some(known) if known.0 == wanted.changes => known,
+        _ => {
+            let (scene, engine) = source.engine(&wanted.changes)?;
+            known.insert((wanted.changes.clone(), scene, Arc::new(engine)))
+        }
+    };
+    let (_, scene, engine) = known;
+    let scene = wanted.look.scene(scene, centre(engine));
+    let settings =
+        EngineSettings { jitter: EngineJitter::None, frame: 0, sub_pixels: source.sub_pixels(), god_rays: false };
+    let renderer = EngineRenderer::new(&scene, engine, gpu)?;
+    let preparation_milliseconds = begin.elapsed().as_secs_f64() * 1e3;
+    let begin = Instant::now();
+    let make = || renderer.picture(&settings, &|_, _| ());
+    let (image, times) = match gpu {
+        Some(gpu) => gpu.timed(make)?,
+        None => (make()?, None),
+    };
+    let milliseconds = begin.elapsed().as_secs_f64() * 1e3;
+    image.check_finite("the picture of this engine")?;
+    drop(renderer);
+    Ok(Shown {
+        image,
+        scene,
+        engine: Arc::clone(engine),
+        wanted,
+        milliseconds,
+        kernel_milliseconds: times.map(|times| times.seconds() * 1e3),
+        preparation_milliseconds,
+        compilations: gpu.map_or(0, Gpu::compilations),
+        worker: gpu.map_or_else(|| worker(None), |gpu| gpu.adapter().name.clone()),
+    })
+}

@@ -1,0 +1,75 @@
+//! The window: an engine's picture of a scene that one turns with the mouse, beside the truth, with its error against its time.
+//!
+//! [`look`] is what is looked at; engine and truth run in threads of their own, so that the window answers whatever they do:
+//! an engine is put together again for every changed number, and its kernels are compiled again only where their text changed. When the
+//! view rests, path tracing accumulates; [`compare`] says what the error is and how sure that is. The window itself knows no files: what
+//! is saved goes through a [`Source`].
+
+pub mod compare;
+mod controls;
+mod engine_thread;
+pub mod look;
+mod truth_thread;
+mod window;
+
+pub use engine_thread::Shown;
+pub use truth_thread::Truth;
+pub use window::{App, open};
+
+use crate::base::error::Result;
+use crate::engines::Engine;
+use crate::integrators::path::GivenMedium;
+use crate::scene::Scene;
+use crate::scene::image::Image;
+use indexmap::IndexMap;
+
+/// What was changed in the window, by the names that files and options have; nothing where it is empty.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Changes {
+    /// A level of quality or another set of values of the system.
+    pub quality: Option<String>,
+    /// A light model in the place of the one that is there.
+    pub light: Option<String>,
+    /// Values of the scene's material, by the names of [`Scene::settable`].
+    pub scene: IndexMap<String, f64>,
+    /// Parameters of the system.
+    pub density: IndexMap<String, f64>,
+    /// Parameters of its light.
+    pub of_light: IndexMap<String, f64>,
+    /// Seconds of animation, added to those that were asked for.
+    pub seconds: f64,
+}
+
+/// What is put on disk: an engine's picture, the truth of the same view, and what their figures were.
+pub struct Record<'a> {
+    /// The scene as it was looked at.
+    pub scene: &'a Scene,
+    /// The engine's picture.
+    pub shown: &'a Shown,
+    /// Pictures of the truth of equal weight, whose spread is its noise; none where there is no truth yet.
+    pub truth: &'a [Image],
+}
+
+/// Where the window has its engines from, and what it gives its results to.
+pub trait Source: Send + Sync {
+    /// The scene as it was asked for.
+    fn scene(&self) -> &Scene;
+
+    /// The engine under changes, and the scene that it is in.
+    fn engine(&self, changes: &Changes) -> Result<(Scene, Engine)>;
+
+    /// Whose light transport is right: the scene, and a medium where it is not the scene's own.
+    fn truth(&self, changes: &Changes) -> Result<(Scene, Option<GivenMedium>)>;
+
+    /// Pictures of equal weight that are right where camera, light and numbers are those that were asked for, such as Cycles'; often none.
+    fn pictures(&self) -> &[Image];
+
+    /// Rays per pixel and axis.
+    fn sub_pixels(&self) -> u32;
+
+    /// Writes a record; says where and what was found.
+    fn record(&self, record: &Record<'_>) -> Result<String>;
+
+    /// Writes the engine as it is now as a preset; says where.
+    fn save_preset(&self, changes: &Changes) -> Result<String>;
+}

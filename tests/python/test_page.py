@@ -1,0 +1,177 @@
+"""The page of a bundle in a real Chromium: its picture is the adapter's, its numbers and the mouse do what they say."""
+
+import contextlib
+import functools
+import http.server
+import json
+import os
+import shutil
+import subprocess
+import threading
+
+import numpy as np
+import pytest
+from blend_support import ROOT, built_program
+
+CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+IS_REQUIRED = "chromium" in os.environ.get("CLOUDPARITY_REQUIRE", "").split(",")
+pytestmark = pytest.mark.skipif(CHROMIUM is None and not IS_REQUIRED, reason="no Chromium is installed")
+
+# WebGPU without a GPU and without a screen.
+FLAGS = [
+    "--no-sandbox",
+    "--enable-unsafe-webgpu",
+    "--use-webgpu-adapter=swiftshader",
+    "--enable-features=Vulkan",
+    "--use-vulkan=swiftshader",
+    "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader",
+]
+
+# A unit in the last place of f32, relative to the value, at most.
+ULP = 2.0**-23
+
+# Milliseconds until something that would never end is given up; nothing is timed.
+PATIENCE = 180_000
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """A server's folder with the bundle in a sub-folder."""
+    root = tmp_path_factory.mktemp("served")
+    scene = ROOT / "parity/scenes/procedural-clouds.scene.json"
+    options = [
+        "--resolution",
+        "64x36",
+        "-p",
+        "march_steps=12",
+        "-p",
+        "light_steps=2",
+        "-o",
+        str(root / "below/cloud"),
+    ]
+    subprocess.run(
+        [str(built_program()), "publish", str(scene), *options], check=True, capture_output=True, cwd=ROOT
+    )
+    return root
+
+
+@pytest.fixture(scope="module")
+def address(folder):
+    handler = functools.partial(QuietHandler, directory=str(folder))
+    with http.server.ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        yield f"http://127.0.0.1:{server.server_address[1]}/below/cloud/"
+        server.shutdown()
+
+
+class QuietHandler(http.server.SimpleHTTPRequestHandler):
+    def log_message(self, *_):
+        pass
+
+
+@pytest.fixture(scope="module")
+def browser():
+    from playwright.sync_api import sync_playwright
+
+    with (
+        sync_playwright() as playwright,
+        contextlib.closing(playwright.chromium.launch(executable_path=CHROMIUM, args=FLAGS)) as opened,
+    ):
+        yield opened
+
+
+@pytest.fixture
+def page(browser, address):
+    """The page with its first picture; what the console says beside is kept in `said`."""
+    opened = browser.new_page(viewport={"width": 1100, "height": 700})
+    opened.said = []
+    opened.on("console", lambda message: opened.said.append(f"{message.type}: {message.text}"))
+    opened.on("pageerror", lambda error: opened.said.append(f"error: {error}"))
+    opened.goto(address)
+    opened.wait_for_function(
+        "window.firstPicture || document.querySelector('#status.failed')", timeout=PATIENCE
+    )
+    yield opened
+    opened.close()
+
+
+def read(page):
+    """The linear picture, [h, w, 4]."""
+    values = page.evaluate("async () => Array.from(await window.host.read())")
+    width, height = page.evaluate("() => window.host.bundle.resolution")
+    return np.array(values).reshape(height, width, 4)
+
+
+def drawn(page):
+    """The picture after what was changed is drawn."""
+    page.evaluate("async () => { await window.host.draw(); }")
+    return read(page)
+
+
+def test_the_page_draws_what_the_adapter_draws(page, folder):
+    """Two adapters round differently, and either is within the bound of tests/bundles.rs from double precision: they are
+    within twice that of each other. Here its largest part stands in for it, what our adapter was found to be off by, with 200 roundings of
+    the brightest value for the arithmetic."""
+    import OpenImageIO as oiio
+
+    cloud = folder / "below/cloud"
+    found = read(page)
+    ours = np.asarray(oiio.ImageBuf(str(cloud / "bundle.exr")).get_pixels())
+    certificate = json.loads((cloud / "certificate.json").read_text())
+    bound = 2 * certificate["largest_difference"] + 200 * ULP * certificate["brightest_value"]
+    difference = np.abs(found[..., :3] - ours[..., :3]).max()
+    print(f"largest difference {difference:.2e}, bound {bound:.2e}")
+    assert found[..., :3].max() > 0.1, "nothing is seen"
+    assert difference <= bound
+    # A hundredth more extinction is no rounding.
+    page.evaluate(
+        "() => host.set('march', 'extinction', host.get('march', 'extinction').map((one) => one * 1.01))"
+    )
+    assert np.abs(drawn(page)[..., :3] - ours[..., :3]).max() > bound
+    assert page.said == []
+
+
+def test_the_mouse_goes_around_and_back(page):
+    home = read(page)
+    page.evaluate("() => window.host.orbit(0, 0, 1)")
+    assert np.array_equal(drawn(page), home), "going nowhere changes no bit"
+    box = page.locator("#picture").bounding_box()
+    x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+    page.mouse.move(x, y)
+    page.mouse.down()
+    page.mouse.move(x + 80, y + 10, steps=4)
+    page.mouse.up()
+    assert not np.array_equal(drawn(page), home)
+    page.mouse.wheel(0, 300)
+    page.click("#reset")
+    assert np.array_equal(drawn(page), home)
+    assert page.said == []
+
+
+def test_every_slider_changes_the_picture(page):
+    home = read(page)
+    sliders = page.locator("#numbers input")
+    assert sliders.count() >= 3
+    for number in range(sliders.count()):
+        page.click("#reset")
+        slider = sliders.nth(number)
+        slider.evaluate("(one) => { one.value = one.max; one.dispatchEvent(new Event('input')); }")
+        assert not np.array_equal(drawn(page), home), page.locator("#numbers label").nth(number).inner_text()
+    page.click("#reset")
+    assert np.array_equal(drawn(page), home)
+    assert page.said == []
+
+
+def test_the_certificate_is_on_the_page(page):
+    text = page.locator("#certificate").inner_text()
+    assert "largest difference" in text and "adapter" in text
+
+
+def test_without_webgpu_the_page_says_what_to_do(browser, address):
+    page = browser.new_page()
+    page.add_init_script("Object.defineProperty(navigator, 'gpu', { value: undefined })")
+    page.goto(address)
+    page.wait_for_selector("#status.failed", timeout=PATIENCE)
+    assert "WebGPU" in page.locator("#status").inner_text()
+    page.close()

@@ -1,0 +1,198 @@
+//! The window without a screen: its widgets, its threads and its figures, driven as a person would.
+#![cfg(feature = "viewer")]
+
+mod support;
+
+use cloudparity::engines::Engine;
+use cloudparity::engines::defects::Defects;
+use cloudparity::gpu::Backend;
+use cloudparity::integrators::path::GivenMedium;
+use cloudparity::scene::Scene;
+use cloudparity::scene::image::Image;
+use cloudparity::viewer::compare::Statistics;
+use cloudparity::viewer::{App, Changes, Record, Source};
+use cloudparity::{Error, Result, engines};
+use egui_kittest::Harness;
+use egui_kittest::kittest::Queryable as _;
+use std::sync::{Arc, Mutex};
+use std::time::{Duration, Instant};
+
+/// A small cloud; what is recorded is kept.
+struct Small {
+    scene: Scene,
+    model: &'static str,
+    recorded: Mutex<Vec<(Image, Vec<Image>)>>,
+}
+
+impl Small {
+    fn new(model: &'static str) -> Arc<Self> {
+        let mut scene = support::scene("procedural-clouds");
+        scene.film.resolution = [32, 18];
+        scene.film.resolution_percentage = 100;
+        Arc::new(Self { scene, model, recorded: Mutex::default() })
+    }
+}
+
+impl Source for Small {
+    fn scene(&self) -> &Scene {
+        &self.scene
+    }
+
+    fn engine(&self, changes: &Changes) -> Result<(Scene, Engine)> {
+        let mut scene = self.scene.clone();
+        changes.scene.iter().try_for_each(|(name, value)| scene.set(&format!("{name}={value}")))?;
+        let model = engines::find(self.model)?;
+        let texts: Vec<String> = changes.density.iter().map(|(name, value)| format!("{name}={value}")).collect();
+        let values = model.values(changes.quality.as_deref(), &texts)?;
+        let mut engine = model.engine(&scene, &values, &Defects::NONE, changes.seconds)?;
+        for (name, &value) in &changes.of_light {
+            engines::light::models::set(&mut engine.light, name, value, name)?;
+        }
+        Ok((scene, engine))
+    }
+
+    fn truth(&self, changes: &Changes) -> Result<(Scene, Option<GivenMedium>)> {
+        let (scene, engine) = self.engine(changes)?;
+        let medium = GivenMedium { identity: engine.medium_identity(), object: Arc::new(engine.medium()?) };
+        Ok((scene, Some(medium)))
+    }
+
+    fn pictures(&self) -> &[Image] {
+        &[]
+    }
+
+    fn sub_pixels(&self) -> u32 {
+        1
+    }
+
+    fn record(&self, record: &Record<'_>) -> Result<String> {
+        let pair = (record.shown.image.clone(), record.truth.to_vec());
+        self.recorded.lock().expect("no panic before").push(pair);
+        Ok("pair-001: recorded".into())
+    }
+
+    fn save_preset(&self, _: &Changes) -> Result<String> {
+        Err(Error::new("the folder", "no room", "some", "Make room."))
+    }
+}
+
+fn window(source: &Arc<Small>, backend: Backend) -> Harness<'static, App> {
+    let app = App::new(Arc::clone(source) as Arc<dyn Source>, backend, Arc::new(|| ()));
+    Harness::builder().with_size([1200.0, 2600.0]).build_ui_state(|ui, app: &mut App| app.ui(ui), app)
+}
+
+/// Shows frame after frame until something has come.
+fn until(window: &mut Harness<'static, App>, what: &str, is_there: impl Fn(&App) -> bool) {
+    let begin = Instant::now();
+    while !is_there(window.state()) {
+        // A limit for what would never end; nothing is timed.
+        assert!(begin.elapsed() < Duration::from_secs(300), "{what} never came: {:?}", window.state().message());
+        window.step();
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    window.step();
+}
+
+/// The picture of what is wanted now is there, in its full size.
+fn is_shown(app: &App) -> bool {
+    app.is_up_to_date()
+}
+
+#[test]
+fn a_tour_with_all_cores() {
+    let source = Small::new("perlin-fbm");
+    let mut window = window(&source, Backend::Cpu);
+    until(&mut window, "a picture", is_shown);
+    let home = window.state().shown().expect("it is there").image.clone();
+
+    // The truth accumulates while the view rests, and the error is that of the pictures that are recorded.
+    until(&mut window, "an error", |app| app.statistics().is_some());
+    assert!(window.state().error_text().contains('±'), "{}", window.state().error_text());
+    window.get_by_label("Record this pair").click();
+    window.step();
+    let found = window.state().statistics();
+    until(&mut window, "a record", |app| app.message().is_some_and(|(text, _)| text.contains("recorded")));
+    {
+        let recorded = source.recorded.lock().expect("no panic before");
+        let (ours, truth) = &recorded[0];
+        assert_eq!(ours.pixels, home.pixels);
+        let again = Statistics::of(ours, truth).expect("an error");
+        // The truth goes on between the click and the next look: its figure is within its own uncertainty.
+        let found = found.expect("it was there");
+        let spread = found.standard_error.max(again.standard_error);
+        assert!((again.error() - found.error()).abs() <= 6.0 * spread, "{again:?} {found:?}");
+    }
+
+    // What cannot be saved is said.
+    window.get_by_label("Save preset").click();
+    window.step();
+    window.step();
+    assert!(window.state().message().is_some_and(|(text, is_failure)| is_failure && text.contains("no room")));
+
+    // Around and back.
+    let area = window.get_by_label("Picture").rect();
+    window.drag_at(area.center());
+    window.step();
+    window.hover_at(area.center() + eframe::egui::vec2(60.0, 12.0));
+    window.step();
+    window.drop_at(area.center() + eframe::egui::vec2(60.0, 12.0));
+    window.step();
+    assert!(!window.state().look().is_home(), "a drag goes around");
+    until(&mut window, "the view from there", is_shown);
+    assert_ne!(window.state().shown().expect("it is there").image.pixels, home.pixels);
+    window.get_by_label("Scene's camera").click();
+    window.step();
+    window.step();
+    assert!(window.state().look().is_home());
+    until(&mut window, "the scene's own view", is_shown);
+    assert_eq!(window.state().shown().expect("it is there").image.pixels, home.pixels, "to the bit");
+}
+
+/// A number that a kernel is given compiles nothing, whatever it is; the program says how many it has compiled.
+#[test]
+fn a_number_that_changes_compiles_nothing() {
+    if !support::require("vulkan") {
+        return;
+    }
+    let source = Small::new("perlin-fbm");
+    let mut window = window(&source, Backend::Gpu);
+    until(&mut window, "a picture", is_shown);
+    let compiled = window.state().shown().expect("it is there").compilations;
+    assert!(compiled > 0, "the first picture compiles");
+    let mut before = window.state().shown().expect("it is there").image.clone();
+    for step in 1..=20 {
+        let app = window.state_mut();
+        app.set_light("first_lobe", 0.3 + 0.02 * f64::from(step));
+        app.set_density("opacity", 1.0 + 0.1 * f64::from(step));
+        app.set_sun([0.05 * f64::from(step), 0.0]);
+        until(&mut window, "a picture of new numbers", is_shown);
+        let shown = window.state().shown().expect("it is there");
+        assert_ne!(shown.image.pixels, before.pixels, "step {step}");
+        assert_eq!(shown.compilations, compiled, "step {step}");
+        before = shown.image.clone();
+    }
+    // Another structure does.
+    window.state_mut().set_light("octaves", 3.0);
+    until(&mut window, "a picture with octaves", is_shown);
+    assert!(window.state().shown().expect("it is there").compilations > compiled);
+    // And back again does not.
+    let compiled = window.state().shown().expect("it is there").compilations;
+    window.state_mut().set_light("octaves", 1.0);
+    until(&mut window, "a picture without", is_shown);
+    assert_eq!(window.state().shown().expect("it is there").compilations, compiled);
+}
+
+#[test]
+fn a_number_out_of_range_is_said_and_the_window_stays() {
+    let source = Small::new("perlin-fbm");
+    let mut window = window(&source, Backend::Cpu);
+    until(&mut window, "a picture", is_shown);
+    window.state_mut().set_light("second_share", 7.0);
+    until(&mut window, "a message", |app| app.message().is_some_and(|(_, is_failure)| is_failure));
+    let (text, _) = window.state().message().expect("it is there");
+    assert!(text.contains("second_share") && text.contains('7'), "{text}");
+    assert!(window.state().shown().is_some(), "the old picture stands");
+    window.state_mut().set_light("second_share", 0.5);
+    until(&mut window, "the next picture", is_shown);
+    assert!(window.state().message().is_none_or(|(_, is_failure)| !is_failure));
+}
