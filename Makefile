@@ -33,7 +33,7 @@ build: setup
 
 # The demo prints the path of its page, and fails where field or picture differ from Cycles.
 demo: build ## render the cloud, compare it with the committed Cycles reference, write out/demo/index.html and the page out/demo/web
-	$(PROGRAM) publish $(SCENE) --quality medium --resolution 480x270 -o out/demo/web
+	$(PROGRAM) publish $(SCENE) --quality medium --resolution 320x180 --film-transparent true --truth parity/reference/procedural-clouds-320x180.exr -o out/demo/web
 	$(PROGRAM) demo -o out/demo
 
 demo-live: build ## the same with a fresh Cycles render as reference (needs bpy; minutes)

@@ -14,6 +14,7 @@ use crate::engines::render::{self, EngineJitter};
 use crate::gpu::{Backend, Gpu};
 use crate::measure::pictures::{DiffRequest, DiffResult, Tolerances};
 use crate::scene::Scene;
+use crate::scene::image::Image;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -63,7 +64,12 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
     let (scene, engine) = arguments.engine(scene)?;
     let folder = &arguments.output;
     let Target::Wgsl = arguments.to;
-    Bundle::new(&scene, &engine)?.write(folder)?;
+    let mut bundle = Bundle::new(&scene, &engine)?;
+    if !arguments.truth.is_empty() {
+        let pictures: Vec<Image> = arguments.truth.iter().map(|path| Image::read_exr(path)).collect::<Result<_>>()?;
+        bundle = bundle.with_truth(&Image::mean_of(&pictures)?).map_err(|error| error.with_setting("resolution"))?;
+    }
+    bundle.write(folder)?;
     // From the files, as everybody else reads them.
     let bundle = Bundle::load(folder)?;
     let mut text = format!("{}: open index.html through a static server:\n", folder.display());

@@ -144,7 +144,8 @@ impl Curve {
     /// A colour. What is no number is black.
     pub fn shown(&self, color: [f32; 4]) -> [u8; 3] {
         std::array::from_fn(|channel| {
-            let root = (color[channel] * self.factor).max(0.0).min(1.0).sqrt();
+            let linear = color[channel] * self.factor;
+            let root = if linear.is_nan() { 0.0 } else { linear.clamp(0.0, 1.0).sqrt() };
             self.table[(root * (TABLE - 1) as f32).round() as usize]
         })
     }

@@ -50,7 +50,7 @@ impl Number<'_> {
                     }
                 };
                 if is_changed {
-                    undone = ui.small_button("⟲").on_hover_text(format!("{}: as it was", self.title)).clicked();
+                    undone = ui.small_button("Undo").on_hover_text(format!("{}: as it was", self.title)).clicked();
                 }
                 response
             })

@@ -9,7 +9,7 @@ use crate::gpu::{Backend, Gpu, worker};
 use crate::scene::Scene;
 use crate::scene::image::Image;
 use std::sync::Arc;
-use std::sync::mpsc::{Receiver, Sender, TryRecvError};
+use std::sync::mpsc::{Receiver, Sender};
 use std::time::Instant;
 
 /// What is wanted.
@@ -94,9 +94,6 @@ pub(super) fn run(
             return;
         }
         wake();
-        if let Err(TryRecvError::Disconnected) = requests.try_recv().map(drop) {
-            return;
-        }
     }
 }
 

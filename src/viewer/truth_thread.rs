@@ -30,7 +30,7 @@ pub struct Truth {
 
 /// What the thread says.
 pub(super) enum Answer {
-    Truth(Truth),
+    Truth(Box<Truth>),
     Failed(Error),
 }
 
@@ -74,7 +74,7 @@ fn accumulate(
             samples: 0,
             wanted: wanted.clone(),
         };
-        let _ = answers.send(Answer::Truth(truth));
+        let _ = answers.send(Answer::Truth(Box::new(truth)));
         wake();
         return Ok(None);
     }
@@ -94,7 +94,7 @@ fn accumulate(
             samples: sums.samples,
             wanted: wanted.clone(),
         };
-        let is_gone = answers.send(Answer::Truth(truth)).is_err();
+        let is_gone = answers.send(Answer::Truth(Box::new(truth))).is_err();
         wake();
         newer = requests.try_recv().ok();
         if newer.is_some() || is_gone { Err(stopped()) } else { Ok(()) }
@@ -133,7 +133,7 @@ impl Sums {
             (0..4).for_each(|channel| sum[channel] += f64::from(pixel[channel]));
         }
         self.samples += 1;
-        if self.samples as usize % REPLICAS == 0 {
+        if (self.samples as usize).is_multiple_of(REPLICAS) {
             let each = f64::from(self.samples) / REPLICAS as f64;
             self.replicas = Arc::new((0..REPLICAS).map(|replica| self.image(&[replica], each)).collect());
         }

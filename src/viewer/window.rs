@@ -36,6 +36,7 @@ pub struct App {
     engine: (Sender<Wanted>, Receiver<engine_thread::Answer>),
     truth_thread: (Sender<Option<Wanted>>, Receiver<truth_thread::Answer>),
     shown: Option<Arc<Shown>>,
+    pictures: u64,
     truth: Option<Truth>,
     statistics: Option<Statistics>,
     mode: Mode,
@@ -77,6 +78,7 @@ impl App {
             engine: (ask_engine, hear_engine),
             truth_thread: (ask_truth, hear_truth),
             shown: None,
+            pictures: 0,
             truth: None,
             statistics: None,
             mode: Mode::Engine,
@@ -134,6 +136,17 @@ impl App {
         self.changed = Instant::now();
     }
 
+    /// Sets a value of the scene's material.
+    pub fn set_scene(&mut self, name: &str, value: f64) {
+        self.wanted.changes.scene.insert(name.to_owned(), value);
+        self.changed = Instant::now();
+    }
+
+    /// Pictures of the engine that were seen so far.
+    pub fn pictures(&self) -> u64 {
+        self.pictures
+    }
+
     /// Turns the suns, in radians around the world's z axis and upwards.
     pub fn set_sun(&mut self, sun: [f64; 2]) {
         self.wanted.look.sun = sun;
@@ -179,6 +192,7 @@ impl App {
                         self.message = None;
                     }
                     self.shown = Some(Arc::from(shown));
+                    self.pictures += 1;
                     self.renew();
                 }
                 engine_thread::Answer::NoAdapter(error) => {
@@ -190,7 +204,7 @@ impl App {
         let mut heard = false;
         while let Ok(answer) = self.truth_thread.1.try_recv() {
             match answer {
-                truth_thread::Answer::Truth(truth) => (self.truth, heard) = (Some(truth), true),
+                truth_thread::Answer::Truth(truth) => (self.truth, heard) = (Some(*truth), true),
                 truth_thread::Answer::Failed(error) => {
                     self.message = Some((format!("There is no truth of this: {error}"), true));
                 }

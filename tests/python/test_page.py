@@ -1,4 +1,4 @@
-"""The page of a bundle in a real Chromium: its picture is the adapter's, its numbers and the mouse do what they say."""
+"""The page of a bundle in a real Chromium: its picture is the adapter's, numbers and mouse do as they say."""
 
 import contextlib
 import functools
@@ -11,6 +11,7 @@ import threading
 
 import numpy as np
 import pytest
+
 from blend_support import ROOT, built_program
 
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
@@ -50,6 +51,11 @@ def folder(tmp_path_factory):
         "-o",
         str(root / "below/cloud"),
     ]
+    truth = root / "truth.exr"
+    path = ["--integrator", "path", "--samples", "2", "--replicas", "2"]
+    render = [str(built_program()), "render", str(scene), *options[:2], *path, "-o", str(truth)]
+    subprocess.run(render, check=True, capture_output=True, cwd=ROOT)
+    options += ["--truth", *(str(root / f"truth.seed-{seed}.exr") for seed in (0, 1))]
     subprocess.run(
         [str(built_program()), "publish", str(scene), *options], check=True, capture_output=True, cwd=ROOT
     )
@@ -110,9 +116,9 @@ def drawn(page):
 
 
 def test_the_page_draws_what_the_adapter_draws(page, folder):
-    """Two adapters round differently, and either is within the bound of tests/bundles.rs from double precision: they are
-    within twice that of each other. Here its largest part stands in for it, what our adapter was found to be off by, with 200 roundings of
-    the brightest value for the arithmetic."""
+    """Two adapters round differently, and either is within the bound of tests/bundles.rs from double
+    precision: they are within twice that of each other. What our adapter was found to be off by stands in for
+    it, with 200 roundings of the brightest value for the arithmetic."""
     import OpenImageIO as oiio
 
     cloud = folder / "below/cloud"
@@ -166,6 +172,32 @@ def test_every_slider_changes_the_picture(page):
 def test_the_certificate_is_on_the_page(page):
     text = page.locator("#certificate").inner_text()
     assert "largest difference" in text and "adapter" in text
+
+
+def test_the_error_is_that_of_the_certificate_and_the_wipe_shows_the_truth(page, folder):
+    """The page's relMSE is of another adapter than the certificate's: by the first bound, d, it is off by at
+    most 2 sqrt(relMSE) d / e + (d / e)^2, with e = 1 % of the truth's mean."""
+    import OpenImageIO as oiio
+
+    cloud = folder / "below/cloud"
+    certificate = json.loads((cloud / "certificate.json").read_text())
+    truth = np.fromfile(cloud / "truth.bin", np.float32).reshape(36, 64, 4)
+    seeds = [oiio.ImageBuf(str(folder / f"truth.seed-{seed}.exr")) for seed in (0, 1)]
+    mean = np.mean([np.asarray(seed.get_pixels())[..., :3] for seed in seeds], axis=0)
+    assert np.allclose(truth[..., :3], mean, rtol=2 * ULP, atol=0)
+    error = page.evaluate("() => window.host.error()")
+    off = 2 * certificate["largest_difference"] / (0.01 * mean.mean())
+    wanted = certificate["truth_relmse"]
+    assert abs(error - wanted) <= 2 * wanted**0.5 * off + off**2
+    assert "relMSE" in page.locator("#status").inner_text()
+    before = page.locator("#picture").screenshot()
+    page.locator("#wipe").evaluate("(one) => { one.value = 0.5; one.dispatchEvent(new Event('input')); }")
+    page.wait_for_timeout(300)
+    assert page.locator("#picture").screenshot() != before
+    # Elsewhere the truth is not of what is seen.
+    page.evaluate("async () => { window.host.orbit(0.3, 0, 1); await window.host.draw(); }")
+    assert page.evaluate("() => window.host.error()") is None
+    assert page.said == []
 
 
 def test_without_webgpu_the_page_says_what_to_do(browser, address):

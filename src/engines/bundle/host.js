@@ -17,7 +17,8 @@ const NUMBERS = [
 
 const SHOW = `
 @group(0) @binding(0) var<storage, read> colour: array<vec4f>;
-@group(0) @binding(1) var<uniform> size: vec2u;
+@group(0) @binding(1) var<uniform> size: vec4u;
+@group(0) @binding(2) var<storage, read> truth: array<vec4f>;
 @vertex fn corner(@builtin(vertex_index) index: u32) -> @builtin(position) vec4f {
   return vec4f(f32(index & 1u) * 4.0 - 1.0, f32(index >> 1u) * 4.0 - 1.0, 0.0, 1.0);
 }
@@ -27,7 +28,11 @@ fn encoded(linear: vec3f) -> vec3f {
   return select(1.055 * pow(value, vec3f(1.0 / 2.4)) - 0.055, 12.92 * value, value <= vec3f(0.0031308));
 }
 @fragment fn shown(@builtin(position) place: vec4f) -> @location(0) vec4f {
-  let pixel = colour[u32(place.y) * size.x + u32(place.x)];
+  let at = u32(place.y) * size.x + u32(place.x);
+  // Right of a line stands the truth.
+  if (u32(place.x) == size.z) { return vec4f(1.0, 0.69, 0.13, 1.0); }
+  var pixel = colour[at];
+  if (u32(place.x) > size.z) { pixel = truth[at]; }
   return vec4f(encoded(pixel.rgb), 1.0);
 }`;
 
@@ -69,7 +74,7 @@ export async function open(canvas, folder = ".") {
     if (name !== "maxStorageBuffersPerShaderStage" || needed > 8) requiredLimits[name] = needed;
   }
   const device = await adapter.requestDevice({ requiredLimits });
-  const host = { bundle, device, lost: null };
+  const host = { bundle, device, lost: null, wipe: 1 };
   device.lost.then((why) => { host.lost = why.message || why.reason; });
 
   const buffer = (size, usage) => device.createBuffer({ size, usage });
@@ -78,6 +83,10 @@ export async function open(canvas, folder = ".") {
   const pixels = buffer(bundle.rays_together * PIXEL, STORAGE | COPY_DST);
   const colour = buffer(width * height * 16, STORAGE | COPY_SRC);
   const roles = { rays, pixels, colour };
+  // The right picture, and as numbers for its error.
+  const truth = bundle.truth ? new Float32Array(await (await get(bundle.truth)).arrayBuffer()) : null;
+  const right = truth ? buffer(truth.byteLength, STORAGE | COPY_DST) : colour;
+  if (truth) device.queue.writeBuffer(right, 0, truth);
   for (const [name, content] of files) {
     roles[name] = buffer(content.byteLength, STORAGE | COPY_DST);
     device.queue.writeBuffer(roles[name], 0, content);
@@ -134,10 +143,44 @@ export async function open(canvas, folder = ".") {
       layout: "auto", vertex: { module }, fragment: { module, targets: [{ format }] },
     });
     const size = buffer(16, UNIFORM | COPY_DST);
-    device.queue.writeBuffer(size, 0, new Uint32Array([width, height, 0, 0]));
-    const entries = [{ binding: 0, resource: { buffer: colour } }, { binding: 1, resource: { buffer: size } }];
-    screen = { pipeline, group: device.createBindGroup({ layout: pipeline.getBindGroupLayout(0), entries }) };
+    const entries = [colour, size, right].map((one, binding) => ({ binding, resource: { buffer: one } }));
+    screen = { size, pipeline, group: device.createBindGroup({ layout: pipeline.getBindGroupLayout(0), entries }) };
   }
+
+  // What is on the canvas, from the last picture.
+  host.show = () => {
+    if (!screen) return;
+    // The part of the width that is the engine's; all of it where the view is none that the truth is of.
+    const line = host.wipe < 1 && truth && host.isHome() ? Math.round(host.wipe * width) : 0xffffffff;
+    device.queue.writeBuffer(screen.size, 0, new Uint32Array([width, height, line, 0]));
+    const encoder = device.createCommandEncoder();
+    const view = context.getCurrentTexture().createView();
+    const pass = encoder.beginRenderPass({ colorAttachments: [{ view, loadOp: "clear", storeOp: "store" }] });
+    pass.setPipeline(screen.pipeline);
+    pass.setBindGroup(0, screen.group);
+    pass.draw(3);
+    pass.end();
+    device.queue.submit([encoder.finish()]);
+  };
+
+  // Whether every number is the scene's, as the kernels get it.
+  host.isHome = () => bundle.kernels.every((kernel) => kernel.uniform.every(
+    (field) => field.values.every((value, index) => Math.fround(value) === Math.fround(kernels[kernel.name].fields[field.name].values[index]))));
+
+  // relMSE of the last picture: the mean over pixels and channels of d^2 / (t^2 + e^2), with the difference d, the truth t and e = 1 % of
+  // its mean. None without a truth, and where the view is not the scene's.
+  host.error = async () => {
+    if (!truth || !host.isHome()) return null;
+    const found = await host.read();
+    const isColour = (_, index) => index % 4 !== 3;
+    const values = 3 * width * height;
+    const mean = truth.filter(isColour).reduce((sum, value) => sum + value, 0) / values;
+    let sum = 0;
+    truth.forEach((value, index) => {
+      if (index % 4 !== 3) sum += (found[index] - value) ** 2 / (value * value + (0.01 * mean) ** 2);
+    });
+    return sum / values;
+  };
 
   // One picture; resolves when the adapter is done, with the milliseconds that it took.
   host.draw = async () => {
@@ -160,16 +203,7 @@ export async function open(canvas, folder = ".") {
       // Uniforms are free again for the next submission: writes to them are queued behind it.
       spare = [...new Set([...spare, ...used])];
     }
-    if (screen) {
-      const encoder = device.createCommandEncoder();
-      const view = context.getCurrentTexture().createView();
-      const pass = encoder.beginRenderPass({ colorAttachments: [{ view, loadOp: "clear", storeOp: "store" }] });
-      pass.setPipeline(screen.pipeline);
-      pass.setBindGroup(0, screen.group);
-      pass.draw(3);
-      pass.end();
-      device.queue.submit([encoder.finish()]);
-    }
+    host.show();
     await device.queue.onSubmittedWorkDone();
     return performance.now() - begin;
   };
@@ -245,7 +279,9 @@ if (canvas) {
           again = false;
           const took = await host.draw();
           window.firstPicture ??= performance.now() - began;
-          status.textContent = `${host.bundle.resolution.join(" × ")}: ${took.toFixed(0)} ms a picture. Drag to go around, turn the wheel to come closer.`;
+          const error = again ? null : await host.error();
+          const says = error === null ? "" : ` relMSE against the truth ${error.toExponential(2)}.`;
+          status.textContent = `${host.bundle.resolution.join(" × ")}: ${took.toFixed(0)} ms a picture.${says} Drag to go around, turn the wheel to come closer.`;
         } while (again);
       } catch (error) { fail(error); }
       busy = false;
@@ -285,6 +321,9 @@ if (canvas) {
       start();
       reset.push(start);
     }
+    const wipe = document.getElementById("wipe");
+    wipe.parentElement.hidden = !host.bundle.truth;
+    wipe.addEventListener("input", () => { host.wipe = Number(wipe.value); host.show(); });
     document.getElementById("reset").addEventListener("click", () => {
       [longitude, latitude, distance] = [0, 0, 1];
       reset.forEach((start) => start());

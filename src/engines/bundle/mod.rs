@@ -27,6 +27,9 @@ use std::path::Path;
 /// What `bundle.json` begins with.
 pub const FORMAT: &str = "cloudparity bundle 1";
 
+/// The file of the right picture.
+const TRUTH: &str = "truth.bin";
+
 /// The page and its program.
 const PAGE: [(&str, &str); 2] = [("index.html", include_str!("index.html")), ("host.js", include_str!("host.js"))];
 
@@ -58,6 +61,9 @@ pub struct Manifest {
     pub rays_together: u32,
     /// `camera`, `march` and `compose`, in this order.
     pub kernels: [Kernel; 3],
+    /// The right picture of the scene as it is, where there is one: a file of `vec4f` each, from the top-left corner.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub truth: Option<String>,
 }
 
 /// What a host needs to make the uniforms of the camera for another place.
@@ -191,8 +197,25 @@ impl Bundle {
             steps_together,
             rays_together: march.rays_together(steps_together) as u32,
             kernels,
+            truth: None,
         };
         Ok(Self { manifest, files })
+    }
+
+    /// The same with the right picture of the scene beside it. An error where it has another size.
+    pub fn with_truth(mut self, truth: &Image) -> Result<Self> {
+        let [width, height] = self.manifest.resolution.map(|side| side as usize);
+        if (truth.width, truth.height) != (width, height) {
+            return Err(Error::new(
+                "the truth of a bundle",
+                format!("{} x {} pixels", truth.width, truth.height),
+                format!("{width} x {height}, as the scene's picture"),
+                "Give it in the size of the bundle.",
+            ));
+        }
+        self.files.insert(TRUTH.into(), bytemuck::cast_slice(&truth.pixels).to_vec());
+        self.manifest.truth = Some(TRUTH.into());
+        Ok(self)
     }
 
     /// Writes it into a folder, `bundle.json` last.
