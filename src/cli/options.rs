@@ -94,7 +94,7 @@ mod tests {
         assert_eq!(shown("export"), error.to_string());
         // The points of eval are a file: more of them are not asked for by a number.
         let points = Error::new("points", "0", "some", "Ask for more points.").with_setting("points");
-        assert!(message(&points, command("probe")).ends_with("(--points)."));
+        assert!(message(&points, command("measure probe")).ends_with("(--points)."));
         assert_eq!(message(&points, command("eval")), points.to_string());
     }
 }

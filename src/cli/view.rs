@@ -81,7 +81,7 @@ pub(super) struct Arguments {
     truth: Vec<PathBuf>,
     #[command(flatten)]
     engine: EngineArguments,
-    /// Where the engine runs; all cores where there is no adapter.
+    /// Where it runs; all cores where there is no adapter.
     #[arg(long, value_parser = choice::<Backend>(), default_value_t = Backend::Gpu)]
     backend: Backend,
     /// What is seen at first.

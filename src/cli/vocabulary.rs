@@ -54,6 +54,7 @@ const SHARED: &[(&str, &[&str], &[&str])] = &[
     ("sub-pixels", &["N"], &["rays per pixel and axis"]),
     ("target", &["NODE.SOCKET"], &["node.socket"]),
     ("tracking", &["TRACKING"], &["find their collisions"]),
+    ("truth", &["FILE"], &["that are right"]),
     ("view", &["NAME"], &["view transform"]),
     ("view-step", &["METRES"], &["step of a view ray"]),
     ("volume-bounces", &["N"], &["scattering events beyond the first"]),

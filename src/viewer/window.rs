@@ -9,8 +9,8 @@ use crate::base::error::{Error, Result};
 use crate::gpu::Backend;
 use eframe::egui::{self, Color32, ColorImage, Sense, TextureHandle, TextureOptions, Ui, Vec2};
 use std::path::PathBuf;
-use std::sync::Arc;
 use std::sync::mpsc::{Receiver, Sender, channel};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 /// How long a view rests before the truth of it is begun.
@@ -56,6 +56,8 @@ pub struct App {
     /// Where a picture of the window goes as soon as the truth has that many samples; then the window closes.
     photograph: Option<(PathBuf, u32)>,
     is_asked_for_photograph: bool,
+    /// What writing it came to, where that failed.
+    failure: Arc<Mutex<Option<Error>>>,
 }
 
 impl App {
@@ -95,6 +97,7 @@ impl App {
             flip: false,
             photograph: None,
             is_asked_for_photograph: false,
+            failure: Arc::default(),
         }
     }
 
@@ -475,11 +478,9 @@ impl App {
         let failed = self.message.as_ref().is_some_and(|(_, is_failure)| *is_failure);
         if (is_there || failed) && !self.is_asked_for_photograph {
             self.is_asked_for_photograph = true;
-            let closing = context.clone();
+            let (closing, failure) = (context.clone(), Arc::clone(&self.failure));
             context.send_viewport_cmd(egui::ViewportCommand::Screenshot(egui::ScreenshotCallback::new(move |image| {
-                if let Err(error) = write_png(&path, &image) {
-                    eprintln!("error: {error}");
-                }
+                *failure.lock().unwrap_or_else(PoisonError::into_inner) = write_png(&path, &image).err();
                 closing.send_viewport_cmd(egui::ViewportCommand::Close);
             })));
         }
@@ -522,14 +523,16 @@ pub fn open(
         renderer: eframe::Renderer::Wgpu,
         ..Default::default()
     };
+    let failure: Arc<Mutex<Option<Error>>> = Arc::default();
+    let noted = Arc::clone(&failure);
     let begin = move |context: &eframe::CreationContext<'_>| -> std::result::Result<Box<dyn eframe::App>, _> {
         context.egui_ctx.set_visuals(egui::Visuals::dark());
         let woken = context.egui_ctx.clone();
         let mut app = App::new(source, backend, Arc::new(move || woken.request_repaint()));
-        (app.mode, app.photograph) = (mode, photograph);
+        (app.mode, app.photograph, app.failure) = (mode, photograph, noted);
         Ok(Box::new(app))
     };
-    eframe::run_native("cloudparity", options, Box::new(begin)).map_err(|cause| {
+    let shown = eframe::run_native("cloudparity", options, Box::new(begin)).map_err(|cause| {
         Error::new(
             "the window",
             cause.to_string(),
@@ -538,5 +541,7 @@ pub fn open(
              (mesa-vulkan-drivers); on a machine without a screen: xvfb-run -a cloudparity view SCENE. A page in a browser instead: \
              cloudparity publish SCENE -o DIR.",
         )
-    })
+    });
+    let failure = failure.lock().unwrap_or_else(PoisonError::into_inner).take();
+    shown.and(failure.map_or(Ok(()), Err))
 }
