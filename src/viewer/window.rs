@@ -249,7 +249,10 @@ impl App {
         let rests = !self.is_playing && self.changed.elapsed() >= REST;
         let mut wanted = self.wanted.clone();
         if !rests {
-            wanted.look.scale *= self.moving_scale;
+            // What is seen in full is not asked for again, smaller.
+            if !self.is_up_to_date() {
+                wanted.look.scale *= self.moving_scale;
+            }
             context.request_repaint_after(REST.saturating_sub(self.changed.elapsed()) + Duration::from_millis(5));
         }
         if self.asked.as_ref() != Some(&wanted) {
