@@ -446,6 +446,26 @@ fn every_mode_and_every_file_links_and_validates() {
             .to_vec();
     // Conditions that the search finds: were it blind, nothing would be tried.
     assert_eq!(conditions.iter().map(|(_, count)| *count).collect::<Vec<_>>(), [30, 7, 5], "{conditions:?}");
+    // Constants in a buffer, which has no function of its own: the kernel has its binding, and programs that differ in a number have one text.
+    let linked = |program: &Program| {
+        let source = "#import cloudparity::graph\n@group(0) @binding(0) var<storage, read_write> found: f32;\n\
+                      @compute @workgroup_size(1) fn main() { found = graph::evaluate(vec3f(found)); }";
+        let linker = Linker::with_numbers(program).expect("it links");
+        let numbers = linker.numbers().to_vec();
+        let module = linker.link("numbers", source).expect("it links");
+        validate("numbers", &module);
+        (numbers, module)
+    };
+    let mut scene = support::scene("procedural-clouds");
+    let (numbers, module) = linked(&programs[0]);
+    scene.set("Large Noise/Scale=1.7").expect("it has one");
+    let (others, other) = linked(&Program::density(&scene).expect("the cloud compiles"));
+    assert!(numbers.len() == others.len() && numbers != others);
+    let text = |module: &naga::Module| wgsl::write(module, wgsl::Language::Wgsl).expect("WGSL");
+    assert!(text(&module) == text(&other), "a number that changes is no change of the kernel");
+    let mut places = module.global_variables.iter().filter_map(|(_, variable)| variable.binding);
+    assert!(places.any(|place| (place.group, place.binding) == (1, 1)));
+    used.insert("nodes/shared/numbers.wgsl".into());
     for shader in all.values().filter(|shader| !shader.is_entry) {
         let stem = Path::new(&shader.path).file_stem().expect("a name").to_string_lossy().into_owned();
         let prefix = match &shader.import_path {
