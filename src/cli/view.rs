@@ -3,7 +3,6 @@
 use super::choice::choice;
 use super::engine::EngineArguments;
 use super::picture::SceneArguments;
-use crate::base::choice::choice as named_values;
 use crate::base::error::{Error, Result};
 use crate::base::files;
 use crate::bridge;
@@ -25,38 +24,6 @@ use serde_json::json;
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::sync::Arc;
-
-named_values! {
-    "kebab-case",
-    /// What is seen at first.
-    enum Shown {
-        /// The engine's picture.
-        Engine,
-        /// The truth.
-        Truth,
-        /// Both, one beside the other.
-        SideBySide,
-        /// Both, with a line between them.
-        Wipe,
-        /// Both, one after the other.
-        Flip,
-        /// Where the engine is too bright or too dark.
-        Difference,
-    }
-}
-
-impl From<Shown> for Mode {
-    fn from(shown: Shown) -> Self {
-        match shown {
-            Shown::Engine => Self::Engine,
-            Shown::Truth => Self::Truth,
-            Shown::SideBySide => Self::SideBySide,
-            Shown::Wipe => Self::Wipe,
-            Shown::Flip => Self::Flip,
-            Shown::Difference => Self::Difference,
-        }
-    }
-}
 
 /// Open a window: an engine's picture of a scene under the mouse, beside the truth, with its error and its time.
 ///
@@ -85,8 +52,8 @@ pub(super) struct Arguments {
     #[arg(long, value_parser = choice::<Backend>(), default_value_t = Backend::Gpu)]
     backend: Backend,
     /// What is seen at first.
-    #[arg(long, value_parser = choice::<Shown>(), default_value_t = Shown::Engine)]
-    shown: Shown,
+    #[arg(long, value_parser = choice::<Mode>(), default_value_t = Mode::Engine)]
+    shown: Mode,
     /// The folder for what is recorded and saved.
     #[arg(short, long, value_name = "DIR", default_value = "out/view")]
     output: PathBuf,
@@ -122,7 +89,7 @@ pub(super) fn run(arguments: Arguments) -> Result<ExitCode> {
     // What is wrong with the options is said here, not in a window.
     viewed.engine(&Changes::default())?;
     let photograph = photograph.map(|path| (path, photograph_after));
-    viewer::open(Arc::new(viewed), backend, WINDOW, shown.into(), photograph)?;
+    viewer::open(Arc::new(viewed), backend, WINDOW, shown, photograph)?;
     Ok(ExitCode::SUCCESS)
 }
 

@@ -82,6 +82,14 @@ pub struct Container {
     pub unit: f64,
 }
 
+impl Container {
+    /// The middle of the region in world space.
+    pub fn centre(&self) -> DVec3 {
+        let region = self.outline.region();
+        self.to_local.inverse().transform_point3((region.low + region.high) / 2.0)
+    }
+}
+
 /// The parts of a ray in a domain, in units of length.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Parts {

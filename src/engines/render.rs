@@ -225,12 +225,11 @@ impl<'a> EngineRenderer<'a> {
     /// What passes know.
     pub(crate) fn view(&self) -> View<'_> {
         let container = &self.engine.container;
-        let region = container.outline.region();
         View {
             camera: &self.camera,
             exposure: f64::from(self.scene.film.exposure),
             suns: &self.light.suns,
-            centre: container.to_local.inverse().transform_point3((region.low + region.high) / 2.0),
+            centre: container.centre(),
             side: container.unit,
         }
     }

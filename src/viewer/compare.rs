@@ -1,5 +1,6 @@
 //! Two pictures: what one differs by from the other, and both on a screen.
 
+use crate::base::choice::choice;
 use crate::scene::image::Image;
 use rayon::prelude::*;
 
@@ -77,21 +78,23 @@ fn without(ours: &Image, truth: &[Image], left_out: Option<usize>) -> Option<(f6
     Some((error / values, noise / values))
 }
 
-/// What is on the screen.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Mode {
-    /// The engine's picture.
-    Engine,
-    /// The truth.
-    Truth,
-    /// The engine's left of the truth.
-    SideBySide,
-    /// The engine's left of a line, the truth right of it.
-    Wipe,
-    /// One after the other.
-    Flip,
-    /// Their difference in luminance over the truth's: blue where the engine is darker, red where it is brighter.
-    Difference,
+choice! {
+    "kebab-case",
+    /// What is on the screen.
+    pub enum Mode {
+        /// The engine's picture.
+        Engine,
+        /// The truth.
+        Truth,
+        /// The engine's left of the truth.
+        SideBySide,
+        /// The engine's left of a line, the truth right of it.
+        Wipe,
+        /// One after the other.
+        Flip,
+        /// Their difference in luminance over the truth's: blue where the engine is darker, red where it is brighter.
+        Difference,
+    }
 }
 
 impl Mode {

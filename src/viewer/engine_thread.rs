@@ -1,6 +1,6 @@
 //! Pictures of the engine, made in a thread: the newest request counts, what was asked before is dropped.
 
-use super::look::{Look, centre};
+use super::look::Look;
 use super::{Changes, Source};
 use crate::base::error::{Error, Result};
 use crate::engines::Engine;
@@ -112,7 +112,7 @@ fn picture(
         }
     };
     let (_, scene, engine) = known;
-    let scene = wanted.look.scene(scene, centre(engine));
+    let scene = wanted.look.scene(scene, engine.container.centre());
     let settings =
         EngineSettings { jitter: EngineJitter::None, frame: 0, sub_pixels: source.sub_pixels(), god_rays: false };
     let renderer = EngineRenderer::new(&scene, engine, gpu)?;

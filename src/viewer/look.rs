@@ -1,6 +1,5 @@
 //! What is looked at: the scene's camera moved around the density, its suns turned, the size of the picture.
 
-use crate::engines::Engine;
 use crate::scene::{LightKind, Projection, Scene, matrix_from_glam, matrix_to_glam};
 use glam::{DMat3, DMat4, DVec3};
 use std::f64::consts::FRAC_PI_2;
@@ -97,12 +96,6 @@ impl Look {
         let turn = DMat3::from_rotation_z(around) * DMat3::from_axis_angle(side, raised);
         DMat4::from_mat3(turn) * matrix
     }
-}
-
-/// The middle of an engine's density in the world.
-pub(super) fn centre(engine: &Engine) -> DVec3 {
-    let region = engine.container.outline.region();
-    engine.container.to_local.inverse().transform_point3((region.low + region.high) / 2.0)
 }
 
 #[cfg(test)]

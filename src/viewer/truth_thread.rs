@@ -1,7 +1,6 @@
 //! The truth of a view, made in a thread while the view rests: path tracing without bias, a sample of every pixel after the other.
 
 use super::engine_thread::{Wanted, newest};
-use super::look::centre;
 use super::{Changes, Source};
 use crate::base::error::{Error, Result};
 use crate::gpu::Backend;
@@ -81,11 +80,11 @@ fn accumulate(
     let (scene, medium) = source.truth(&wanted.changes)?;
     // Where the camera goes around is a matter of the engine's domain.
     let (_, engine) = source.engine(&wanted.changes)?;
-    let scene = wanted.look.scene(&scene, centre(&engine));
+    let scene = wanted.look.scene(&scene, engine.container.centre());
     let settings = PathSettings { samples: 1, pixel_centres: source.sub_pixels() == 1, ..PathSettings::default() };
     let seeds: Vec<u32> = (0..MOST_SAMPLES).collect();
     let mut sums = Sums::new(scene.image_size());
-    let mut newer = None;
+    let (mut newer, mut is_stopped) = (None, false);
     let mut receive = |_, image: Image| {
         sums.add(&image);
         let truth = Truth {
@@ -94,21 +93,22 @@ fn accumulate(
             samples: sums.samples,
             wanted: wanted.clone(),
         };
-        let is_gone = answers.send(Answer::Truth(Box::new(truth))).is_err();
+        is_stopped = answers.send(Answer::Truth(Box::new(truth))).is_err();
         wake();
         newer = requests.try_recv().ok();
-        if newer.is_some() || is_gone { Err(stopped()) } else { Ok(()) }
+        is_stopped |= newer.is_some();
+        // No error that anybody sees: path tracing ends by one.
+        if is_stopped {
+            Err(Error::new("the truth", "another view", "this one", "Nothing has to be done."))
+        } else {
+            Ok(())
+        }
     };
     let subject = Subject { scene: &scene, medium: medium.as_ref() };
     match path::render_each(subject, &settings, Backend::Cpu, &seeds, &|_, _| (), &mut receive) {
-        Err(error) if newer.is_none() && error.found != stopped().found => Err(error),
+        Err(error) if !is_stopped => Err(error),
         _ => Ok(newer),
     }
-}
-
-/// How path tracing is told to stop.
-fn stopped() -> Error {
-    Error::new("the truth", "another view", "this one", "Nothing has to be done.")
 }
 
 /// Samples, dealt out.
