@@ -1,5 +1,7 @@
 // Rays of a camera through a box, for a picture whose camera moves: twin of src/engines/march/camera.rs, one invocation per pixel.
+#define_import_path cloudparity::camera
 #import cloudparity::camera::constants
+#import cloudparity::rays::Ray
 
 // Linear in the raster position, which runs from the bottom-left corner in pixels: where a ray begins, in the density's frame; its
 // displacement there per unit of length, before it is divided by the length of its direction; its direction in the world, likewise.
@@ -32,22 +34,10 @@ struct View {
     end_padding: f32,
 }
 
-// As the march reads it.
-struct Ray {
-    origin: vec3f,
-    length: f32,
-    way: vec3f,
-    jitter: f32,
-    direction: vec3f,
-    farthest: f32,
-    first: f32,
-    gap: f32,
-    further: u32,
-    further_end: u32,
-}
-
 @group(0) @binding(0) var<uniform> view: View;
+#ifndef IN_FRAGMENT
 @group(0) @binding(1) var<storage, read_write> rays: array<Ray>;
+#endif
 
 const LARGEST = 3.40282347e38;
 
@@ -69,26 +59,47 @@ fn segment(origin: vec3f, way: vec3f) -> vec2f {
     return vec2f(enter, leave);
 }
 
-@compute @workgroup_size(64)
-fn main(@builtin(global_invocation_id) invocation: vec3u) {
-    if invocation.x >= view.count { return; }
-    let pixel = view.first + invocation.x;
-    let raster = vec2f(f32(pixel % view.width) + 0.5, f32(view.height - 1u - pixel / view.width) + 0.5);
-    let direction = view.direction + raster.x * view.direction_across + raster.y * view.direction_up;
-    let stretch = length(direction);
-    let way = (view.way + raster.x * view.way_across + raster.y * view.way_up) / stretch;
-    let origin = view.start + raster.x * view.start_across + raster.y * view.start_up;
+// The part of a ray in the box. `way` is its displacement in the density's frame per unit of length, `direction` the unit vector in the
+// world, `farthest` where the view ends.
+fn ray_from(origin: vec3f, way: vec3f, direction: vec3f, farthest: f32) -> Ray {
     let ends = segment(origin, way);
     let start = max(ends.x, 0.0);
-    var farthest = view.farthest * stretch;
     var span = ends.y - start;
     if view.is_endless != 0u { span = min(span, max(farthest - start, 0.0)); }
-    var ray = Ray(origin, 0.0, way, view.jitter, direction / stretch, farthest, 0.0, 0.0, 0u, 0u);
+    var ray = Ray(origin, 0.0, way, view.jitter, direction, farthest, 0.0, 0.0, 0u, 0u);
     if span >= constants::SHORTEST {
         ray.origin = origin + way * start;
         ray.length = span;
         ray.farthest = farthest - start;
     }
     ray.first = ray.length;
-    rays[invocation.x] = ray;
+    return ray;
 }
+
+// A ray before it is known where it meets the box: the arguments of `ray_from`.
+struct Line {
+    origin: vec3f,
+    farthest: f32,
+    way: vec3f,
+    direction: vec3f,
+}
+
+// The line of a place of the raster, which runs from the bottom-left corner in pixels.
+fn line_through(raster: vec2f) -> Line {
+    let direction = view.direction + raster.x * view.direction_across + raster.y * view.direction_up;
+    let stretch = length(direction);
+    let way = (view.way + raster.x * view.way_across + raster.y * view.way_up) / stretch;
+    let origin = view.start + raster.x * view.start_across + raster.y * view.start_up;
+    return Line(origin, view.farthest * stretch, way, direction / stretch);
+}
+
+#ifndef IN_FRAGMENT
+@compute @workgroup_size(64)
+fn main(@builtin(global_invocation_id) invocation: vec3u) {
+    if invocation.x >= view.count { return; }
+    let pixel = view.first + invocation.x;
+    let raster = vec2f(f32(pixel % view.width) + 0.5, f32(view.height - 1u - pixel / view.width) + 0.5);
+    let line = line_through(raster);
+    rays[invocation.x] = ray_from(line.origin, line.way, line.direction, line.farthest);
+}
+#endif

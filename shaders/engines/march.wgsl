@@ -1,12 +1,13 @@
 // The march of a real-time engine: twin of src/engines/march/mod.rs, one invocation per ray.
 //
-// Conditions: PLAIN (else energy-conserving), EXIT_FADE, SHADOW_TO_EXIT (else of fixed length), SHADOW_VIEW (dimmed as the view
+// Conditions: IN_FRAGMENT (a part of picture.wgsl, which has all data in a texture; else a kernel), PLAIN (else energy-conserving), EXIT_FADE, SHADOW_TO_EXIT (else of fixed length), SHADOW_VIEW (dimmed as the view
 // ray, else by the density), SOURCE_DENSITY (else extinction times albedo), EMPTY_CELLS (the table of what is provably empty is read),
 // SHADOW_AT_MOST (but not beyond a length), SHADOW_GROWTH (steps that grow), SHADOW_BY_ANGLE, DRAINE (else Henyey and Greenstein's),
 // OWN_PHASE (a gain and a rim), PHASE_TWICE (lobes once more), LEFTOVER_DROPPED and LEFTOVER_RESCALED (what an ended ray has left),
 // NO_SUN, SEVERAL_SUNS, SHADOW_MAP (what lies beyond the march is read), SHELL (the domain lies between spheres), MESH (in a mesh), else in a box, TERMS (those of a system's own), and
 // the terms of src/engines/light/terms.rs: OCTAVES (else one), COMPRESSION, SILVER, POWDER, AMBIENT_GRADIENT, RAY_POWDER, BOOST,
 // BOOST_BY_ANGLE, BODY, COARSE_SHADOW (both read averages of the density).
+#define_import_path cloudparity::march
 #import cloudparity::graph
 #import cloudparity::averages::along
 #import cloudparity::averages::around
@@ -16,8 +17,13 @@
 #import cloudparity::mesh
 #endif
 #import cloudparity::phase
+#import cloudparity::rays::{Pixel, Ray}
 #import cloudparity::terms
 #import cloudparity::transfer
+#ifdef IN_FRAGMENT
+#import cloudparity::engines::data
+#import cloudparity::words
+#endif
 
 struct March {
     extinction: vec3f,
@@ -89,47 +95,40 @@ struct Sun {
     end_padding: f32,
 }
 
-// From where a ray enters the domain on, so that a start far from it costs no accuracy; the camera has no second implementation.
-struct Ray {
-    origin: vec3f,
-    // Of the parts of the ray in the domain together; 0: nothing to march.
-    length: f32,
-    // Displacement in the density's frame per unit of length.
-    way: vec3f,
-    jitter: f32,
-    // Unit direction in the world.
-    direction: vec3f,
-    // Beyond it something opaque hides the cloud.
-    farthest: f32,
-    // Length of the first part, and of what lies between it and the second.
-    first: f32,
-    gap: f32,
-    // Its further gaps, numbers of `gaps`.
-    further: u32,
-    further_end: u32,
+// Whether each cell of the box may hold something, x fastest: `is_occupied`. Of each sun three rows that give a place's column, row and
+// distance below its shadow map, then the map's texels (front depth, density, density times length, tail): `map_row`.
+#ifdef IN_FRAGMENT
+@group(0) @binding(1) var<uniform> march: March;
+@group(0) @binding(3) var<uniform> suns: array<Sun, data::SUNS>;
+
+fn is_occupied(cell: u32) -> bool {
+    return ((words::word(data::CELLS + cell / 32u) >> (cell % 32u)) & 1u) != 0u;
 }
 
-struct Pixel {
-    radiance: vec3f,
-    samples: u32,
-    transmittance: vec3f,
-    dense: u32,
+fn map_row(index: u32) -> vec4f {
+    let first = data::MAPS + 4u * index;
+    return bitcast<vec4f>(vec4u(words::word(first), words::word(first + 1u), words::word(first + 2u), words::word(first + 3u)));
 }
-
+#else
 @group(0) @binding(0) var<uniform> march: March;
 @group(0) @binding(1) var<storage, read> rays: array<Ray>;
 @group(0) @binding(2) var<storage, read_write> pixels: array<Pixel>;
 @group(0) @binding(3) var<storage, read> suns: array<Sun>;
-// Whether each cell of the box may hold something, x fastest.
 @group(0) @binding(4) var<storage, read> occupied: array<u32>;
-
 // Further gaps in rays: length of the parts before it, and of it and the gaps before it.
 @group(0) @binding(5) var<storage, read> gaps: array<vec2f>;
 
+fn is_occupied(cell: u32) -> bool {
+    return occupied[cell] != 0u;
+}
+
 #ifdef SHADOW_MAP
-// Of each sun three rows that give a place's column, row and distance below the map, then the map's texels: front depth, density, density
-// times length, tail.
 @group(0) @binding(6) var<storage, read> maps: array<vec4f>;
+
+fn map_row(index: u32) -> vec4f {
+    return maps[index];
+}
+#endif
 #endif
 
 const LARGEST = 3.40282347e38;
@@ -194,7 +193,7 @@ fn density_at(place: vec3f) -> f32 {
 #ifdef EMPTY_CELLS
     let part = (place - march.low) / (march.high - march.low) * f32(constants::CELLS);
     let cell = min(vec3u(max(part, vec3f(0.0))), vec3u(constants::CELLS - 1u));
-    if occupied[(cell.z * constants::CELLS + cell.y) * constants::CELLS + cell.x] == 0u { return 0.0; }
+    if !is_occupied((cell.z * constants::CELLS + cell.y) * constants::CELLS + cell.x) { return 0.0; }
 #endif
     let value = graph::evaluate(place);
     return select(value, 0.0, value < 0.0);
@@ -285,16 +284,16 @@ fn sum_in_mesh(place: vec3f, way: vec3f) -> vec2f {
 fn from_map(sun: u32, place: vec3f, marched: f32) -> f32 {
     let begin = sun * (3u + march.map_size * march.map_size);
     let at_place = vec4f(place, 1.0);
-    let column_and_row = vec2f(dot(maps[begin], at_place), dot(maps[begin + 1u], at_place));
+    let column_and_row = vec2f(dot(map_row(begin), at_place), dot(map_row(begin + 1u), at_place));
     let at = clamp(column_and_row, vec2f(0.0), vec2f(f32(march.map_size - 1u)));
     let corner = min(vec2u(at), vec2u(march.map_size - 2u));
     let part = at - vec2f(corner);
     let first = begin + 3u + corner.y * march.map_size + corner.x;
     let second = first + march.map_size;
-    let upper = maps[first] * (1.0 - part.x) + maps[first + 1u] * part.x;
-    let lower = maps[second] * (1.0 - part.x) + maps[second + 1u] * part.x;
+    let upper = map_row(first) * (1.0 - part.x) + map_row(first + 1u) * part.x;
+    let lower = map_row(second) * (1.0 - part.x) + map_row(second + 1u) * part.x;
     let texel = upper * (1.0 - part.y) + lower * part.y;
-    let below = dot(maps[begin + 2u], at_place);
+    let below = dot(map_row(begin + 2u), at_place);
     return min(texel.z + texel.w, texel.y * max(below - marched - texel.x, 0.0));
 }
 #endif
@@ -379,14 +378,8 @@ fn two_lobes(anisotropy: vec2f, direction: vec3f, to_sun: vec3f) -> f32 {
     return sum;
 }
 
-// Of the octaves, phase functions included; as many as MOST_OCTAVES. Of the sun at work, and of all of them.
-var<private> weights: array<f32, 16>;
-#ifdef SEVERAL_SUNS
-var<private> all_weights: array<f32, constants::MOST_SUNS * 16u>;
-#endif
-
-// Prepares the weights of a sun.
-fn weigh(direction: vec3f, to_sun: vec3f) {
+// Prepares the weights of a sun: of its octaves, phase functions included; as many as MOST_OCTAVES.
+fn weigh(weights: ptr<function, array<f32, 16>>, direction: vec3f, to_sun: vec3f) {
 #ifdef SILVER
     let silver = terms::silver(march.silver_strength, march.silver_exponent, dot(direction, to_sun));
 #else
@@ -396,22 +389,22 @@ fn weigh(direction: vec3f, to_sun: vec3f) {
     var share = 1.0;
     var anisotropy = march.anisotropy;
     for (var octave = 0u; octave < march.octaves; octave++) {
-        weights[octave] = share * two_lobes(anisotropy, direction, to_sun);
+        (*weights)[octave] = share * two_lobes(anisotropy, direction, to_sun);
         share *= march.contribution;
         anisotropy *= march.eccentricity;
     }
-    weights[0] += silver;
+    (*weights)[0] += silver;
 #else
-    weights[0] = two_lobes(march.anisotropy, direction, to_sun) + silver;
+    (*weights)[0] = two_lobes(march.anisotropy, direction, to_sun) + silver;
 #endif
 }
 
 // What the sun at work sends towards the camera per unit of its irradiance and of scattering.
-fn scattered(depth: vec3f, cosine: f32) -> vec3f {
+fn scattered(weights: ptr<function, array<f32, 16>>, depth: vec3f, cosine: f32) -> vec3f {
 #ifdef OCTAVES
-    let sum = terms::octaves(&weights, march.octaves, march.attenuation, depth);
+    let sum = terms::octaves(weights, march.octaves, march.attenuation, depth);
 #else
-    let sum = weights[0] * transfer::transmittance(depth);
+    let sum = (*weights)[0] * transfer::transmittance(depth);
 #endif
 #ifdef RAY_POWDER
     return terms::ray_powder(sum, depth, cosine);
@@ -421,57 +414,49 @@ fn scattered(depth: vec3f, cosine: f32) -> vec3f {
 }
 
 // What a sun sends towards the camera per unit of scattering, with its weights prepared.
-fn from_sun(number: u32, place: vec3f, direction: vec3f) -> vec3f {
-    let sun = suns[number];
-    let cosine = dot(direction, sun.direction);
-    return sun.irradiance * scattered(shadow_depth(number, place, sun.way, cosine), cosine);
+fn from_sun(weights: ptr<function, array<f32, 16>>, number: u32, place: vec3f, direction: vec3f) -> vec3f {
+    let cosine = dot(direction, suns[number].direction);
+    return suns[number].irradiance * scattered(weights, shadow_depth(number, place, suns[number].way, cosine), cosine);
 }
 
-// Prepares a ray.
-fn prepare(direction: vec3f) {
 #ifdef SEVERAL_SUNS
+// Prepares a ray: the weights of all suns.
+fn prepare(weights: ptr<function, array<f32, constants::MOST_SUNS * 16u>>, direction: vec3f) {
+    var own: array<f32, 16>;
     for (var sun = 0u; sun < march.suns; sun++) {
-        weigh(direction, suns[sun].direction);
-        for (var octave = 0u; octave < march.octaves; octave++) { all_weights[16u * sun + octave] = weights[octave]; }
+        weigh(&own, direction, suns[sun].direction);
+        for (var octave = 0u; octave < march.octaves; octave++) { (*weights)[16u * sun + octave] = own[octave]; }
     }
-#else ifdef NO_SUN
-#else
-    weigh(direction, suns[0].direction);
-#endif
 }
 
 // What all suns send towards the camera per unit of scattering.
-fn from_suns(place: vec3f, direction: vec3f) -> vec3f {
-#ifdef SEVERAL_SUNS
+fn from_suns(weights: ptr<function, array<f32, constants::MOST_SUNS * 16u>>, place: vec3f, direction: vec3f) -> vec3f {
     var sum = vec3f(0.0);
+    var own: array<f32, 16>;
     for (var sun = 0u; sun < march.suns; sun++) {
-        for (var octave = 0u; octave < march.octaves; octave++) { weights[octave] = all_weights[16u * sun + octave]; }
-        sum += from_sun(sun, place, direction);
+        for (var octave = 0u; octave < march.octaves; octave++) { own[octave] = (*weights)[16u * sun + octave]; }
+        sum += from_sun(&own, sun, place, direction);
     }
     return sum;
-#else ifdef NO_SUN
-    return vec3f(0.0);
-#else
-    return from_sun(0u, place, direction);
-#endif
 }
+#endif
 
-@compute @workgroup_size(64)
-fn main(@builtin(global_invocation_id) invocation: vec3u) {
-    if invocation.x >= march.count { return; }
-    let index = invocation.x;
-    let ray = rays[index];
-    var pixel = Pixel(vec3f(0.0), 0u, vec3f(1.0), 0u);
-    // An ended ray is one that is looked at before its first step of this dispatch.
-    var is_done = false;
-    if march.first_step > 0u {
-        pixel = pixels[index];
-        is_done = length(pixel.transmittance) < march.least_transmittance;
-    }
+// What a ray comes to in the steps from `first_step` to before `end_step`, after what it came to before them.
+fn marched(ray: Ray, begun: Pixel, first_step: u32, end_step: u32) -> Pixel {
+    var pixel = begun;
+    // An ended ray is one that is looked at before its first step here.
+    let is_done = first_step > 0u && length(pixel.transmittance) < march.least_transmittance;
     if ray.length > 0.0 && !is_done {
         let step = ray.length / f32(march.steps);
-        prepare(ray.direction);
-        for (var number = march.first_step; number < min(march.steps, march.end_step); number++) {
+#ifdef SEVERAL_SUNS
+        var weights: array<f32, constants::MOST_SUNS * 16u>;
+        prepare(&weights, ray.direction);
+#else ifdef NO_SUN
+#else
+        var weights: array<f32, 16>;
+        weigh(&weights, ray.direction, suns[0].direction);
+#endif
+        for (var number = first_step; number < min(march.steps, end_step); number++) {
             let passed = (f32(number) + ray.jitter) * step;
             let left = ray.length - passed;
             var distance = select(passed, passed + ray.gap, passed > ray.first);
@@ -498,7 +483,13 @@ fn main(@builtin(global_invocation_id) invocation: vec3u) {
 #else
             var from_world = march.ambient;
 #endif
-            var lit = from_suns(place, ray.direction);
+#ifdef SEVERAL_SUNS
+            var lit = from_suns(&weights, place, ray.direction);
+#else ifdef NO_SUN
+            var lit = vec3f(0.0);
+#else
+            var lit = from_sun(&weights, 0u, place, ray.direction);
+#endif
 #ifdef POWDER
             let powder = terms::powder(march.powder_strength, march.powder_length, mean_extinction);
             lit *= powder;
@@ -545,11 +536,22 @@ fn main(@builtin(global_invocation_id) invocation: vec3u) {
     if length(pixel.transmittance) < march.least_transmittance { pixel.transmittance = vec3f(0.0); }
 #else ifdef LEFTOVER_RESCALED
     // Once, in the ray's last dispatch.
-    if march.end_step >= march.steps {
+    if end_step >= march.steps {
         let least = march.least_transmittance * inverseSqrt(3.0);
         let scaled = (pixel.transmittance - least) / (1.0 - least);
         pixel.transmittance = select(scaled, vec3f(0.0), scaled < vec3f(0.0));
     }
 #endif
-    pixels[index] = pixel;
+    return pixel;
 }
+
+#ifndef IN_FRAGMENT
+@compute @workgroup_size(64)
+fn main(@builtin(global_invocation_id) invocation: vec3u) {
+    if invocation.x >= march.count { return; }
+    let index = invocation.x;
+    var pixel = Pixel(vec3f(0.0), 0u, vec3f(1.0), 0u);
+    if march.first_step > 0u { pixel = pixels[index]; }
+    pixels[index] = marched(rays[index], pixel, march.first_step, march.end_step);
+}
+#endif

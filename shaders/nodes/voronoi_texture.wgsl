@@ -414,7 +414,8 @@ fn search(site: Site, p: Parameters) -> Search {
     var a: Axes;
     a.local = site.local;
     a.hash = site.cell * PCG_MULTIPLIER + PCG_INCREMENT;
-    a.hash_step = select(vec4i(-PCG_MULTIPLIER), vec4i(PCG_MULTIPLIER), upper);
+    // GLSL ES selects no integers by a vector.
+    a.hash_step = PCG_MULTIPLIER * (2 * vec4i(upper) - 1);
     a.near = select(vec4f(-1.0), vec4f(1.0), upper);
     a.near_bound = bound_terms(select(site.local, rest, upper), p.exponent);
     a.far_bound = bound_terms(select(rest, site.local, upper), p.exponent);

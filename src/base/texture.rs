@@ -448,6 +448,11 @@ impl Texels {
     }
 }
 
+/// Words of textures one behind the other, as programs read them.
+pub fn words_of(textures: &[TextureHandle]) -> Vec<u8> {
+    textures.iter().flat_map(|texture| texture.texels().words()).collect()
+}
+
 impl TexelFormat {
     /// The name in settings.
     pub fn name(self) -> &'static str {

@@ -133,15 +133,15 @@ fn certificate(
     let found = compared(vec![ours.clone()], vec![double])?;
     let colour = found.colour.ok_or_else(|| uncompared(&found.reasons))?;
     let brightest = twin.pixels.iter().flat_map(|pixel| &pixel[..3]).fold(0.0_f32, |most, &value| most.max(value));
-    let manifest = &bundle.manifest;
+    let origin = &bundle.manifest.origin;
     let mut certificate = json!({
         "format": "cloudparity certificate 1",
-        "scene": manifest.scene,
-        "scene_sha256": manifest.scene_sha256,
-        "model": manifest.model,
-        "build": manifest.build,
+        "scene": origin.scene,
+        "scene_sha256": origin.scene_sha256,
+        "model": origin.model,
+        "build": origin.build,
         "adapter": gpu.adapter().name,
-        "resolution": manifest.resolution.map(|side| side.to_string()).join(" x "),
+        "resolution": origin.resolution.map(|side| side.to_string()).join(" x "),
         "milliseconds_a_picture": milliseconds,
         "largest_difference": colour.max_error,
         "root_mean_square_difference": colour.rms_error,

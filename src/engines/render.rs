@@ -13,7 +13,7 @@ use crate::base::identity::Identity;
 use crate::base::progress::Progress;
 use crate::engines::Engine;
 use crate::engines::light::{LightModel, Sun};
-use crate::engines::march::gpu::{MarchKernel, MarchParts};
+use crate::engines::march::gpu::{Form, MarchKernel, MarchParts};
 use crate::engines::march::shadow_map::ShadowMap;
 use crate::engines::march::{Marched, RealTimePixel, RealTimeRay};
 use crate::engines::passes::compositing::{self, CompositeKernel, Part, mean_transmittance};
@@ -303,8 +303,8 @@ impl<'a> EngineRenderer<'a> {
     }
 
     /// What its march on an adapter is made of.
-    pub(crate) fn march_parts(&self) -> Result<MarchParts> {
-        MarchParts::new(&self.marched()?, &self.engine.march, false)
+    pub(crate) fn march_parts(&self, form: &Form<'_>) -> Result<MarchParts> {
+        MarchParts::new(&self.marched()?, &self.engine.march, form)
     }
 
     /// What stands behind the cloud in a finished picture: None where that has an alpha. An error where it is a picture.

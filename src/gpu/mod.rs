@@ -10,6 +10,7 @@
 mod blocking;
 mod clock;
 pub mod dispatch;
+pub mod draw;
 mod field;
 pub mod layout;
 mod slices;

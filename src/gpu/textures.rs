@@ -2,7 +2,7 @@
 
 use super::Gpu;
 use crate::base::error::{Error, Result};
-use crate::base::texture::TextureHandle;
+use crate::base::texture::{self, TextureHandle};
 
 impl Gpu {
     /// Binding 0 of group 1 of kernels that read programs: the texels of their textures one behind the other, in the order in which a
@@ -21,10 +21,6 @@ impl Gpu {
                 "Lower the cells of the density cache or the texels of the model, or use the CPU.",
             ));
         }
-        let mut contents = Vec::with_capacity(bytes as usize);
-        for texture in textures {
-            contents.extend(texture.texels().words());
-        }
-        Ok(Some(self.upload("textures", &contents, wgpu::BufferUsages::STORAGE)))
+        Ok(Some(self.upload("textures", &texture::words_of(textures), wgpu::BufferUsages::STORAGE)))
     }
 }

@@ -5,7 +5,7 @@
 //! shared. After linking, everything that no entry point reaches is removed, so the shader holds
 //! nothing of a node that the graph does not use.
 
-use crate::graph::constants::SharedConstants;
+use crate::graph::constants::{SharedConstants, SharedNumber};
 use crate::graph::{Operand, Program};
 
 use crate::base::choice::choice;
@@ -28,8 +28,16 @@ const SHARED: &[(&str, &str)] = &[
     ("nodes/shared/blend.wgsl", include_str!("../../shaders/nodes/shared/blend.wgsl")),
     ("nodes/shared/hash.wgsl", include_str!("../../shaders/nodes/shared/hash.wgsl")),
     ("nodes/shared/gradient_noise.wgsl", include_str!("../../shaders/nodes/shared/gradient_noise.wgsl")),
+    ("nodes/shared/words.wgsl", include_str!("../../shaders/nodes/shared/words.wgsl")),
     ("nodes/shared/texture.wgsl", include_str!("../../shaders/nodes/shared/texture.wgsl")),
 ];
+
+/// Words of a row of the picture that a fragment shader has its data in: a width that every adapter's textures may have.
+pub const ROW: u32 = 2048;
+
+/// What the words of programs import.
+const WORDS: SharedConstants =
+    SharedConstants { path: "cloudparity::words::constants", numbers: &[("ROW", SharedNumber::Unsigned(ROW))] };
 
 /// What programs read whose constants are in a buffer.
 const NUMBERS: (&str, &str) = ("nodes/shared/numbers.wgsl", include_str!("../../shaders/nodes/shared/numbers.wgsl"));
@@ -42,6 +50,7 @@ const LIGHT: &[(&str, &str)] = &[
     ("media/mesh.wgsl", include_str!("../../shaders/media/mesh.wgsl")),
     ("media/phase.wgsl", include_str!("../../shaders/media/phase.wgsl")),
     ("media/transfer.wgsl", include_str!("../../shaders/media/transfer.wgsl")),
+    ("engines/rays.wgsl", include_str!("../../shaders/engines/rays.wgsl")),
     ("engines/light/terms.wgsl", include_str!("../../shaders/engines/light/terms.wgsl")),
 ];
 
@@ -123,6 +132,7 @@ impl Linker {
             }
         }
         if !self.composer.contains_module("cloudparity::texture") {
+            self.add_constants(&WORDS)?;
             for (path, source) in SHARED {
                 self.add(path, source)?;
             }

@@ -3,7 +3,7 @@
 #import cloudparity::transfer
 
 // The sum over octaves (at most MOST_OCTAVES of the twin) of their weights, which hold the phase functions, each dimmed by its part of an optical depth.
-fn octaves(weights: ptr<private, array<f32, 16>>, count: u32, attenuation: f32, depth: vec3f) -> vec3f {
+fn octaves(weights: ptr<function, array<f32, 16>>, count: u32, attenuation: f32, depth: vec3f) -> vec3f {
     var sum = vec3f(0.0);
     var dimmed = depth;
     for (var octave = 0u; octave < min(count, 16u); octave++) {

@@ -1,8 +1,10 @@
 // Rays of a march over a background, averaged into pixels: twin of Compositing::compose in src/engines/passes/compositing.rs, one
 // invocation per pixel.
 //
-// Conditions: BACKGROUND (else the frame gets an alpha), PER_PIXEL (each pixel has its own), ALPHA_OF_RED (all channels let through what
+// Conditions: IN_FRAGMENT (a part of picture.wgsl; else a kernel), BACKGROUND (else the frame gets an alpha), PER_PIXEL (each pixel has its own), ALPHA_OF_RED (all channels let through what
 // red does), ALPHA_TWICE (radiance is multiplied by alpha), TRANSMITTANCE (the frame keeps what each channel lets through).
+#define_import_path cloudparity::compositing
+#import cloudparity::rays::Pixel
 
 struct Composite {
     background: vec3f,
@@ -14,14 +16,9 @@ struct Composite {
     begin: u32,
 }
 
-// As the march writes it.
-struct Pixel {
-    radiance: vec3f,
-    samples: u32,
-    transmittance: vec3f,
-    dense: u32,
-}
-
+#ifdef IN_FRAGMENT
+@group(0) @binding(2) var<uniform> composite: Composite;
+#else
 @group(0) @binding(0) var<uniform> composite: Composite;
 // The rays of a pixel lie one behind the other.
 @group(0) @binding(1) var<storage, read> marched: array<Pixel>;
@@ -34,7 +31,36 @@ struct Pixel {
 // Three numbers per pixel.
 @group(0) @binding(4) var<storage, read> backgrounds: array<f32>;
 #endif
+#endif
 
+// A ray over its background.
+fn over(ray: Pixel, background: vec3f) -> vec3f {
+#ifdef ALPHA_OF_RED
+    let through = vec3f(ray.transmittance.x);
+#else
+    let through = ray.transmittance;
+#endif
+    var shown = ray.radiance;
+#ifdef BACKGROUND
+#ifdef ALPHA_TWICE
+    shown *= 1.0 - through;
+#endif
+    shown += through * background;
+#endif
+    return shown;
+}
+
+fn alpha_of(transmittance: vec3f) -> f32 {
+#ifdef BACKGROUND
+    return 1.0;
+#else ifdef ALPHA_OF_RED
+    return 1.0 - transmittance.x;
+#else
+    return 1.0 - (transmittance.x + transmittance.y + transmittance.z) / 3.0;
+#endif
+}
+
+#ifndef IN_FRAGMENT
 @compute @workgroup_size(64)
 fn main(@builtin(global_invocation_id) invocation: vec3u) {
     if invocation.x >= composite.count { return; }
@@ -49,34 +75,16 @@ fn main(@builtin(global_invocation_id) invocation: vec3u) {
     var transmittance = vec3f(0.0);
     for (var number = 0u; number < composite.rays; number++) {
         let ray = marched[first_ray + number];
-#ifdef ALPHA_OF_RED
-        let through = vec3f(ray.transmittance.x);
-#else
-        let through = ray.transmittance;
-#endif
-        var shown = ray.radiance;
-#ifdef BACKGROUND
-#ifdef ALPHA_TWICE
-        shown *= 1.0 - through;
-#endif
-        shown += through * background;
-#endif
-        radiance += shown;
+        radiance += over(ray, background);
         transmittance += ray.transmittance;
     }
     let share = 1.0 / f32(composite.rays);
     transmittance *= share;
-#ifdef BACKGROUND
-    let alpha = 1.0;
-#else ifdef ALPHA_OF_RED
-    let alpha = 1.0 - transmittance.x;
-#else
-    let alpha = 1.0 - (transmittance.x + transmittance.y + transmittance.z) / 3.0;
-#endif
-    colour[pixel] = vec4f(radiance * (share * composite.exposure), alpha);
+    colour[pixel] = vec4f(radiance * (share * composite.exposure), alpha_of(transmittance));
 #ifdef TRANSMITTANCE
     frame_transmittance[3u * pixel] = transmittance.x;
     frame_transmittance[3u * pixel + 1u] = transmittance.y;
     frame_transmittance[3u * pixel + 2u] = transmittance.z;
 #endif
 }
+#endif

@@ -13,8 +13,6 @@ struct Request {
 @group(0) @binding(1) var<storage, read> inputs: array<vec4f>;
 @group(0) @binding(2) var<storage, read_write> results: array<f32>;
 
-var<private> weights: array<f32, 16>;
-
 fn value(input: vec4f) -> f32 {
     switch request.function {
         case 0u: { return transfer::transmittance(vec3f(input.x)).x; }
@@ -26,6 +24,7 @@ fn value(input: vec4f) -> f32 {
         case 6u: { return terms::powder(input.x, input.y, input.z); }
         case 7u: { return terms::silver(input.x, input.y, input.z); }
         case 8u: {
+            var weights: array<f32, 16>;
             var share = 1.0;
             for (var octave = 0u; octave < 16u; octave++) {
                 weights[octave] = share;

@@ -1,6 +1,7 @@
 // Numbers on a regular grid: twin of src/nodes/texture_lookup.rs and src/base/texture.rs, with their operations in their order. Filtered
 // here, because the filter of graphics hardware has weights of 8 bits.
 #define_import_path cloudparity::texture
+#import cloudparity::words
 
 // A texture's constants: texels along x, y, z; the first of its words; how texels are stored, what is outside, how it is read between
 // them; the values that the bytes 0 and 255 stand for.
@@ -23,9 +24,6 @@ const ZERO = 2u;
 const NEAREST = 0u;
 const TRILINEAR = 1u;
 
-// The texels of all textures of the program, x fastest, two (f16) or four (unorm8) to a word from its low end.
-@group(1) @binding(0) var<storage, read> texels: array<u32>;
-
 // A number of binary16 without sign, exactly: unpack2x16float may flush small ones to zero.
 fn half(bits: u32) -> f32 {
     let sign = (bits & 0x8000u) << 16u;
@@ -37,22 +35,23 @@ fn half(bits: u32) -> f32 {
     return bitcast<f32>(sign | (shifted << 23u) | (mantissa << 13u));
 }
 
-// The texel at an index that is inside.
+// The texel at an index that is inside: x fastest, two (f16) or four (unorm8) to a word from its low end.
 fn texel(texture: Texture, place: vec3i) -> f32 {
     let index = u32((place.z * texture.size.y + place.y) * texture.size.x + place.x);
-    if texture.format == F16 { return half((texels[texture.first + index / 2u] >> (16u * (index % 2u))) & 0xffffu); }
+    if texture.format == F16 { return half((words::word(texture.first + index / 2u) >> (16u * (index % 2u))) & 0xffffu); }
     if texture.format == UNORM8 {
-        let byte = (texels[texture.first + index / 4u] >> (8u * (index % 4u))) & 255u;
+        let byte = (words::word(texture.first + index / 4u) >> (8u * (index % 4u))) & 255u;
         return texture.low + (texture.high - texture.low) * (f32(byte) / 255.0);
     }
-    return bitcast<f32>(texels[texture.first + index]);
+    return bitcast<f32>(words::word(texture.first + index));
 }
 
 // Where indices lie, by what lies outside; -1 where that is 0.
 fn inside(texture: Texture, place: vec3i) -> vec3i {
     if texture.outside == REPEAT { return (place % texture.size + texture.size) % texture.size; }
     let near = clamp(place, vec3i(0), texture.size - 1);
-    if texture.outside == ZERO { return select(vec3i(-1), near, near == place); }
+    // GLSL ES selects no integers by a vector.
+    if texture.outside == ZERO { return near - vec3i(near != place) * (near + 1); }
     return near;
 }
 

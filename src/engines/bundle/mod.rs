@@ -7,121 +7,32 @@
 
 use crate::base::error::{Error, Result};
 use crate::base::files;
-use crate::base::identity::Identity;
+use crate::base::texture;
 use crate::engines::Engine;
-use crate::engines::march::gpu::{MarchParts, Pixel, Ray};
+use crate::engines::march::gpu::{Form, MarchParts, Pixel, Ray};
 use crate::engines::march::{camera, camera::ViewUniform};
 use crate::engines::passes::compositing::{self, Background, CompositeUniform};
 use crate::engines::passes::{Channels, frame::Frame};
 use crate::engines::render::EngineRenderer;
-use crate::gpu::layout::ShaderStruct;
 use crate::gpu::{Bindings, ComputeKernel, Gpu, Layout};
 use crate::graph::wgsl::{self, Language};
 use crate::scene::Scene;
 use crate::scene::image::Image;
-use naga::ScalarKind;
-use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::Path;
 
-/// What `bundle.json` begins with.
-pub const FORMAT: &str = "cloudparity bundle 1";
+pub mod languages;
+pub mod manifest;
+pub mod one_shader;
+
+pub use manifest::{Binding, CameraFrame, FORMAT, Field, Kernel, Manifest, Origin};
+use manifest::{Uniform, refuse_passes, truth_of, write_into};
 
 /// The file of the right picture.
 const TRUTH: &str = "truth.bin";
 
 /// The page and its program.
-const PAGE: [(&str, &str); 2] = [("index.html", include_str!("index.html")), ("host.js", include_str!("host.js"))];
-
-/// `bundle.json`.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Manifest {
-    /// [`FORMAT`].
-    pub format: String,
-    /// The cloud system.
-    pub model: String,
-    /// Defects of the original that it has.
-    pub defects: String,
-    /// Its parameters, as the shaders were made for.
-    pub parameters: serde_json::Value,
-    /// The scene's name.
-    pub scene: String,
-    /// SHA-256 of the scene's content.
-    pub scene_sha256: String,
-    /// The build that wrote it.
-    pub build: String,
-    /// Width and height of the scene's picture.
-    pub resolution: [u32; 2],
-    /// The scene's camera and the frame of its density, for hosts whose camera moves.
-    pub camera: CameraFrame,
-    /// Steps of a dispatch of the march, at most: a software adapter cuts off loops that are longer. The pixels keep what a ray came to
-    /// between dispatches.
-    pub steps_together: u32,
-    /// Rays of a dispatch, at most, so that a software adapter is done in some 50 ms.
-    pub rays_together: u32,
-    /// `camera`, `march` and `compose`, in this order.
-    pub kernels: [Kernel; 3],
-    /// The right picture of the scene as it is, where there is one: a file of `vec4f` each, from the top-left corner.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub truth: Option<String>,
-}
-
-/// What a host needs to make the uniforms of the camera for another place.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct CameraFrame {
-    /// The camera's place in the world.
-    pub place: [f64; 3],
-    /// The middle of the density's box in the world.
-    pub target: [f64; 3],
-    /// World to the density's frame, row by row.
-    pub to_local: [[f64; 4]; 4],
-    /// Metres of the engine's unit of length.
-    pub unit: f64,
-}
-
-/// A compute kernel; its entry point is `main`.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Kernel {
-    /// Its name.
-    pub name: String,
-    /// Its text.
-    pub file: String,
-    /// Invocations of a workgroup.
-    pub workgroup: u32,
-    /// Bytes of the uniform, binding 0 of group 0.
-    pub bytes: u32,
-    /// Fields of the uniform with the numbers of the scene.
-    pub uniform: Vec<Field>,
-    /// Further bindings.
-    pub bindings: Vec<Binding>,
-}
-
-/// A field of a uniform.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Field {
-    /// Its name in the shader, where its meaning stands.
-    pub name: String,
-    /// Bytes before it.
-    pub offset: u32,
-    /// `f32` or `u32`.
-    pub kind: String,
-    /// Its numbers, one or a vector's.
-    pub values: Vec<f64>,
-}
-
-/// A storage buffer of a kernel.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Binding {
-    /// Its group.
-    pub group: u32,
-    /// Its number there.
-    pub binding: u32,
-    /// `rays` (64 bytes each), `pixels` (32 bytes each), `colour` (`vec4f` each, from the top-left corner), or `file`.
-    pub role: String,
-    /// Its content, where the role is `file`.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub file: Option<String>,
-}
+const PAGE: [(&str, &str); 2] = [("index.html", include_str!("wgsl/index.html")), ("host.js", include_str!("wgsl/host.js"))];
 
 /// A bundle in memory.
 pub struct Bundle {
@@ -135,17 +46,10 @@ impl Bundle {
     /// The bundle of an engine in a scene: one ray per pixel, samples in the middle of their steps. An error where the engine needs what a
     /// bundle has not: passes over the picture, a domain that is no box, a picture of a world.
     pub fn new(scene: &Scene, engine: &Engine) -> Result<Self> {
-        if let Some(pass) = engine.passes.first() {
-            return Err(Error::new(
-                format!("pass {}", pass.id()),
-                "a pass over the picture",
-                "an engine without passes: bundles carry none",
-                "Switch the pass off by its parameter, or take another model.",
-            ));
-        }
+        refuse_passes(engine)?;
         let renderer = EngineRenderer::new(scene, engine, None)?;
         let size = scene.image_size();
-        let march = renderer.march_parts()?;
+        let march = renderer.march_parts(&Form::Kernel)?;
         let background = renderer.constant_background()?;
         let view = ViewUniform::new(renderer.camera(), &engine.container, size)?;
         let kind = background.map_or(Background::None, Background::Constant);
@@ -163,8 +67,7 @@ impl Bundle {
             Content::bytes(0, 5, "gaps", bytemuck::cast_slice(&no_gaps)),
             Content::bytes(0, 6, "shadow-maps", bytemuck::cast_slice(&march.maps)),
         ];
-        let textures: Vec<u8> = march.textures.iter().flat_map(|texture| texture.texels().words()).collect();
-        of_march.push(Content::bytes(1, 0, "textures", &textures));
+        of_march.push(Content::bytes(1, 0, "textures", &texture::words_of(&march.textures)));
         let kernels = [
             kernel("camera", &camera::module()?, Uniform::of(&view), vec![Content::role(1, "rays")])?,
             kernel("march", &march.module, Uniform::of(&march.uniform), of_march)?,
@@ -181,19 +84,7 @@ impl Bundle {
         let steps_together = march.steps_together();
         let manifest = Manifest {
             format: FORMAT.into(),
-            model: engine.model.into(),
-            defects: engine.defects.to_string(),
-            parameters: serde_json::to_value(&engine.values).unwrap_or_default(),
-            scene: scene.name.clone(),
-            scene_sha256: scene.content_hash(),
-            build: Identity::current().full().to_owned(),
-            resolution: size,
-            camera: CameraFrame {
-                place: scene.camera.matrix_world.map(|row| f64::from(row[3]))[..3].try_into().unwrap_or_default(),
-                target: renderer.view().centre.to_array(),
-                to_local: engine.container.to_local.transpose().to_cols_array_2d(),
-                unit: engine.container.unit,
-            },
+            origin: Origin::of(scene, engine, &renderer),
             steps_together,
             rays_together: march.rays_together(steps_together) as u32,
             kernels,
@@ -204,29 +95,15 @@ impl Bundle {
 
     /// The same with the right picture of the scene beside it. An error where it has another size.
     pub fn with_truth(mut self, truth: &Image) -> Result<Self> {
-        let [width, height] = self.manifest.resolution.map(|side| side as usize);
-        if (truth.width, truth.height) != (width, height) {
-            return Err(Error::new(
-                "the truth of a bundle",
-                format!("{} x {} pixels", truth.width, truth.height),
-                format!("{width} x {height}, as the scene's picture"),
-                "Give it in the size of the bundle.",
-            ));
-        }
-        self.files.insert(TRUTH.into(), bytemuck::cast_slice(&truth.pixels).to_vec());
+        let floats = truth_of(self.manifest.origin.resolution, truth)?;
+        self.files.insert(TRUTH.into(), floats);
         self.manifest.truth = Some(TRUTH.into());
         Ok(self)
     }
 
     /// Writes it into a folder, `bundle.json` last.
     pub fn write(&self, folder: &Path) -> Result<()> {
-        let made = std::fs::create_dir_all(folder);
-        made.map_err(|cause| Error::io(folder, "a folder that can be made", &cause))?;
-        for (name, bytes) in &self.files {
-            files::write_atomically(&folder.join(name), bytes)?;
-        }
-        let text = serde_json::to_string_pretty(&self.manifest).expect("a manifest is JSON");
-        files::write_atomically(&folder.join("bundle.json"), (text + "\n").as_bytes())
+        write_into(folder, &self.files, &self.manifest, "bundle.json")
     }
 
     /// Reads it from a folder.
@@ -304,7 +181,7 @@ impl ReadyBundle<'_> {
     pub fn picture(&self) -> Result<Image> {
         let Self { gpu, kernels: [ready_camera, ready_march, ready_compose], .. } = self;
         let manifest = &self.bundle.manifest;
-        let Manifest { resolution: [width, height], kernels: [camera, march, compose], .. } = manifest;
+        let Manifest { origin: Origin { resolution: [width, height], .. }, kernels: [camera, march, compose], .. } = manifest;
         let total = width * height;
         let together = manifest.rays_together.max(1);
         let buffer = |label, size| {
@@ -382,36 +259,6 @@ impl Kernel {
             }
         }
         Ok(bytes)
-    }
-}
-
-/// A uniform as bytes, and where its fields lie.
-struct Uniform {
-    bytes: Vec<u8>,
-    fields: &'static [crate::gpu::layout::Field],
-}
-
-impl Uniform {
-    fn of<T: ShaderStruct>(value: &T) -> Self {
-        Self { bytes: bytemuck::bytes_of(value).to_vec(), fields: T::FIELDS }
-    }
-
-    /// Its fields with their numbers; gaps are left out.
-    fn described(&self) -> Vec<Field> {
-        let of = |field: &crate::gpu::layout::Field| {
-            let is_float = field.kind == Some(ScalarKind::Float);
-            let word = |bytes: &[u8]| -> f64 {
-                let bytes: [u8; 4] = bytes.try_into().unwrap_or_default();
-                if is_float { f64::from(f32::from_le_bytes(bytes)) } else { f64::from(u32::from_le_bytes(bytes)) }
-            };
-            Field {
-                name: field.name.into(),
-                offset: field.offset as u32,
-                kind: if is_float { "f32" } else { "u32" }.into(),
-                values: self.bytes[field.offset..field.offset + field.size].chunks_exact(4).map(word).collect(),
-            }
-        };
-        self.fields.iter().filter(|field| !crate::gpu::layout::Field::is_padding(field.name)).map(of).collect()
     }
 }
 

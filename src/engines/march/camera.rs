@@ -109,5 +109,9 @@ pub(crate) const LAYOUTS: [Layout; 2] = [Layout::of::<ViewUniform>(), Layout::of
 pub(crate) fn module() -> Result<naga::Module> {
     let mut linker = Linker::bare()?;
     linker.add_constants(&CONSTANTS)?;
-    linker.link("engines/camera.wgsl", include_str!("../../../shaders/engines/camera.wgsl"))
+    linker.link(SOURCE.0, SOURCE.1)
 }
+
+/// Path and text of the kernel, which a picture in a fragment shader has, too.
+pub(crate) const SOURCE: (&str, &str) =
+    ("engines/camera.wgsl", include_str!("../../../shaders/engines/camera.wgsl"));

@@ -95,7 +95,7 @@ shader_struct! {
 
 shader_struct! {
     /// A ray in the domain.
-    pub(crate) struct Ray = "Ray" {
+    pub(crate) struct Ray = "rays_Ray" {
         origin: [f32; 3],
         length: f32,
         way: [f32; 3],
@@ -111,7 +111,7 @@ shader_struct! {
 
 shader_struct! {
     /// What a ray came to, on the adapter; [`RealTimePixel`] says what is in it.
-    pub struct Pixel = "Pixel" {
+    pub struct Pixel = "rays_Pixel" {
         /// Radiance that reaches the camera.
         pub radiance: [f32; 3],
         /// Samples at which the density was asked for.
@@ -183,7 +183,8 @@ impl<'a> MarchKernel<'a> {
 
     /// Compiles it: what the settings do not ask for is left out.
     pub async fn new_async(gpu: &'a Gpu, marched: &Marched<'_>, settings: &RealTimeSettings) -> Result<Self> {
-        let parts = MarchParts::new(marched, settings, gpu.keeps_kernels())?;
+        let form = if gpu.keeps_kernels() { Form::KernelWithNumbers } else { Form::Kernel };
+        let parts = MarchParts::new(marched, settings, &form)?;
         let textures = gpu.upload_textures(&parts.textures)?;
         let mesh = match &parts.outline {
             Outline::Mesh(mesh) => Some(mesh.mesh().upload(gpu, DVec3::ZERO, DVec3::ONE)?),
@@ -306,6 +307,23 @@ impl<'a> MarchKernel<'a> {
     }
 }
 
+/// What a march is linked as.
+pub(crate) enum Form<'a> {
+    /// A kernel.
+    Kernel,
+    /// A kernel whose programs have their constants in a buffer.
+    KernelWithNumbers,
+    /// A part of a fragment shader that has all its data in one texture ([`MarchParts::words`]).
+    Fragment {
+        /// Modules beside the march, and constants of theirs, in dependency order: path and text.
+        around: &'a [(&'a str, &'a str)],
+        /// Path and text of the entry.
+        entry: (&'a str, &'a str),
+        /// Definitions of the modules around it.
+        definitions: &'a [&'static str],
+    },
+}
+
 /// What a march on an adapter is made of, before there is one: its kernel, and what is in its buffers.
 pub(crate) struct MarchParts {
     pub(crate) outline: Outline,
@@ -329,9 +347,8 @@ impl MarchParts {
     pub(crate) const LAYOUTS: [Layout; 4] =
         [Layout::of::<MarchUniform>(), Layout::of::<Ray>(), Layout::of::<Pixel>(), Layout::of::<Sun>()];
 
-    /// Links the kernel: what the settings do not ask for is left out.
-    /// With `has_numbers`, constants of the programs are in a buffer.
-    pub(crate) fn new(marched: &Marched<'_>, settings: &RealTimeSettings, has_numbers: bool) -> Result<Self> {
+    /// Links the march in a form: what the settings do not ask for is left out.
+    pub(crate) fn new(marched: &Marched<'_>, settings: &RealTimeSettings, form: &Form<'_>) -> Result<Self> {
         marched.check()?;
         let Marched { light, density, container, .. } = *marched;
         if light.suns.len() > MOST_SUNS {
@@ -383,8 +400,10 @@ impl MarchParts {
         define(matches!(container.outline, Outline::Shell { .. }), "SHELL");
         define(matches!(container.outline, Outline::Mesh(_)), "MESH");
         define(!marched.terms.is_empty(), "TERMS");
-        let mut linker =
-            if has_numbers { Linker::with_numbers(density.program()) } else { Linker::new(density.program()) }?;
+        let mut linker = match form {
+            Form::KernelWithNumbers => Linker::with_numbers(density.program())?,
+            Form::Kernel | Form::Fragment { .. } => Linker::new(density.program())?,
+        };
         linker.add_constants(&CONSTANTS)?;
         match marched.averages {
             Some(averages) => {
@@ -403,8 +422,6 @@ impl MarchParts {
         linker.add("generated/terms.wgsl", &terms_module(marched))?;
         let textures = linker.textures().to_vec();
         let numbers = linker.numbers().to_vec();
-        let source = include_str!("../../../shaders/engines/march.wgsl");
-        let module = linker.link_with("engines/march.wgsl", source, &definitions)?;
         let single = |values: [f64; 3]| values.map(|value| value as f32);
         let vector = |value: DVec3| value.as_vec3().to_array();
         let region = container.outline.region();
@@ -487,11 +504,32 @@ impl MarchParts {
             Outline::Mesh(mesh) => u32::try_from(mesh.mesh().nodes()).unwrap_or(u32::MAX).saturating_mul(SEARCHES),
             Outline::Box(_) | Outline::Shell { .. } => 0,
         };
-        let maps = marched
+        let maps: Vec<[f32; 4]> = marched
             .maps
             .iter()
             .flat_map(|map| map.rows.iter().map(|row| row.as_vec4().to_array()).chain(map.texels.iter().copied()))
             .collect();
+        const SOURCE: (&str, &str) = ("engines/march.wgsl", include_str!("../../../shaders/engines/march.wgsl"));
+        let module = match *form {
+            Form::Kernel | Form::KernelWithNumbers => linker.link_with(SOURCE.0, SOURCE.1, &definitions)?,
+            Form::Fragment { around, entry, definitions: own } => {
+                // Behind the textures lie a bit per cell, and the shadow maps.
+                let first: usize = textures.iter().map(|texture| texture.texels().word_count()).sum();
+                let maps = first + cells.len().div_ceil(32);
+                let mut text = String::from("#define_import_path cloudparity::engines::data\n");
+                for (name, value) in [("CELLS", first), ("MAPS", maps), ("SUNS", suns.len())] {
+                    writeln!(text, "const {name}: u32 = {value}u;").expect("writing to a string cannot fail");
+                }
+                linker.add("generated/data.wgsl", &text)?;
+                linker.add(SOURCE.0, SOURCE.1)?;
+                for (path, source) in around {
+                    linker.add(path, source)?;
+                }
+                definitions.extend(own);
+                definitions.push("IN_FRAGMENT");
+                linker.link_with(entry.0, entry.1, &definitions)?
+            }
+        };
         Ok(Self {
             outline: container.outline.clone(),
             module,
@@ -506,6 +544,17 @@ impl MarchParts {
         })
     }
 
+    /// What a fragment shader has in its texture: texels of the programs, a bit per cell, shadow maps.
+    pub(crate) fn words(&self) -> Vec<u8> {
+        let mut words = crate::base::texture::words_of(&self.textures);
+        for cells in self.cells.chunks(32) {
+            let bits = cells.iter().enumerate().fold(0_u32, |bits, (place, &cell)| bits | (cell << place));
+            words.extend(bits.to_le_bytes());
+        }
+        words.extend(bytemuck::cast_slice::<_, u8>(&self.maps));
+        words
+    }
+
     /// Steps of one dispatch that end within the loops of a software adapter ([`SOFTWARE_LOOPS`]).
     pub(crate) fn steps_together(&self) -> u32 {
         let MarchUniform { shadow_steps, suns, octaves, .. } = self.uniform;
@@ -518,7 +567,8 @@ impl MarchParts {
         let densities = if self.iterations > 0 { DENSITIES / 16 } else { DENSITIES };
         let MarchUniform { steps, suns, shadow_steps, .. } = self.uniform;
         let per_ray = steps.min(together) as usize * (1 + (suns * shadow_steps) as usize);
-        let workgroup = self.module.entry_points[0].workgroup_size[0] as usize;
+        // A fragment has no workgroups.
+        let workgroup = self.module.entry_points[0].workgroup_size[0].max(1) as usize;
         (densities / per_ray).max(1).next_multiple_of(workgroup)
     }
 }

@@ -123,12 +123,24 @@ pub(crate) const LAYOUTS: [Layout; 2] = [Layout::of::<CompositeUniform>(), Layou
 
 /// The kernel for a kind of background and for frames with these channels. What is not asked for is left out.
 pub(crate) fn module(compositing: Compositing, background: &Background, channels: Channels) -> Result<naga::Module> {
+    Linker::bare()?.link_with(SOURCE.0, SOURCE.1, &definitions(compositing, background, channels))
+}
+
+/// Path and text of the kernel, which a picture in a fragment shader has, too.
+pub(crate) const SOURCE: (&str, &str) =
+    ("engines/passes/compositing.wgsl", include_str!("../../../shaders/engines/passes/compositing.wgsl"));
+
+/// What the text is specialised by.
+pub(crate) fn definitions(
+    compositing: Compositing,
+    background: &Background,
+    channels: Channels,
+) -> Vec<&'static str> {
     let mut definitions = background.definitions().to_vec();
     definitions.extend(compositing.alpha_of_red.then_some("ALPHA_OF_RED"));
     definitions.extend(compositing.alpha_twice.then_some("ALPHA_TWICE"));
     definitions.extend(channels.transmittance.then_some("TRANSMITTANCE"));
-    let source = include_str!("../../../shaders/engines/passes/compositing.wgsl");
-    Linker::bare()?.link_with("engines/passes/compositing.wgsl", source, &definitions)
+    definitions
 }
 
 /// Compositing on the adapter.
