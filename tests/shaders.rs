@@ -47,18 +47,46 @@ fn files_below(folder: &str, ending: &str) -> Vec<PathBuf> {
     found
 }
 
-/// Validates with all of naga's capabilities (native) and with those of every WebGPU implementation.
+/// Validates with all of naga's capabilities (native) and with those of every WebGPU implementation; and no vector of integers is chosen by one of
+/// bools, which GLSL ES 3.00 writes as a `mix` that it has for floats alone.
 fn validate(what: &str, module: &naga::Module) {
     for capabilities in [naga::valid::Capabilities::all(), naga::valid::Capabilities::empty()] {
         let mut validator = naga::valid::Validator::new(naga::valid::ValidationFlags::all(), capabilities);
-        if let Err(cause) = validator.validate(module) {
+        let info = validator.validate(module).unwrap_or_else(|cause| {
             panic!("{what} with {capabilities:?}: {}", cause.into_inner());
+        });
+        for (handle, function) in module.functions.iter() {
+            assert!(!chooses_integers(module, function, &info[handle]), "{what}: {:?} chooses integers", function.name);
         }
     }
 }
 
-fn function_names(module: &naga::Module) -> BTreeSet<String> {
-    module.functions.iter().filter_map(|(_, function)| function.name.clone()).collect()
+fn chooses_integers(module: &naga::Module, function: &naga::Function, info: &naga::valid::FunctionInfo) -> bool {
+    use naga::{Expression, ScalarKind, TypeInner};
+    let kind = |handle: naga::Handle<Expression>| info[handle].ty.inner_with(&module.types).clone();
+    function.expressions.iter().any(|(_, expression)| match *expression {
+        Expression::Select { condition, accept, .. } => {
+            let is_integer = matches!(kind(accept).scalar_kind(), Some(ScalarKind::Sint | ScalarKind::Uint));
+            matches!(kind(condition), TypeInner::Vector { .. }) && is_integer
+        }
+        _ => false,
+    })
+}
+
+#[test]
+fn an_integer_chosen_by_a_vector_is_found() {
+    let source = |value: &str| {
+        let text = format!("fn chosen(a: {value}, b: {value}, c: vec2<bool>) -> {value} {{ return select(a, b, c); }}");
+        naga::front::wgsl::parse_str(&text).expect("WGSL")
+    };
+    validate("floats", &source("vec2f"));
+    assert!(std::panic::catch_unwind(|| validate("integers", &source("vec2u"))).is_err());
+}
+
+/// Names of functions and of structs.
+fn declared_names(module: &naga::Module) -> BTreeSet<String> {
+    let functions = module.functions.iter().filter_map(|(_, function)| function.name.clone());
+    functions.chain(module.types.iter().filter_map(|(_, kind)| kind.name.clone())).collect()
 }
 
 #[test]
@@ -146,7 +174,7 @@ fn the_cloud_holds_nothing_that_it_does_not_use() {
     let scene = support::scene("procedural-clouds");
     let program = Program::density(&scene).expect("the cloud compiles");
     let module = linked(&program);
-    let names = function_names(&module);
+    let names = declared_names(&module);
     let modules: BTreeSet<&str> = program.instructions.iter().map(|instruction| instruction.node_type.module).collect();
     for name in &names {
         assert!(!name.contains("naga_oil"), "a name that nobody can read: {name}");
@@ -166,7 +194,7 @@ fn the_cloud_holds_nothing_that_it_does_not_use() {
     let minkowski = json!({"distance": "MINKOWSKI", "feature": "SMOOTH_F1"});
     let voronoi = nodes::find("ShaderNodeTexVoronoi").expect("a registered node");
     let mode = minkowski.as_object().expect("an object").clone();
-    let names = function_names(&linked(&program_of(voronoi, &[mode], Inputs::Linked, None).expect("a program")));
+    let names = declared_names(&linked(&program_of(voronoi, &[mode], Inputs::Linked, None).expect("a program")));
     assert!(names.iter().any(|name| name.contains("smooth")), "{names:?}");
 }
 
@@ -262,7 +290,7 @@ fn link_every_mode() -> BTreeSet<String> {
             let program = program_of(node_type, &modes, inputs, output)?;
             let module = linked(&program);
             validate(&format!("{} {modes:?} {inputs:?} {output:?}", node_type.label), &module);
-            Some(function_names(&module))
+            Some(declared_names(&module))
         })
         .collect();
     assert!(linked_programs.len() >= 50, "only {} modules", linked_programs.len());
@@ -285,7 +313,7 @@ fn link_mapped_texture() -> BTreeSet<String> {
     let targets = ["Point", "Normal"].map(|name| Target::output(name, "Fac"));
     let module = linked(&Program::compile(&scene, &targets).expect("the textures compile"));
     validate("textures with mappings", &module);
-    function_names(&module)
+    declared_names(&module)
 }
 
 /// A file of `shaders/`.
@@ -358,7 +386,7 @@ fn link_own_nodes() -> BTreeSet<String> {
     for program in textures().map(lookup).into_iter().chain([perlin_fbm_cloud()]).chain(in_modes) {
         let module = linked(&program);
         validate("a node of ours", &module);
-        names.extend(function_names(&module));
+        names.extend(declared_names(&module));
     }
     names
 }
@@ -399,19 +427,47 @@ fn every_mode_and_every_file_links_and_validates() {
         let module = module.unwrap_or_else(|cause| panic!("{name}: {cause}"));
         assert!(!module.entry_points.is_empty(), "{name}: no entry point");
         validate(&name, &module);
-        names.extend(function_names(&module));
+        names.extend(declared_names(&module));
     };
-    for shader in all.values().filter(|shader| shader.is_entry) {
+    // A fragment has no entry but its own, which is linked below.
+    const IN_FRAGMENT: &str = "IN_FRAGMENT";
+    const PICTURE: &str = "engines/picture.wgsl";
+    let check_picture = |definitions: &[&str]| {
+        let name = format!("{PICTURE} {definitions:?}");
+        for program in &programs {
+            let linked = linker(program).and_then(|mut linker| {
+                let data = "#define_import_path cloudparity::engines::data\n\
+                            const CELLS: u32 = 1u;\nconst MAPS: u32 = 2u;\nconst SUNS: u32 = 3u;\n";
+                linker.add("generated/data.wgsl", data)?;
+                for path in ["engines/march.wgsl", "engines/camera.wgsl", "engines/passes/compositing.wgsl"] {
+                    linker.add(path, &all[path].text)?;
+                }
+                linker.link_with(PICTURE, &all[PICTURE].text, &[definitions, &[IN_FRAGMENT]].concat())
+            });
+            let module = linked.unwrap_or_else(|cause| panic!("{name}: {cause}"));
+            let entries: Vec<_> = module.entry_points.iter().map(|entry| entry.stage).collect();
+            assert_eq!(entries, [naga::ShaderStage::Fragment], "{name}");
+            validate(&name, &module);
+        }
+    };
+    for shader in all.values().filter(|shader| shader.is_entry && shader.path != PICTURE) {
         let reads_program = shader.text.contains("#import cloudparity::graph");
         for program in &programs[..if reads_program { programs.len() } else { 1 }] {
             check(program, &shader.path, &[]);
         }
         // Each definition alone.
-        for definition in definitions(&shader.text) {
+        for definition in definitions(&shader.text).into_iter().filter(|definition| definition != IN_FRAGMENT) {
             check(&programs[1], &shader.path, &[&definition]);
         }
         used.insert(shader.path.clone());
     }
+    let march = &all["engines/march.wgsl"];
+    // Rays that a kernel makes have one interval, so neither they nor a fragment's are in a mesh.
+    let is_for_pictures = |definition: &str| definition != IN_FRAGMENT && definition != "MESH";
+    for definition in definitions(&march.text).into_iter().filter(|definition| is_for_pictures(definition)) {
+        check_picture(&[&definition]);
+    }
+    check_picture(&["BACKGROUND"]);
     // The march of engines with all terms, in a box, in a shell and in a mesh, with one sun and with several.
     let terms = [
         "OCTAVES",
@@ -438,14 +494,19 @@ fn every_mode_and_every_file_links_and_validates() {
     for more in
         [&[][..], &["SHELL"], &["MESH"], &["SEVERAL_SUNS"], &["LEFTOVER_DROPPED"], &["NO_SUN", "SHELL", "EMPTY_CELLS"]]
     {
-        check(&programs[2], "engines/march.wgsl", &[&terms, more].concat());
+        let definitions = [&terms, more].concat();
+        check(&programs[2], "engines/march.wgsl", &definitions);
+        if definitions.iter().all(|definition| is_for_pictures(definition)) {
+            check_picture(&definitions);
+        }
     }
+    used.insert(PICTURE.into());
     let conditions: Vec<(&str, usize)> =
         ["engines/march.wgsl", "integrators/march/march.wgsl", "engines/passes/compositing.wgsl"]
             .map(|path| (path, definitions(&all[path].text).len()))
             .to_vec();
     // Conditions that the search finds: were it blind, nothing would be tried.
-    assert_eq!(conditions.iter().map(|(_, count)| *count).collect::<Vec<_>>(), [30, 7, 5], "{conditions:?}");
+    assert_eq!(conditions.iter().map(|(_, count)| *count).collect::<Vec<_>>(), [31, 7, 6], "{conditions:?}");
     // Constants in a buffer, which has no function of its own: the kernel has its binding, and programs that differ in a number have one text.
     let linked = |program: &Program| {
         let source = "#import cloudparity::graph\n@group(0) @binding(0) var<storage, read_write> found: f32;\n\
@@ -482,5 +543,5 @@ fn every_mode_and_every_file_links_and_validates() {
         }
     }
     let unused: Vec<_> = all.keys().filter(|path| !used.contains(*path)).collect();
-    assert!(unused.is_empty(), "linked into no generated module: {unused:?}\nfunctions: {names:?}");
+    assert!(unused.is_empty(), "linked into no generated module: {unused:?}\nnames: {names:?}");
 }

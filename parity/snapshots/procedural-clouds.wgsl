@@ -622,20 +622,20 @@ fn voronoi_texture_1i_search(site: voronoi_texture_1i_Site, p_7: voronoi_texture
     let rest = (vec4(1f) - site.local);
     a_10.local = site.local;
     a_10.hash = ((site.cell * hash_PCG_MULTIPLIER) + vec4(1013904223i));
-    a_10.hash_step = select(vec4(-1664525i), vec4(1664525i), upper);
+    a_10.hash_step = (hash_PCG_MULTIPLIER * ((2i * vec4<i32>(upper)) - vec4(1i)));
     a_10.near = select(vec4(-1f), vec4(1f), upper);
-    let _e39 = voronoi_texture_1i_bound_terms(select(site.local, rest, upper), p_7.exponent);
-    a_10.near_bound = _e39;
-    let _e44 = voronoi_texture_1i_bound_terms(select(rest, site.local, upper), p_7.exponent);
-    a_10.far_bound = _e44;
-    let _e46 = voronoi_texture_1i_jitter(p_7);
-    a_10.jitter = _e46;
+    let _e42 = voronoi_texture_1i_bound_terms(select(site.local, rest, upper), p_7.exponent);
+    a_10.near_bound = _e42;
+    let _e47 = voronoi_texture_1i_bound_terms(select(rest, site.local, upper), p_7.exponent);
+    a_10.far_bound = _e47;
+    let _e49 = voronoi_texture_1i_jitter(p_7);
+    a_10.jitter = _e49;
     a_10.exponent = p_7.exponent;
     a_10.one = p_7.one;
-    let _e51 = a_10;
-    voronoi_texture_1i_scan_w((&s_6), _e51);
-    let _e53 = s_6;
-    return _e53;
+    let _e54 = a_10;
+    voronoi_texture_1i_scan_w((&s_6), _e54);
+    let _e56 = s_6;
+    return _e56;
 }
 
 fn voronoi_texture_1i_offset_of(rank: f32) -> vec4<i32> {

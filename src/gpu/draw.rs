@@ -149,7 +149,10 @@ impl Gpu {
         );
         self.queue.submit([encoder.finish()]);
         let bytes = self.read_back(&buffer, size)?;
-        Ok(bytes.chunks(pitch as usize).flat_map(|row| bytemuck::pod_collect_to_vec(&row[..16 * width as usize])).collect())
+        Ok(bytes
+            .chunks(pitch as usize)
+            .flat_map(|row| bytemuck::pod_collect_to_vec(&row[..16 * width as usize]))
+            .collect())
     }
 }
 

@@ -261,7 +261,8 @@ pub fn hlsl(shader: &OneShader) -> Result<String> {
     let texture = module.global_variables.iter().find(|(_, variable)| is_texture(variable));
     if let Some((_, variable)) = texture {
         let name = variable.name.clone().unwrap_or_default();
-        body = body.replace(&format!("Texture2D<float4> {name} : register(t0, space1)"), &format!("Texture2D<float4> {name}"));
+        body = body
+            .replace(&format!("Texture2D<float4> {name} : register(t0, space1)"), &format!("Texture2D<float4> {name}"));
     }
     Ok(body)
 }
@@ -283,7 +284,8 @@ fn is_texture(variable: &naga::GlobalVariable) -> bool {
 /// there, so every function that reads it gets it.
 pub fn wgsl_node(shader: &OneShader) -> Result<(String, String, Vec<Parameter>)> {
     let module = textures_as_arguments(&shader.module)?;
-    let text = String::from_utf8_lossy(&crate::graph::wgsl::write(&module, crate::graph::wgsl::Language::Wgsl)?).into_owned();
+    let text =
+        String::from_utf8_lossy(&crate::graph::wgsl::write(&module, crate::graph::wgsl::Language::Wgsl)?).into_owned();
     let text = before(&text, "@fragment")?;
     let (mut parameters, mut arguments, mut assignments) = (Vec::new(), String::new(), String::new());
     let mut body = String::new();
@@ -352,15 +354,19 @@ fn variable_of(module: &Module, block: &Block) -> Result<String> {
 /// The same module, in which every function that reads the texture, or calls one that does, has it as its last argument.
 fn textures_as_arguments(module: &Module) -> Result<Module> {
     let mut module = module.clone();
-    let Some((texture, kind)) =
-        module.global_variables.iter().find(|(_, variable)| is_texture(variable)).map(|(handle, variable)| (handle, variable.ty))
+    let Some((texture, kind)) = module
+        .global_variables
+        .iter()
+        .find(|(_, variable)| is_texture(variable))
+        .map(|(handle, variable)| (handle, variable.ty))
     else {
         return Ok(module);
     };
     let mut readers = Vec::new();
     // A function lies behind those that it calls.
     for (handle, function) in module.functions.iter_mut() {
-        let reads = function.expressions.iter().any(|(_, expression)| *expression == Expression::GlobalVariable(texture));
+        let reads =
+            function.expressions.iter().any(|(_, expression)| *expression == Expression::GlobalVariable(texture));
         let calls = calls_any(&function.body, &readers);
         if !reads && !calls {
             continue;

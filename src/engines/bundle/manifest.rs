@@ -160,7 +160,12 @@ pub(super) fn truth_of(resolution: [u32; 2], truth: &Image) -> Result<Vec<u8>> {
 }
 
 /// Writes files into a folder, the manifest last.
-pub(super) fn write_into(folder: &Path, files: &BTreeMap<String, Vec<u8>>, manifest: &impl Serialize, name: &str) -> Result<()> {
+pub(super) fn write_into(
+    folder: &Path,
+    files: &BTreeMap<String, Vec<u8>>,
+    manifest: &impl Serialize,
+    name: &str,
+) -> Result<()> {
     let made = std::fs::create_dir_all(folder);
     made.map_err(|cause| Error::io(folder, "a folder that can be made", &cause))?;
     for (name, bytes) in files {

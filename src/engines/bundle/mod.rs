@@ -32,7 +32,8 @@ use manifest::{Uniform, refuse_passes, truth_of, write_into};
 const TRUTH: &str = "truth.bin";
 
 /// The page and its program.
-const PAGE: [(&str, &str); 2] = [("index.html", include_str!("wgsl/index.html")), ("host.js", include_str!("wgsl/host.js"))];
+const PAGE: [(&str, &str); 2] =
+    [("index.html", include_str!("wgsl/index.html")), ("host.js", include_str!("wgsl/host.js"))];
 
 /// A bundle in memory.
 pub struct Bundle {
@@ -181,7 +182,8 @@ impl ReadyBundle<'_> {
     pub fn picture(&self) -> Result<Image> {
         let Self { gpu, kernels: [ready_camera, ready_march, ready_compose], .. } = self;
         let manifest = &self.bundle.manifest;
-        let Manifest { origin: Origin { resolution: [width, height], .. }, kernels: [camera, march, compose], .. } = manifest;
+        let Manifest { origin: Origin { resolution: [width, height], .. }, kernels: [camera, march, compose], .. } =
+            manifest;
         let total = width * height;
         let together = manifest.rays_together.max(1);
         let buffer = |label, size| {

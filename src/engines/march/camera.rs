@@ -113,5 +113,4 @@ pub(crate) fn module() -> Result<naga::Module> {
 }
 
 /// Path and text of the kernel, which a picture in a fragment shader has, too.
-pub(crate) const SOURCE: (&str, &str) =
-    ("engines/camera.wgsl", include_str!("../../../shaders/engines/camera.wgsl"));
+pub(crate) const SOURCE: (&str, &str) = ("engines/camera.wgsl", include_str!("../../../shaders/engines/camera.wgsl"));

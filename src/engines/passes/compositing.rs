@@ -131,11 +131,7 @@ pub(crate) const SOURCE: (&str, &str) =
     ("engines/passes/compositing.wgsl", include_str!("../../../shaders/engines/passes/compositing.wgsl"));
 
 /// What the text is specialised by.
-pub(crate) fn definitions(
-    compositing: Compositing,
-    background: &Background,
-    channels: Channels,
-) -> Vec<&'static str> {
+pub(crate) fn definitions(compositing: Compositing, background: &Background, channels: Channels) -> Vec<&'static str> {
     let mut definitions = background.definitions().to_vec();
     definitions.extend(compositing.alpha_of_red.then_some("ALPHA_OF_RED"));
     definitions.extend(compositing.alpha_twice.then_some("ALPHA_TWICE"));
