@@ -12,7 +12,7 @@ use std::fmt::Write;
 /// A uniform of its own, where a program knows no structs.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Parameter {
-    /// `cloud_march_steps`; of the suns' arrays `cloud_sun_way`, or `sun_way_0` where each is a parameter.
+    /// `cloud_march_steps`; of the suns' arrays `cloud_sun_way`, or `cloud_sun_way_0` where each is a parameter.
     pub name: String,
     /// `float`, `uint`, `vec2` or `vec3`.
     pub kind: &'static str,
@@ -292,12 +292,11 @@ pub fn wgsl_node(shader: &OneShader) -> Result<(String, String, Vec<Parameter>)>
     for line in text.lines() {
         match line.split_once("var<uniform> ") {
             Some((_, declaration)) => writeln!(body, "var<private> {declaration}"),
-            None if line.starts_with("@group(") => Ok(()),
+            None if line.starts_with("@group(") || line.starts_with("var ") => Ok(()),
             None => writeln!(body, "{line}"),
         }
         .expect("writing to a string cannot fail");
     }
-    // `@group(..) @binding(..)` may stand on a line of its own before the variable.
     for block in &shader.manifest.blocks {
         let members = members(&module, block)?;
         let mut elements = Vec::new();
@@ -309,8 +308,8 @@ pub fn wgsl_node(shader: &OneShader) -> Result<(String, String, Vec<Parameter>)>
                     continue;
                 }
                 let name = match block.count {
-                    0 => format!("{}_{}", block.name, member.name),
-                    _ => format!("sun_{}_{element}", member.name),
+                    0 => format!("cloud_{}_{}", block.name, member.name),
+                    _ => format!("cloud_sun_{}_{element}", member.name),
                 };
                 let kind = match member.kind {
                     "uint" => "u32",

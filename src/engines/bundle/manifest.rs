@@ -72,6 +72,8 @@ impl Origin {
                 target: renderer.view().centre.to_array(),
                 to_local: engine.container.to_local.transpose().to_cols_array_2d(),
                 unit: engine.container.unit,
+                near: scene.camera.clip_start.into(),
+                far: scene.camera.clip_end.into(),
             },
         }
     }
@@ -88,6 +90,10 @@ pub struct CameraFrame {
     pub to_local: [[f64; 4]; 4],
     /// Metres of the engine's unit of length.
     pub unit: f64,
+    /// Metres from the camera before which nothing is seen, along its axis.
+    pub near: f64,
+    /// Metres beyond which nothing is seen.
+    pub far: f64,
 }
 
 /// A compute kernel; its entry point is `main`.

@@ -13,7 +13,7 @@ async function start() {
   document.getElementById("title").textContent = `${cloud.manifest.scene}, ${cloud.manifest.model}`;
   const canvas = document.getElementById("picture");
   const isWebGPU = new URLSearchParams(location.search).get("renderer") === "webgpu";
-  let renderer, kind, library;
+  let renderer, kind, library, lost;
   if (isWebGPU) {
     if (!navigator.gpu) throw new Error("This browser has no WebGPU: take the renderer for WebGL 2.");
     library = await import("three/webgpu");
@@ -25,28 +25,35 @@ async function start() {
     library = THREE;
     kind = await import("./cloud-webgl.js");
     renderer = new THREE.WebGLRenderer({ canvas, antialias: false, alpha: true });
+    canvas.addEventListener("webglcontextlost", () => {
+      lost = new Error("The browser has taken the graphics context back, as it does where a shader takes too long: reload the page, or take WebGPU.");
+      fail(lost);
+    });
     if (!renderer.extensions.has("EXT_color_buffer_float")) throw new Error("This adapter draws no pictures of floats (EXT_color_buffer_float).");
   }
   renderer.setSize(width, height, false);
   const made = await kind.material(cloud);
   const scene = new library.Scene();
   scene.add(kind.mesh(made));
-  const target = new library.RenderTarget(width, height, {
+  const target = new (isWebGPU ? library.RenderTarget : library.WebGLRenderTarget)(width, height, {
     type: THREE.FloatType, format: THREE.RGBAFormat, colorSpace: THREE.LinearSRGBColorSpace, depthBuffer: false,
     minFilter: THREE.NearestFilter, magFilter: THREE.NearestFilter,
   });
-  const flat = new library.Camera();
+  // What the target's clear has left: nothing has to be blended, which not every adapter can do with floats.
+  made.blending = THREE.NoBlending;
+  const flat = new library.OrthographicCamera(-1, 1, 1, -1, 0, 1);
 
   // The scene's camera in three's world.
   const object = frame();
   const view = sceneView(cloud);
   const turned = (vector) => vector.clone().applyMatrix4(object.matrixWorld);
-  const near = 0.01, far = 10000;
+  const { near, far } = cloud.manifest.camera;
   const camera = view.isParallel
     ? new THREE.OrthographicCamera(view.left, view.left + view.width, view.bottom + view.height, view.bottom, near, far)
     : new THREE.PerspectiveCamera((360 / Math.PI) * Math.atan(view.height / 2), width / height, near, far);
   camera.position.copy(turned(view.place));
-  camera.up.copy(turned(view.above));
+  // A camera that is not rolled goes around the vertical.
+  if (Math.abs(view.right.z) > 1e-4) camera.up.copy(turned(view.above));
   camera.quaternion.setFromRotationMatrix(new THREE.Matrix4().makeBasis(turned(view.right), turned(view.above), turned(view.back)));
   const own = new Map(["start", "start_across", "start_up", "way", "way_across", "way_up", "direction", "direction_across", "direction_up", "farthest"]
     .map((field) => [field, cloud.get("view", field)]));
@@ -68,6 +75,7 @@ async function start() {
     await renderer.clear();
     target.scissorTest = true;
     for (let row = 0; row < height; row += rows) {
+      if (lost) throw lost;
       target.scissor.set(0, row, width, Math.min(rows, height - row));
       renderer.setRenderTarget(target);
       renderer.render(scene, flat);
@@ -77,6 +85,7 @@ async function start() {
     renderer.autoClear = true;
     renderer.render(shown, flat);
     await host.read(1, 1);
+    if (lost) throw lost;
     return performance.now() - begin;
   };
   // Linear colours, four numbers a pixel, from the top-left corner.
@@ -98,10 +107,12 @@ async function start() {
   sheet.frustumCulled = false;
   const shown = new library.Scene();
   shown.add(sheet);
-  flat.projectionMatrix.identity();
 
   const controls = new OrbitControls(camera, canvas);
-  controls.target.copy(turned(view.target));
+  // On the axis of the view, beside the middle of the cloud: going around begins with what the scene's camera sees.
+  const away = view.back.dot(view.target.clone().sub(view.place));
+  controls.target.copy(turned(view.place.clone().addScaledVector(view.back, away)));
+  controls.update();
   controls.enablePan = true;
   let busy = false, again = false;
   const show = async () => {
