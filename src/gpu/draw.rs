@@ -24,9 +24,17 @@ pub struct Drawing<'a> {
     pub size: [u32; 2],
 }
 
+/// A fragment shader that is compiled, with what it reads on the adapter: for pictures whose time is measured.
+pub struct ReadyDrawing<'a> {
+    gpu: &'a Gpu,
+    pipeline: wgpu::RenderPipeline,
+    groups: Vec<wgpu::BindGroup>,
+    target: wgpu::Texture,
+}
+
 impl Gpu {
-    /// Draws it: colours row by row from the top, as f32. An error where the driver refuses the shader.
-    pub fn draw(&self, drawing: &Drawing<'_>) -> Result<Vec<[f32; 4]>> {
+    /// Compiles it. An error where the driver refuses the shader.
+    pub fn ready_to_draw(&self, drawing: &Drawing<'_>) -> Result<ReadyDrawing<'_>> {
         crate::graph::wgsl::validate(drawing.module)?;
         let [width, height] = drawing.size;
         let most = self.device.limits().max_texture_dimension_2d;
@@ -106,10 +114,19 @@ impl Gpu {
         }
         let usage = wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::COPY_SRC;
         let target = self.device.create_texture(&texture("picture", drawing.size, format, usage));
+        Ok(ReadyDrawing { gpu: self, pipeline, groups, target })
+    }
+}
+
+impl ReadyDrawing<'_> {
+    /// Draws it: colours row by row from the top, as f32.
+    pub fn pixels(&self) -> Result<Vec<[f32; 4]>> {
+        let Self { gpu, pipeline, groups, target } = self;
+        let [width, height] = [target.width(), target.height()];
         let view = target.create_view(&Default::default());
         let rows = (PIXELS_TOGETHER / width.max(1)).max(1);
         for first in (0..height).step_by(rows as usize) {
-            let mut encoder = self.device.create_command_encoder(&Default::default());
+            let mut encoder = gpu.device.create_command_encoder(&Default::default());
             {
                 let load = if first == 0 { wgpu::LoadOp::Clear(wgpu::Color::BLACK) } else { wgpu::LoadOp::Load };
                 let attachment = wgpu::RenderPassColorAttachment {
@@ -122,33 +139,33 @@ impl Gpu {
                     color_attachments: &[Some(attachment)],
                     ..Default::default()
                 });
-                pass.set_pipeline(&pipeline);
-                for (number, group) in (0..).zip(&groups) {
+                pass.set_pipeline(pipeline);
+                for (number, group) in (0..).zip(groups) {
                     pass.set_bind_group(number, group, &[]);
                 }
                 pass.set_scissor_rect(0, first, width, rows.min(height - first));
                 pass.draw(0..3, 0..1);
             }
-            self.queue.submit([encoder.finish()]);
+            gpu.queue.submit([encoder.finish()]);
         }
         // Rows of a copy are multiples of 256 bytes.
         let pitch = (16 * width).next_multiple_of(wgpu::COPY_BYTES_PER_ROW_ALIGNMENT);
         let size = u64::from(pitch) * u64::from(height);
-        let buffer = self.device.create_buffer(&wgpu::BufferDescriptor {
+        let buffer = gpu.device.create_buffer(&wgpu::BufferDescriptor {
             label: Some("picture"),
             size,
             usage: wgpu::BufferUsages::COPY_SRC | wgpu::BufferUsages::COPY_DST,
             mapped_at_creation: false,
         });
-        let mut encoder = self.device.create_command_encoder(&Default::default());
+        let mut encoder = gpu.device.create_command_encoder(&Default::default());
         let layout = wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(pitch), rows_per_image: None };
         encoder.copy_texture_to_buffer(
             target.as_image_copy(),
             wgpu::TexelCopyBufferInfo { buffer: &buffer, layout },
             target.size(),
         );
-        self.queue.submit([encoder.finish()]);
-        let bytes = self.read_back(&buffer, size)?;
+        gpu.queue.submit([encoder.finish()]);
+        let bytes = gpu.read_back(&buffer, size)?;
         Ok(bytes
             .chunks(pitch as usize)
             .flat_map(|row| bytemuck::pod_collect_to_vec(&row[..16 * width as usize]))

@@ -3,6 +3,7 @@
 //! The texts are naga's, with three things changed that naga has no setting for: uniforms by name instead of blocks, names that a person reads,
 //! and what a language forbids (said where it is done).
 
+use super::manifest::Field;
 use super::one_shader::{Block, OneShader};
 use crate::base::error::{Error, Result};
 use naga::{Expression, FunctionArgument, Handle, Module, ScalarKind, Statement, TypeInner};
@@ -23,6 +24,9 @@ pub struct Parameter {
     /// The field.
     pub field: String,
 }
+
+/// The texture's name.
+const TEXTURE: &str = "cloud_data";
 
 /// A field as a language declares it: its name, its type's name in GLSL, and whether it fills a gap.
 struct Member {
@@ -220,8 +224,99 @@ fn of_elements(text: &str, name: &str, prefix: &str) -> String {
 
 /// HLSL of shader model 5 and above: the functions, uniforms in constant buffers `view_numbers` and so on, the texture `cloud_data`.
 pub fn hlsl(shader: &OneShader) -> Result<String> {
+    let text = hlsl_of(&shader.module)?;
+    let texture = shader.module.global_variables.iter().find(|(_, variable)| is_texture(variable));
+    let Some((_, variable)) = texture else { return Ok(text) };
+    let name = variable.name.clone().unwrap_or_default();
+    let own = format!("Texture2D<float4> {TEXTURE}");
+    let text = text.replace(&format!("Texture2D<float4> {name} : register(t0, space1)"), &own);
+    Ok(text.replace(&format!("{name}.Load("), &format!("{TEXTURE}.Load(")))
+}
+
+/// The same for programs that give a function nothing but its arguments: numbers are variables of the file that begin with those of the scene,
+/// the texture is the last argument of [every function that reads it](textures_as_arguments).
+pub fn hlsl_function(shader: &OneShader) -> Result<String> {
+    let module = textures_as_arguments(&shader.module)?;
+    let texture = module.global_variables.iter().find(|(_, variable)| is_texture(variable));
+    let declared = texture.map(|(_, variable)| format!("Texture2D<float4> {}", variable.name.clone().unwrap_or_default()));
+    let mut numbers = Vec::new();
+    for block in &shader.manifest.blocks {
+        let members = members(&module, block)?;
+        let elements: Vec<String> = block.elements.iter().map(|fields| initialiser(&members, fields)).collect();
+        let (name, size) = (variable_of(&module, block)?, block.count);
+        numbers.push(match size {
+            0 => format!("static {} {name} = {};", block.kind, elements[0]),
+            _ => format!("static {} {name}[{size}] = {{ {} }};", block.kind, elements.join(", ")),
+        });
+    }
+    let mut body = String::new();
+    let mut numbers = numbers.into_iter();
+    for line in hlsl_of(&module)?.lines() {
+        if declared.as_ref().is_some_and(|declared| line.starts_with(declared.as_str())) {
+            continue;
+        }
+        let line = if line.starts_with("cbuffer ") { numbers.next() } else { Some(line.to_owned()) };
+        writeln!(body, "{}", line.ok_or_else(|| defect("HLSL", "more constant buffers than blocks"))?)
+            .expect("writing to a string cannot fail");
+    }
+    Ok(body)
+}
+
+/// Functions of HLSL that take a ray of Blender's world, and with the texture as an argument one of Unreal's.
+pub fn hlsl_rays(shader: &OneShader, is_function: bool) -> Result<String> {
+    let frame = &shader.manifest.origin.camera;
+    let composite = shader.manifest.blocks.iter().find(|block| block.name == "composite");
+    let exposure = match composite {
+        Some(block) => format!("{}.exposure", variable_of(&shader.module, block)?),
+        None => "1.0".to_owned(),
+    };
+    let has_texture = shader.module.global_variables.iter().any(|(_, variable)| is_texture(variable));
+    let (taken, given) = match (is_function, has_texture) {
+        (false, _) => ("", ""),
+        (true, true) => (", Texture2D<float4> data", ", data"),
+        (true, false) => (", Texture2D<float4> data", ""),
+    };
+    let rows = frame.to_local.iter().flatten().map(|value| format!("{:?}", *value as f32)).collect::<Vec<_>>().join(", ");
+    let unit = frame.unit as f32;
+    let mut text = format!(
+        "\n// Blender's world to the frame of the density, row by row, and metres of its unit of length.\n\
+         static const float4x4 CLOUD_TO_LOCAL = {{ {rows} }};\n\
+         static const float CLOUD_UNIT = {unit:?};\n\n\
+         // Linear colour with alpha in it of a ray of Blender's world: metres, z up, a unit vector.\n\
+         float4 cloud_from_blender(float3 place, float3 direction, float farthest{taken})\n{{\n\
+         \x20   float3 origin = mul(CLOUD_TO_LOCAL, float4(place, 1.0)).xyz;\n\
+         \x20   float3 way = mul(CLOUD_TO_LOCAL, float4(direction, 0.0)).xyz * CLOUD_UNIT;\n\
+         \x20   rays_Pixel found = cloud(origin, way, direction, farthest / CLOUD_UNIT{given});\n\
+         \x20   float3 through = found.transmittance;\n\
+         \x20   return float4(found.radiance * {exposure}, 1.0 - (through.x + through.y + through.z) / 3.0);\n}}\n"
+    );
+    if is_function {
+        text += "\n// The same of Unreal's: centimetres, x ahead, y to the right, z up.\n\
+                 float4 cloud_from_unreal(float3 place, float3 direction, float farthest, Texture2D<float4> data)\n{\n\
+                 \x20   float3 turned = float3(1.0, -1.0, 1.0);\n\
+                 \x20   return cloud_from_blender(place * turned / 100.0, normalize(direction * turned), farthest / 100.0, data);\n}\n";
+    }
+    Ok(text)
+}
+
+/// `{ float3(..), 64u, .. }`, gaps included.
+fn initialiser(members: &[Member], fields: &[Field]) -> String {
+    let value = |member: &Member| {
+        let values: Vec<String> = fields.iter().find(|field| field.name == member.name).map_or_else(
+            || vec!["0".to_owned()],
+            |field| field.values.iter().map(|value| if field.kind == "u32" { format!("{value}u") } else { format!("{value:?}") }).collect(),
+        );
+        match values.len() {
+            1 => values.concat(),
+            count => format!("float{count}({})", values.join(", ")),
+        }
+    };
+    format!("{{ {} }}", members.iter().map(value).collect::<Vec<_>>().join(", "))
+}
+
+/// Naga's text without its entry, registers and what compilers do not agree on.
+fn hlsl_of(module: &Module) -> Result<String> {
     use naga::back::hlsl;
-    let module = &shader.module;
     let info = crate::graph::wgsl::validate(module)?;
     let options = hlsl::Options { fake_missing_bindings: true, ..Default::default() };
     let pipeline = hlsl::PipelineOptions::default();
@@ -257,12 +352,6 @@ pub fn hlsl(shader: &OneShader) -> Result<String> {
         let Some((count, _)) = rest.split_once("])0") else { break };
         let zeros = vec!["0.0"; count.parse().unwrap_or(0)].join(", ");
         body = body.replace(&format!(" = (float[{count}])0"), &format!(" = {{{zeros}}}"));
-    }
-    let texture = module.global_variables.iter().find(|(_, variable)| is_texture(variable));
-    if let Some((_, variable)) = texture {
-        let name = variable.name.clone().unwrap_or_default();
-        body = body
-            .replace(&format!("Texture2D<float4> {name} : register(t0, space1)"), &format!("Texture2D<float4> {name}"));
     }
     Ok(body)
 }

@@ -24,6 +24,7 @@ use std::path::Path;
 pub mod languages;
 pub mod manifest;
 pub mod one_shader;
+pub mod targets;
 
 pub use manifest::{Binding, CameraFrame, FORMAT, Field, Kernel, Manifest, Origin};
 use manifest::{Uniform, refuse_passes, truth_of, write_into};

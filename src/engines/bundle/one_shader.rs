@@ -13,7 +13,7 @@ use crate::engines::passes::Channels;
 use crate::engines::passes::compositing::{self, Background, CompositeUniform};
 use crate::engines::render::EngineRenderer;
 use crate::gpu::Gpu;
-use crate::gpu::draw::Drawing;
+use crate::gpu::draw::{Drawing, ReadyDrawing};
 use crate::graph::wgsl::ROW;
 use crate::scene::Scene;
 use crate::scene::image::Image;
@@ -159,18 +159,21 @@ impl OneShader {
 
     /// The scene's picture on an adapter, from the module and the bytes that are written.
     pub fn picture(&self, gpu: &Gpu) -> Result<Image> {
+        self.ready(gpu)?.picture()
+    }
+
+    /// Compiled, with its data on the adapter: for pictures whose time is measured.
+    pub fn ready<'a>(&self, gpu: &'a Gpu) -> Result<ReadyShader<'a>> {
         let Data { width, height, .. } = self.manifest.data;
         let blocks = self.manifest.blocks.iter().zip(&self.uniforms);
-        let [columns, rows] = self.manifest.origin.resolution;
-        let pixels = gpu.draw(&Drawing {
+        let size = self.manifest.origin.resolution;
+        let drawing = gpu.ready_to_draw(&Drawing {
             module: &self.module,
             uniforms: blocks.map(|(block, bytes)| (block.binding, bytes.as_slice())).collect(),
             texels: (&self.data, [width, height]),
-            size: [columns, rows],
+            size,
         })?;
-        let mut image = Image::new(columns as usize, rows as usize);
-        image.pixels = pixels;
-        Ok(image)
+        Ok(ReadyShader { drawing, size })
     }
 
     /// Reads the manifest of a folder.
@@ -181,5 +184,21 @@ impl OneShader {
             let place = format!("{}, line {}", path.display(), cause.line());
             Error::new(place, cause.to_string(), "the manifest of a shader", "Publish the scene again.")
         })
+    }
+}
+
+/// A shader that can be drawn.
+pub struct ReadyShader<'a> {
+    drawing: ReadyDrawing<'a>,
+    size: [u32; 2],
+}
+
+impl ReadyShader<'_> {
+    /// The scene's picture.
+    pub fn picture(&self) -> Result<Image> {
+        let [columns, rows] = self.size;
+        let mut image = Image::new(columns as usize, rows as usize);
+        image.pixels = self.drawing.pixels()?;
+        Ok(image)
     }
 }

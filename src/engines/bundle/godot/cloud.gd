@@ -129,9 +129,9 @@ func place(camera: Camera3D, longitude: float, latitude: float, distance: float)
 	var depth := -_view("direction").dot(back)
 	camera.keep_aspect = Camera3D.KEEP_HEIGHT
 	camera.fov = rad_to_deg(2.0 * atan(0.5 * _view("direction_up").length() * picture.y / depth))
-	camera.near = 0.05
-	camera.far = 4000.0
 	var frame: Dictionary = manifest["camera"]
+	camera.near = frame["near"]
+	camera.far = frame["far"]
 	var target := Vector3(frame["target"][0], frame["target"][1], frame["target"][2])
 	var away := Vector3(frame["place"][0], frame["place"][1], frame["place"][2]) - target
 	var side := Vector3(0, 0, 1).cross(away).normalized()

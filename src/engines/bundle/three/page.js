@@ -79,6 +79,8 @@ async function start() {
       target.scissor.set(0, row, width, Math.min(rows, height - row));
       renderer.setRenderTarget(target);
       renderer.render(scene, flat);
+      // A browser gathers what WebGL is told, and gives a context up whose gathered work takes seconds: reading a pixel has it done now.
+      if (!isWebGPU) await host.read(1, 1);
       if (row % (8 * rows) === 0) await new Promise((done) => { setTimeout(done); });
     }
     renderer.setRenderTarget(null);
