@@ -7,6 +7,7 @@ pub mod files;
 pub mod identity;
 pub mod interpolation;
 pub mod kinds;
+pub mod ktx2;
 #[cfg(feature = "tools")]
 pub mod ledger;
 pub mod numbers;

@@ -9,13 +9,17 @@ use crate::base::files;
 use crate::bridge;
 use crate::bridge::CyclesKernel;
 use crate::engines::Engine;
-use crate::engines::bundle::Bundle;
+use crate::engines::bundle::field::FieldBundle;
+use crate::engines::bundle::one_shader::OneShader;
+use crate::engines::bundle::targets::Program;
+use crate::engines::bundle::{Bundle, Origin};
 use crate::engines::render::{self, EngineJitter};
 use crate::gpu::{Backend, Gpu};
 use crate::measure::pictures::{DiffRequest, DiffResult, Tolerances};
 use crate::scene::Scene;
 use crate::scene::image::Image;
 use serde_json::{Value, json};
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Instant;
@@ -26,18 +30,31 @@ named_values! {
     enum Target {
         /// WebGPU: three compute kernels in WGSL, their data, and a page that runs them.
         Wgsl,
+        /// three.js: GLSL for WebGL 2, WGSL for its node materials, and a page.
+        Three,
+        /// Godot 4: an include of its shading language, and a project.
+        Godot,
+        /// HLSL, with hosts for Unity and Unreal that are not validated.
+        Hlsl,
+        /// The density as 3-D textures in KTX2, of 16 and of 8 bits, with a pyramid of majorants.
+        Texture,
+        /// The density as OpenVDB, in metres, and as Unreal's importer wants it.
+        Vdb,
     }
 }
 
-/// Write a scene as shaders that run without this program, with their error.
+/// Write a scene for programs that run without this one, with its error.
 ///
-/// DIR receives the density, the march and the light as WGSL with everything that they read, bundle.json, which says what goes where, a page
-/// in plain WebGPU (index.html, host.js) that runs them from any static server, and certificate.json: what the bundle's picture differs by from
-/// the same engine in double precision on the CPU, and from the truth where one is given. Numbers of the uniforms (extinction, light, steps,
-/// camera) change at run time; parameters of the density are constants of the shader.
+/// DIR receives the density, the march and the light as shaders with everything that they read, a host that draws them, and certificate.json: what
+/// the picture differs by from the same engine in double precision on the CPU, and from the truth where one is given. Of wgsl, bundle.json says
+/// what goes where; of three, godot and hlsl, cloud.json, and one fragment shader that reads one texture; of texture and vdb, field.json, and there
+/// are no shaders: the density alone. Numbers of the uniforms (extinction, light, steps, camera) change at run time; parameters of the density are
+/// constants of the shader.
 #[derive(clap::Args)]
 #[command(after_help = "Examples:
   cloudparity publish CLOUD.scene.json -o CLOUD-WEB --resolution 480x270
+  cloudparity publish CLOUD.scene.json -o CLOUD-GODOT --to godot --resolution 1152x648
+  cloudparity publish CLOUD.scene.json -o CLOUD-VOLUME --to texture --voxels 256
   cloudparity publish CLOUD.scene.json -o CLOUD-WEB --preset OWN.preset.json --truth TRUTH.seed-*.exr")]
 pub(super) struct Arguments {
     #[command(flatten)]
@@ -45,6 +62,9 @@ pub(super) struct Arguments {
     /// What it is written for.
     #[arg(long, value_parser = choice::<Target>(), default_value_t = Target::Wgsl)]
     to: Target,
+    /// Voxels along the longest side of the density's box, for texture and vdb.
+    #[arg(long, value_name = "N", default_value_t = 128, value_parser = clap::value_parser!(u32).range(2..=4096))]
+    voxels: u32,
     /// Instead of a model and its options, an engine as a tuned preset (*.preset.json) has it.
     #[arg(long, value_name = "FILE")]
     preset: Option<PathBuf>,
@@ -62,35 +82,21 @@ pub(super) struct Arguments {
 pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
     let scene = arguments.scene.load()?;
     let (scene, engine) = arguments.engine(scene)?;
-    let folder = &arguments.output;
-    let Target::Wgsl = arguments.to;
-    let mut bundle = Bundle::new(&scene, &engine)?;
-    if !arguments.truth.is_empty() {
-        let pictures: Vec<Image> = arguments.truth.iter().map(|path| Image::read_exr(path)).collect::<Result<_>>()?;
-        bundle = bundle.with_truth(&Image::mean_of(&pictures)?).map_err(|error| error.with_setting("resolution"))?;
-    }
-    bundle.write(folder)?;
-    // From the files, as everybody else reads them.
-    let bundle = Bundle::load(folder)?;
-    let mut text = format!("{}: open index.html through a static server:\n", folder.display());
-    text += &format!("  python3 -m http.server --directory {}\n", super::quoted(folder));
-    match Gpu::open() {
-        Err(error) => eprintln!("warning: no certificate, as nothing can run the bundle here: {error}"),
-        Ok(gpu) => {
-            let certificate = certificate((&scene, &engine), &bundle, &gpu, &arguments.truth, folder)?;
-            let written = serde_json::to_string_pretty(&certificate).expect("a certificate is JSON") + "\n";
-            files::write_atomically(&folder.join("certificate.json"), written.as_bytes())?;
-            text += &format!(
-                "largest difference from double precision {:e}, root mean square {:e}, brightest value {:e}\n",
-                certificate["largest_difference"].as_f64().unwrap_or(f64::NAN),
-                certificate["root_mean_square_difference"].as_f64().unwrap_or(f64::NAN),
-                certificate["brightest_value"].as_f64().unwrap_or(f64::NAN),
-            );
-            if let Some(error) = certificate["truth_relmse"].as_f64() {
-                text += &format!("relMSE against the truth {error:e}\n");
-            }
+    let truth = match arguments.truth.as_slice() {
+        [] => None,
+        paths => {
+            let pictures: Vec<Image> = paths.iter().map(|path| Image::read_exr(path)).collect::<Result<_>>()?;
+            Some(Image::mean_of(&pictures)?)
         }
-    }
+    };
+    let publication = Publication { arguments, scene: &scene, engine: &engine, truth: truth.as_ref() };
+    let text = match arguments.to {
+        Target::Wgsl => publication.kernels(),
+        Target::Three => publication.one_shader(Program::Three),
+        Target::Godot => publication.one_shader(Program::Godot),
+        Target::Hlsl => publication.one_shader(Program::Hlsl),
+        Target::Texture | Target::Vdb => publication.field(),
+    }?;
     super::print(&text)?;
     Ok(ExitCode::SUCCESS)
 }
@@ -108,53 +114,196 @@ impl Arguments {
     }
 }
 
-/// What the bundle's picture differs by from the engine on the CPU, and from the truth. Both pictures are written, so that the figures can be
-/// found again.
-fn certificate(
-    (scene, engine): (&Scene, &Engine),
-    bundle: &Bundle,
-    gpu: &Gpu,
-    truth: &[PathBuf],
-    folder: &Path,
-) -> Result<Value> {
-    let ready = bundle.ready(gpu)?;
-    // Drivers compile when a kernel first runs.
-    ready.picture()?;
+/// What is published.
+struct Publication<'a> {
+    arguments: &'a Arguments,
+    scene: &'a Scene,
+    engine: &'a Engine,
+    truth: Option<&'a Image>,
+}
+
+/// A picture, and the milliseconds that it took.
+type Timed = (Image, f64);
+
+impl Publication<'_> {
+    fn kernels(&self) -> Result<String> {
+        let folder = &self.arguments.output;
+        let mut bundle = Bundle::new(self.scene, self.engine)?;
+        if let Some(truth) = self.truth {
+            bundle = bundle.with_truth(truth).map_err(|error| error.with_setting("resolution"))?;
+        }
+        bundle.write(folder)?;
+        // From the files, as everybody else reads them.
+        let bundle = Bundle::load(folder)?;
+        let drawn = self.on_adapter(|gpu| {
+            let ready = bundle.ready(gpu)?;
+            timed(|| ready.picture())
+        })?;
+        let certified = self.certified(&bundle.manifest.origin, drawn)?;
+        Ok(opened(folder, "index.html") + &certified)
+    }
+
+    fn one_shader(&self, program: Program) -> Result<String> {
+        let folder = &self.arguments.output;
+        let mut shader = OneShader::new(self.scene, self.engine)?;
+        if let Some(truth) = self.truth {
+            shader = shader.with_truth(truth).map_err(|error| error.with_setting("resolution"))?;
+        }
+        shader.write(folder, program.files(&shader)?)?;
+        let drawn = self.on_adapter(|gpu| {
+            let ready = shader.ready(gpu)?;
+            timed(|| ready.picture())
+        })?;
+        let certified = self.certified(&shader.manifest.origin, drawn)?;
+        let quoted = super::quoted(folder);
+        let how = match program {
+            Program::Three => format!("  npm install --prefix {quoted}\n") + &opened(folder, "index.html"),
+            Program::Godot => format!("{}: a project of Godot 4:\n  godot --path {quoted}\n", folder.display()),
+            Program::Hlsl => format!("{}: README.md says how to use it\n", folder.display()),
+        };
+        Ok(how + &certified)
+    }
+
+    /// The density alone. There is no shader to run: what the certificate compares are the engine's pictures of the stored forms.
+    fn field(&self) -> Result<String> {
+        let Arguments { output: folder, to, voxels, .. } = self.arguments;
+        let bar = super::progress_bar(1000);
+        let progress = super::progress_on(&bar);
+        let field = FieldBundle::new(self.scene, self.engine, *voxels, &|part| progress(part, "the density"))?;
+        bar.finish_and_clear();
+        let files = if *to == Target::Texture { field.textures() } else { BTreeMap::new() };
+        if *to == Target::Vdb {
+            let made = std::fs::create_dir_all(folder);
+            made.map_err(|cause| Error::io(folder, "a folder that can be made", &cause))?;
+            bridge::volume_grid::write(&field.grid(), &folder.join("density.vdb"), true)?;
+            bridge::volume_grid::write(&field.grid_of_unreal(), &folder.join("density-unreal.vdb"), true)?;
+        }
+        field.write(folder, &files)?;
+        let [x, y, z] = field.manifest.size;
+        let mut text = format!("{}: {x} x {y} x {z} voxels, field.json says where they lie\n", folder.display());
+        let double = folder.join("double-precision.exr");
+        self.double_precision(self.engine)?.write_exr(&double, false)?;
+        let mut forms = Vec::new();
+        for (stored, cache) in field.manifest.stored.iter().zip(&field.caches) {
+            let picture = folder.join(format!("{}.exr", stored.format));
+            self.double_precision(&self.engine.with_density(cache.density.clone()))?.write_exr(&picture, false)?;
+            let mut form = json!({
+                "format": stored.format,
+                "largest_field_error": stored.largest_field_error,
+                "root_mean_square_field_error": stored.root_mean_square_field_error,
+            });
+            self.compare(&mut form, &picture, &double)?;
+            text += &format!(
+                "{}: field off by {:.2e} at most (root mean square {:.2e}), picture by {:.2e} (root mean square {:.2e})\n",
+                stored.format,
+                stored.largest_field_error,
+                stored.root_mean_square_field_error,
+                form["largest_difference"].as_f64().unwrap_or(f64::NAN),
+                form["root_mean_square_difference"].as_f64().unwrap_or(f64::NAN),
+            );
+            forms.push(form);
+        }
+        let mut certificate = certificate_of(&field.manifest.origin);
+        certificate["forms"] = forms.into();
+        write_certificate(folder, &certificate)?;
+        Ok(text)
+    }
+
+    /// What a bundle draws on the adapter, and the adapter's name; none, with a warning, where there is no adapter.
+    fn on_adapter(&self, draw: impl FnOnce(&Gpu) -> Result<Timed>) -> Result<Option<(String, Timed)>> {
+        match Gpu::open() {
+            Ok(gpu) => Ok(Some((gpu.adapter().name.clone(), draw(&gpu)?))),
+            Err(error) => {
+                eprintln!("warning: no certificate, as nothing can run the bundle here: {error}");
+                Ok(None)
+            }
+        }
+    }
+
+    fn double_precision(&self, engine: &Engine) -> Result<Image> {
+        let bar = super::progress_bar(1000);
+        let settings = render::EngineSettings { jitter: EngineJitter::None, frame: 0, sub_pixels: 1, god_rays: false };
+        let picture = render::render(self.scene, engine, &settings, Backend::Cpu, &super::progress_on(&bar))?;
+        bar.finish_and_clear();
+        Ok(picture)
+    }
+
+    /// What a bundle's picture differs by from the engine on the CPU, and from the truth. Both pictures are written, so that the figures can be
+    /// found again.
+    fn certified(&self, origin: &Origin, drawn: Option<(String, Timed)>) -> Result<String> {
+        let Some((adapter, (picture, milliseconds))) = drawn else { return Ok(String::new()) };
+        let folder = &self.arguments.output;
+        let twin = self.double_precision(self.engine)?;
+        let [ours, double] = ["bundle.exr", "double-precision.exr"].map(|name| folder.join(name));
+        picture.write_exr(&ours, false)?;
+        twin.write_exr(&double, false)?;
+        let brightest = twin.pixels.iter().flat_map(|pixel| &pixel[..3]).fold(0.0_f32, |most, &value| most.max(value));
+        let mut certificate = certificate_of(origin);
+        certificate["adapter"] = adapter.into();
+        certificate["milliseconds_a_picture"] = milliseconds.into();
+        certificate["brightest_value"] = f64::from(brightest).into();
+        self.compare(&mut certificate, &ours, &double)?;
+        write_certificate(folder, &certificate)?;
+        let figure = |name: &str| certificate[name].as_f64().unwrap_or(f64::NAN);
+        let mut text = format!(
+            "largest difference from double precision {:e}, root mean square {:e}, brightest value {brightest:e}\n",
+            figure("largest_difference"),
+            figure("root_mean_square_difference"),
+        );
+        if self.truth.is_some() {
+            text += &format!("relMSE against the truth {:e}\n", figure("truth_relmse"));
+        }
+        Ok(text)
+    }
+
+    /// Puts into a part of a certificate what a picture differs by from double precision and from the truth.
+    fn compare(&self, into: &mut Value, ours: &Path, double: &Path) -> Result<()> {
+        let found = compared(vec![ours.to_owned()], vec![double.to_owned()])?;
+        let colour = found.colour.ok_or_else(|| uncompared(&found.reasons))?;
+        into["largest_difference"] = colour.max_error.into();
+        into["root_mean_square_difference"] = colour.rms_error.into();
+        let truth = &self.arguments.truth;
+        if !truth.is_empty() {
+            let found = compared(vec![ours.to_owned()], truth.clone())?;
+            let error = found.relmse.ok_or_else(|| uncompared(&found.reasons))?;
+            into["truth_replicas"] = truth.len().into();
+            into["truth_relmse"] = error.pixel.into();
+            into["truth_relmse_of_noise"] = error.noise_pixel.into();
+        }
+        Ok(())
+    }
+}
+
+/// The second picture, and its time: drivers compile when a shader first runs.
+fn timed(picture: impl Fn() -> Result<Image>) -> Result<Timed> {
+    picture()?;
     let begin = Instant::now();
-    let picture = ready.picture()?;
-    let milliseconds = begin.elapsed().as_secs_f64() * 1e3;
-    let bar = super::progress_bar(1000);
-    let settings = render::EngineSettings { jitter: EngineJitter::None, frame: 0, sub_pixels: 1, god_rays: false };
-    let twin = render::render(scene, engine, &settings, Backend::Cpu, &super::progress_on(&bar))?;
-    bar.finish_and_clear();
-    let [ours, double] = ["bundle.exr", "double-precision.exr"].map(|name| folder.join(name));
-    picture.write_exr(&ours, false)?;
-    twin.write_exr(&double, false)?;
-    let found = compared(vec![ours.clone()], vec![double])?;
-    let colour = found.colour.ok_or_else(|| uncompared(&found.reasons))?;
-    let brightest = twin.pixels.iter().flat_map(|pixel| &pixel[..3]).fold(0.0_f32, |most, &value| most.max(value));
-    let origin = &bundle.manifest.origin;
-    let mut certificate = json!({
+    let picture = picture()?;
+    Ok((picture, begin.elapsed().as_secs_f64() * 1e3))
+}
+
+fn opened(folder: &Path, page: &str) -> String {
+    let quoted = super::quoted(folder);
+    format!(
+        "{}: open {page} through a static server:\n  python3 -m http.server --directory {quoted}\n",
+        folder.display()
+    )
+}
+
+fn certificate_of(origin: &Origin) -> Value {
+    json!({
         "format": "cloudparity certificate 1",
         "scene": origin.scene,
         "scene_sha256": origin.scene_sha256,
         "model": origin.model,
         "build": origin.build,
-        "adapter": gpu.adapter().name,
         "resolution": origin.resolution.map(|side| side.to_string()).join(" x "),
-        "milliseconds_a_picture": milliseconds,
-        "largest_difference": colour.max_error,
-        "root_mean_square_difference": colour.rms_error,
-        "brightest_value": brightest,
-    });
-    if !truth.is_empty() {
-        let found = compared(vec![ours], truth.to_vec())?;
-        let error = found.relmse.ok_or_else(|| uncompared(&found.reasons))?;
-        certificate["truth_replicas"] = truth.len().into();
-        certificate["truth_relmse"] = error.pixel.into();
-        certificate["truth_relmse_of_noise"] = error.noise_pixel.into();
-    }
-    Ok(certificate)
+    })
+}
+
+fn write_certificate(folder: &Path, certificate: &Value) -> Result<()> {
+    let text = serde_json::to_string_pretty(certificate).expect("a certificate is JSON") + "\n";
+    files::write_atomically(&folder.join("certificate.json"), text.as_bytes())
 }
 
 fn compared(ours: Vec<PathBuf>, reference: Vec<PathBuf>) -> Result<DiffResult> {

@@ -66,6 +66,12 @@ pub struct Samples {
 pub struct DensityCache {
     /// The density.
     pub density: Density,
+    /// What is stored.
+    pub texture: TextureHandle,
+    /// Place of the first vertex, in the frame of the density.
+    pub low: DVec3,
+    /// From a vertex to the next along each axis.
+    pub step: DVec3,
     settings: CacheSettings,
     size: [usize; 3],
     /// Smallest and largest value at a vertex.
@@ -164,8 +170,12 @@ impl DensityCache {
             row[3] = origin[axis] as f32;
             row
         });
-        let program = Program::of_texture("density cache", TextureHandle::new(texture), rows);
+        let texture = TextureHandle::new(texture);
+        let program = Program::of_texture("density cache", texture.clone(), rows);
         Ok(Self {
+            texture,
+            low: samples.low,
+            step: samples.step,
             density: samples.exact.with_program(Arc::new(program)),
             settings: CacheSettings { cells: samples.cells, format, filter },
             size: *size,

@@ -238,7 +238,8 @@ pub fn hlsl(shader: &OneShader) -> Result<String> {
 pub fn hlsl_function(shader: &OneShader) -> Result<String> {
     let module = textures_as_arguments(&shader.module)?;
     let texture = module.global_variables.iter().find(|(_, variable)| is_texture(variable));
-    let declared = texture.map(|(_, variable)| format!("Texture2D<float4> {}", variable.name.clone().unwrap_or_default()));
+    let declared =
+        texture.map(|(_, variable)| format!("Texture2D<float4> {}", variable.name.clone().unwrap_or_default()));
     let mut numbers = Vec::new();
     for block in &shader.manifest.blocks {
         let members = members(&module, block)?;
@@ -276,7 +277,8 @@ pub fn hlsl_rays(shader: &OneShader, is_function: bool) -> Result<String> {
         (true, true) => (", Texture2D<float4> data", ", data"),
         (true, false) => (", Texture2D<float4> data", ""),
     };
-    let rows = frame.to_local.iter().flatten().map(|value| format!("{:?}", *value as f32)).collect::<Vec<_>>().join(", ");
+    let rows =
+        frame.to_local.iter().flatten().map(|value| format!("{:?}", *value as f32)).collect::<Vec<_>>().join(", ");
     let unit = frame.unit as f32;
     let mut text = format!(
         "\n// Blender's world to the frame of the density, row by row, and metres of its unit of length.\n\
@@ -304,7 +306,13 @@ fn initialiser(members: &[Member], fields: &[Field]) -> String {
     let value = |member: &Member| {
         let values: Vec<String> = fields.iter().find(|field| field.name == member.name).map_or_else(
             || vec!["0".to_owned()],
-            |field| field.values.iter().map(|value| if field.kind == "u32" { format!("{value}u") } else { format!("{value:?}") }).collect(),
+            |field| {
+                field
+                    .values
+                    .iter()
+                    .map(|value| if field.kind == "u32" { format!("{value}u") } else { format!("{value:?}") })
+                    .collect()
+            },
         );
         match values.len() {
             1 => values.concat(),

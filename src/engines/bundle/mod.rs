@@ -21,6 +21,7 @@ use crate::scene::image::Image;
 use std::collections::BTreeMap;
 use std::path::Path;
 
+pub mod field;
 pub mod languages;
 pub mod manifest;
 pub mod one_shader;

@@ -38,8 +38,9 @@ impl Program {
         let (host, texts): (&[(&str, &str)], Vec<(&str, String)>) = match self {
             Self::Three => {
                 let (functions, entry, parameters) = languages::wgsl_node(shader)?;
-                let parameters =
-                    serde_json::to_string_pretty(&json!({ "parameters": parameters })).expect("parameters are JSON") + "\n";
+                let parameters = serde_json::to_string_pretty(&json!({ "parameters": parameters }))
+                    .expect("parameters are JSON")
+                    + "\n";
                 let texts = vec![
                     ("cloud.glsl", languages::glsl(shader)?),
                     ("cloud.wgsl", functions),
