@@ -4,7 +4,10 @@ mod support;
 
 use cloudparity::engines;
 use cloudparity::engines::Engine;
-use cloudparity::engines::bundle::Bundle;
+use cloudparity::engines::bundle::field::FieldBundle;
+use cloudparity::engines::bundle::one_shader::OneShader;
+use cloudparity::engines::bundle::targets::Program;
+use cloudparity::engines::bundle::{Bundle, languages};
 use cloudparity::engines::defects::Defects;
 use cloudparity::engines::domain::Domain;
 use cloudparity::engines::render::{EngineJitter, EngineRenderer, EngineSettings};
@@ -50,15 +53,32 @@ fn drawn(folder: &Path, gpu: &Gpu) -> Vec<f64> {
     values(&Bundle::load(folder).expect("it reads back").picture(gpu).expect("a picture"))
 }
 
-/// Compares a bundle's picture with the CPU's in f64, and with one of a planted change; the bound is that of the engine on the adapter
+/// Pictures that are compared value by value.
+struct Compared {
+    truths: Vec<f64>,
+    bounds: Vec<f64>,
+}
+
+impl Compared {
+    /// The largest part of its bound that a value is off by.
+    fn share(&self, found: &[f64]) -> f64 {
+        let triples = found.iter().zip(&self.truths).zip(&self.bounds);
+        triples.map(|((found, truth), bound)| (found - truth).abs() / bound).fold(0.0, f64::max)
+    }
+
+    /// Values that are further off than their bound.
+    fn beyond(&self, found: &[f64]) -> usize {
+        let triples = found.iter().zip(&self.truths).zip(&self.bounds);
+        triples.filter(|((found, truth), bound)| (**found - **truth).abs() > **bound).count()
+    }
+}
+
+/// The CPU's picture in f64, and what a bundle's may differ by; the bound is that of the engine on the adapter
 /// (tests/engine_graph.rs) with places that are known less well: a bundle's rays begin where f32 knows the camera's place, the sum of three
 /// products of some size, so that a place is off by 8 roundings of the camera's distance in all. The camera is moved by that much along each axis,
 /// both ways; twice the largest change of a value bounds what places do, 200 roundings of the brightest value the arithmetic.
-fn check(what: &str, scene: &Scene, engine: &Engine, gpu: &Gpu) {
-    let folder = tempfile::tempdir().expect("a folder");
-    Bundle::new(scene, engine).expect("a bundle").write(folder.path()).expect("written");
+fn bounded(what: &str, scene: &Scene, engine: &Engine) -> Compared {
     let truths = on_cores(scene, engine);
-    let found = drawn(folder.path(), gpu);
     let brightest = truths.iter().copied().fold(0.0, f64::max);
     assert!(brightest > 0.01, "{what}: nothing is seen");
     let arithmetic = 200.0 * ULP * brightest;
@@ -75,9 +95,15 @@ fn check(what: &str, scene: &Scene, engine: &Engine, gpu: &Gpu) {
             }
         }
     }
-    let shares: Vec<f64> =
-        found.iter().zip(&truths).zip(&bounds).map(|((found, truth), bound)| (found - truth).abs() / bound).collect();
-    let share = shares.iter().copied().fold(0.0, f64::max);
+    Compared { truths, bounds }
+}
+
+/// What a bundle's kernels draw, and its one shader; each with a planted change.
+fn check(what: &str, scene: &Scene, engine: &Engine, gpu: &Gpu) {
+    let folder = tempfile::tempdir().expect("a folder");
+    Bundle::new(scene, engine).expect("a bundle").write(folder.path()).expect("written");
+    let compared = bounded(what, scene, engine);
+    let share = compared.share(&drawn(folder.path(), gpu));
     println!("{what} on {}: {share:.2} of the bound", gpu.adapter().name);
     assert!(share <= 1.0, "{what}: {share} of the bound");
 
@@ -91,10 +117,19 @@ fn check(what: &str, scene: &Scene, engine: &Engine, gpu: &Gpu) {
         *value = (value.as_f64().expect("a number") * 1.01).into();
     }
     std::fs::write(&path, manifest.to_string()).expect("written");
-    let changed = drawn(folder.path(), gpu);
-    let beyond =
-        changed.iter().zip(&truths).zip(&bounds).filter(|((found, truth), bound)| (**found - **truth).abs() > **bound);
-    assert!(beyond.count() > truths.len() / 100, "{what}: a planted change is not seen");
+    let few = compared.truths.len() / 100;
+    assert!(compared.beyond(&drawn(folder.path(), gpu)) > few, "{what}: a planted change is not seen");
+
+    let mut shader = OneShader::new(scene, engine).expect("a shader");
+    let share = compared.share(&values(&shader.picture(gpu).expect("a picture")));
+    println!("{what} as one shader: {share:.2} of the bound");
+    assert!(share <= 1.0, "{what}: {share} of the bound");
+    let extinction = shader.number("march", 0, "extinction").expect("it has one").to_vec();
+    let more: Vec<f64> = extinction.iter().map(|value| value * 1.01).collect();
+    shader.set_number("march", 0, "extinction", &more).expect("three numbers");
+    let found = values(&shader.picture(gpu).expect("a picture"));
+    assert!(compared.beyond(&found) > few, "{what}: a planted change is not seen");
+    assert!(shader.set_number("march", 0, "extinction", &[1.0]).is_err() && shader.number("march", 0, "way").is_none());
 }
 
 #[test]
@@ -137,4 +172,148 @@ fn what_a_bundle_has_not_is_refused() {
     std::fs::write(folder.path().join("bundle.json"), "{\"format\": 3").expect("written");
     let error = Bundle::load(folder.path()).err().expect("refused").to_string();
     assert!(error.contains("line 1"), "{error}");
+}
+
+/// Files of a program's bundle, written.
+fn written(scene: &Scene, model: &str, program: Program) -> (tempfile::TempDir, OneShader) {
+    let shader = OneShader::new(scene, &engine(scene, model, None, &[])).expect("a shader");
+    let folder = tempfile::tempdir().expect("a folder");
+    shader.write(folder.path(), program.files(&shader).expect("files")).expect("written");
+    (folder, shader)
+}
+
+fn glslang(folder: &Path, arguments: &[&str]) -> std::process::Output {
+    let mut command = std::process::Command::new("glslangValidator");
+    command.current_dir(folder).args(arguments).output().expect("it is there")
+}
+
+/// A Voronoi graph, a system with terms of its own, and a density that reads textures.
+const MODELS: [&str; 3] = ["graph", "skill", "perlin-fbm"];
+
+#[test]
+fn compilers_take_the_shaders_of_programs() {
+    if !support::require("spirv-tools") {
+        return;
+    }
+    let clouds = small(support::scene("procedural-clouds"));
+    let passes = |what: &str, folder: &Path, arguments: &[&str]| {
+        let output = glslang(folder, arguments);
+        assert!(output.status.success(), "{what}: {}", String::from_utf8_lossy(&output.stdout));
+    };
+    for model in MODELS {
+        let (folder, _) = written(&clouds, model, Program::Three);
+        let text = std::fs::read_to_string(folder.path().join("cloud.glsl")).expect("it is there");
+        let whole = |text: &str| {
+            format!(
+                "#version 300 es\nprecision highp float;\nprecision highp int;\nlayout(location = 0) out vec4 colour;\n{text}\n\
+                 void main() {{ colour = picture(gl_FragCoord.xy); }}\n"
+            )
+        };
+        std::fs::write(folder.path().join("whole.frag"), whole(&text)).expect("written");
+        passes(model, folder.path(), &["whole.frag"]);
+        std::fs::write(folder.path().join("damaged.frag"), whole(&text.replacen("float", "flaot", 1)))
+            .expect("written");
+        assert!(!glslang(folder.path(), &["damaged.frag"]).status.success(), "a damaged shader passes");
+
+        let (folder, _) = written(&clouds, model, Program::Hlsl);
+        let hlsl = ["-D", "-S", "frag", "-e", "main", "-I.", "--aml", "--amb"];
+        passes(model, folder.path(), &[&hlsl[..], &["-V", "-o", "picture.spv", "picture.hlsl"]].concat());
+        // As a custom node of Unreal calls it: the file is included, the node's function gets its inputs.
+        let node = "#include \"cloud.ush\"\nTexture2D<float4> Data;\n\
+                    float4 Custom(float3 Place, float3 Direction, float Depth, Texture2D<float4> Data) {\n\
+                    return cloud_from_unreal(Place, Direction, Depth, Data); }\n\
+                    float4 main(float4 place : SV_Position) : SV_Target { return Custom(place.xyz, place.yzx, place.w, Data); }\n";
+        std::fs::write(folder.path().join("node.hlsl"), node).expect("written");
+        passes(model, folder.path(), &[&hlsl[..], &["-V", "-o", "node.spv", "node.hlsl"]].concat());
+    }
+}
+
+#[test]
+fn every_number_of_a_shader_has_a_place_in_each_language() {
+    let clouds = small(support::scene("procedural-clouds"));
+    for model in MODELS {
+        let shader = OneShader::new(&clouds, &engine(&clouds, model, None, &[])).expect("a shader");
+        let (godot, of_godot) = languages::godot(&shader).expect("a text");
+        let (functions, entry, of_nodes) = languages::wgsl_node(&shader).expect("a text");
+        for parameter in &of_godot {
+            let declared = format!("uniform {} {}", parameter.kind, parameter.name);
+            let ends = [";", "["].map(|end| godot.matches(&format!("{declared}{end}")).count());
+            assert_eq!(ends[0] + ends[1], 1, "{model}: {declared}");
+        }
+        let numbers = |block: &str| shader.manifest.blocks.iter().filter(|one| one.name == block).count();
+        for parameter in &of_nodes {
+            assert!(entry.contains(&format!("{}: ", parameter.name)), "{model}: {}", parameter.name);
+            assert!(shader.number(&parameter.block, parameter.element, &parameter.field).is_some());
+            assert_eq!(numbers(&parameter.block), 1);
+        }
+        let all: usize = shader.manifest.blocks.iter().flat_map(|block| &block.elements).map(Vec::len).sum();
+        assert_eq!(of_nodes.len(), all, "{model}");
+        // A node's module has no bindings of its own, and its texture is an argument.
+        assert!(!functions.contains("@group") && !functions.contains("var<uniform>"), "{model}");
+        let module =
+            naga::front::wgsl::parse_str(&(functions + &entry)).unwrap_or_else(|cause| panic!("{model}: {cause}"));
+        let all = naga::valid::Capabilities::empty();
+        let mut validator = naga::valid::Validator::new(naga::valid::ValidationFlags::all(), all);
+        validator.validate(&module).unwrap_or_else(|cause| panic!("{model}: {cause}"));
+    }
+}
+
+#[test]
+fn a_field_is_stored_as_its_manifest_says() {
+    let clouds = small(support::scene("procedural-clouds"));
+    let built = engine(&clouds, "graph", None, &[]);
+    let field = FieldBundle::new(&clouds, &built, 24, &|_| ()).expect("a field");
+    let manifest = &field.manifest;
+    let files = field.textures();
+    let [x, y, z] = manifest.size;
+    assert_eq!(x.max(y).max(z), 24);
+    let world = glam::DMat4::from_cols_array_2d(&manifest.to_world).transpose();
+    let half = |bytes: &[u8]| half::f16::from_le_bytes([bytes[0], bytes[1]]).to_f32();
+    let byte = |bytes: &[u8]| f32::from(bytes[0]) / 255.0;
+    let forms: [(&str, usize, &dyn Fn(&[u8]) -> f32, f64); 2] = [
+        // Half a unit in the last of 11 bits of the largest value; half a 255th of the range.
+        ("f16", 2, &half, f64::from(manifest.range[1]) / 2048.0),
+        ("unorm8", 1, &byte, f64::from(manifest.range[1] - manifest.range[0]) / 510.0),
+    ];
+    for ((name, bytes, decode, bound), stored) in forms.into_iter().zip(&manifest.stored) {
+        assert_eq!(stored.format, name);
+        let file = &files[&format!("density.{name}.ktx2")];
+        let reader = ktx2::Reader::new(file).expect("KTX2");
+        let header = reader.header();
+        assert_eq!([header.pixel_width, header.pixel_height, header.pixel_depth], [x as u32, y as u32, z as u32]);
+        let wanted = if bytes == 2 { ktx2::Format::R16_SFLOAT } else { ktx2::Format::R8_UNORM };
+        assert_eq!((header.format, header.level_count, header.type_size), (Some(wanted), 1, bytes as u32));
+        let level = reader.levels().next().expect("a level");
+        assert_eq!(level.data, &files[&format!("density.{name}.raw")]);
+        let mut largest = 0.0_f64;
+        for index in (0..x * y * z).step_by(7) {
+            let place = glam::DVec3::new((index % x) as f64, (index / x % y) as f64, (index / (x * y)) as f64);
+            let local = built.container.to_local.transform_point3(world.transform_point3(place));
+            let truth = built.density.values(&[local.as_vec3().to_array()]).expect("a value")[0];
+            let found = stored.offset + stored.scale * decode(&level.data[bytes * index..]);
+            assert!(
+                (f64::from(found) - f64::from(truth)).abs() <= bound * 1.001 + 1e-6,
+                "{name} at {place}: {found}, not {truth}"
+            );
+            largest = largest.max(truth.into());
+        }
+        assert!(largest > 0.1, "nothing is dense");
+    }
+    let majorants = ktx2::Reader::new(&files["majorant.f16.ktx2"]).expect("KTX2");
+    let levels: Vec<_> = majorants.levels().collect();
+    assert_eq!(levels.len(), manifest.majorant_levels.len());
+    assert!(
+        manifest.majorant_levels.last() == Some(&[1, 1, 1]) && half(levels[levels.len() - 1].data) >= manifest.range[1]
+    );
+    // Unreal's is the same in centimetres, its largest value 1.
+    let (metres, unreal) = (field.grid(), field.grid_of_unreal());
+    let corner = |grid: &cloudparity::scene::volume_grid::VolumeGrid| grid.to_object.transform_point3(glam::DVec3::ONE);
+    assert!((corner(&metres) * 100.0 - corner(&unreal)).length() < 1e-9);
+    assert!((unreal.values.iter().copied().fold(0.0_f32, f32::max) - 1.0).abs() < 1e-3);
+    let per_metre = manifest.extinction_per_metre[0] * f64::from(manifest.range[1]);
+    assert!((manifest.extinction_per_centimetre_of_largest[0] * 100.0 - per_metre).abs() < 1e-9 * per_metre);
+
+    let shell = Domain::Shell { centre: [0.0, 0.0, -100.0], inner: 100.0, outer: 102.0 };
+    let refused = FieldBundle::new(&clouds, &engine(&clouds, "graph", Some(shell), &[]), 24, &|_| ());
+    assert!(refused.err().expect("refused").to_string().contains("a box"));
 }

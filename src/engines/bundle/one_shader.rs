@@ -157,6 +157,36 @@ impl OneShader {
         write_into(folder, &others, &self.manifest, "cloud.json")
     }
 
+    /// A number or a vector of a uniform; none where there is no such field.
+    pub fn number(&self, block: &str, element: usize, field: &str) -> Option<&[f64]> {
+        let block = self.manifest.blocks.iter().find(|one| one.name == block)?;
+        Some(&block.elements.get(element)?.iter().find(|one| one.name == field)?.values)
+    }
+
+    /// Changes it, as hosts do while they run. An error where there is no such field, or it has another number of numbers.
+    pub fn set_number(&mut self, block: &str, element: usize, field: &str, values: &[f64]) -> Result<()> {
+        let missing = || {
+            let place = format!("{block} {element} {field}");
+            let hint = "Take one that cloud.json names.";
+            Error::new(place, format!("{} numbers", values.len()), "a field of the shader with as many", hint)
+        };
+        let index = self.manifest.blocks.iter().position(|one| one.name == block).ok_or_else(missing)?;
+        let block = &mut self.manifest.blocks[index];
+        let fields = block.elements.get_mut(element).ok_or_else(missing)?;
+        let found = fields.iter_mut().find(|one| one.name == field && one.values.len() == values.len());
+        let found = found.ok_or_else(missing)?;
+        found.values = values.to_vec();
+        let first = element * block.bytes as usize + found.offset as usize;
+        for (bytes, &value) in self.uniforms[index][first..].chunks_exact_mut(4).zip(values) {
+            bytes.copy_from_slice(&if found.kind == "u32" {
+                (value as u32).to_le_bytes()
+            } else {
+                (value as f32).to_le_bytes()
+            });
+        }
+        Ok(())
+    }
+
     /// The scene's picture on an adapter, from the module and the bytes that are written.
     pub fn picture(&self, gpu: &Gpu) -> Result<Image> {
         self.ready(gpu)?.picture()
