@@ -1,39 +1,15 @@
 """The page of a bundle in a real Chromium: its picture is the adapter's, numbers and mouse do as they say."""
 
-import contextlib
-import functools
-import http.server
 import json
-import os
-import shutil
 import subprocess
-import threading
 
 import numpy as np
 import pytest
 
 from blend_support import ROOT, built_program
+from page_support import HAS_CHROMIUM, PATIENCE, ULP, launched, served
 
-CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
-IS_REQUIRED = "chromium" in os.environ.get("CLOUDPARITY_REQUIRE", "").split(",")
-pytestmark = pytest.mark.skipif(CHROMIUM is None and not IS_REQUIRED, reason="no Chromium is installed")
-
-# WebGPU without a GPU and without a screen.
-FLAGS = [
-    "--no-sandbox",
-    "--enable-unsafe-webgpu",
-    "--use-webgpu-adapter=swiftshader",
-    "--enable-features=Vulkan",
-    "--use-vulkan=swiftshader",
-    "--use-angle=swiftshader",
-    "--enable-unsafe-swiftshader",
-]
-
-# A unit in the last place of f32, relative to the value, at most.
-ULP = 2.0**-23
-
-# Milliseconds until something that would never end is given up; nothing is timed.
-PATIENCE = 180_000
+pytestmark = pytest.mark.skipif(not HAS_CHROMIUM, reason="no Chromium is installed")
 
 
 @pytest.fixture(scope="module")
@@ -64,26 +40,13 @@ def folder(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def address(folder):
-    handler = functools.partial(QuietHandler, directory=str(folder))
-    with http.server.ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
-        threading.Thread(target=server.serve_forever, daemon=True).start()
-        yield f"http://127.0.0.1:{server.server_address[1]}/below/cloud/"
-        server.shutdown()
-
-
-class QuietHandler(http.server.SimpleHTTPRequestHandler):
-    def log_message(self, *_):
-        pass
+    with served(folder) as root:
+        yield f"{root}/below/cloud/"
 
 
 @pytest.fixture(scope="module")
 def browser():
-    from playwright.sync_api import sync_playwright
-
-    with (
-        sync_playwright() as playwright,
-        contextlib.closing(playwright.chromium.launch(executable_path=CHROMIUM, args=FLAGS)) as opened,
-    ):
+    with launched() as opened:
         yield opened
 
 
