@@ -91,6 +91,25 @@ def test_both_renderers_draw_what_the_adapter_draws(page, folder):
     assert [line for line in page.said if "ReadPixels" not in line] == []
 
 
+def test_the_canvas_shows_it_upright_in_srgb(page, tmp_path):
+    """The canvas is enlarged by the page, so that its edges are filtered: the middles of the picture's pixels are compared, and the scene is
+    its own mirror less than half as well as itself."""
+    import OpenImageIO as oiio
+
+    linear = read(page)[..., :3].clip(0, 1)
+    wanted = np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
+    path = tmp_path / "canvas.png"
+    path.write_bytes(page.locator("#picture").screenshot())
+    shown = np.asarray(oiio.ImageBuf(str(path)).get_pixels())[..., :3]
+    rows = ((np.arange(36) + 0.5) / 36 * shown.shape[0]).astype(int)
+    columns = ((np.arange(64) + 0.5) / 64 * shown.shape[1]).astype(int)
+    found = shown[np.ix_(rows, columns)]
+    off = np.abs(found - wanted).mean()
+    assert off < 0.5 * np.abs(found - wanted[::-1]).mean()
+    # The middle of a pixel that is drawn larger is its colour, but for the 8 bits of a canvas and the half pixel that the sides are off by.
+    assert off < 0.5 * np.abs(found - linear).mean()
+
+
 def test_a_camera_of_three_sees_what_the_scenes_sees(page):
     """The uniforms that a camera of three.js gives are those of the manifest, which come from a camera's matrix in f32: its 16 numbers
     are off by half a unit each, and so is what they are multiplied with."""
