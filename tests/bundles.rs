@@ -2,6 +2,10 @@
 
 mod support;
 
+/// The program in wgpu that bundles of WGSL carry.
+#[path = "../src/engines/bundle/wgsl/rust/src/cloud.rs"]
+mod cloud;
+
 use cloudparity::engines;
 use cloudparity::engines::Engine;
 use cloudparity::engines::bundle::field::FieldBundle;
@@ -172,6 +176,25 @@ fn what_a_bundle_has_not_is_refused() {
     std::fs::write(folder.path().join("bundle.json"), "{\"format\": 3").expect("written");
     let error = Bundle::load(folder.path()).err().expect("refused").to_string();
     assert!(error.contains("line 1"), "{error}");
+}
+
+#[test]
+fn the_program_in_wgpu_draws_the_same_bits() {
+    let Some(gpu) = adapter() else { return };
+    let clouds = small(support::scene("procedural-clouds"));
+    for model in MODELS {
+        let folder = tempfile::tempdir().expect("a folder");
+        let bundle = Bundle::new(&clouds, &engine(&clouds, model, None, &[])).expect("a bundle");
+        bundle.write(folder.path()).expect("written");
+        let wanted = bundle.picture(&gpu).expect("a picture").pixels;
+        let mut cloud = cloud::Cloud::load(folder.path(), gpu.device(), gpu.queue()).expect("it reads back");
+        assert_eq!(cloud.resolution(), [16, 9]);
+        assert!(cloud.draw(gpu.device(), gpu.queue()).expect("a picture") == wanted, "{model}");
+        let extinction = cloud.number("march", "extinction").expect("it has one");
+        extinction.iter_mut().for_each(|value| *value *= 1.01);
+        assert!(cloud.draw(gpu.device(), gpu.queue()).expect("a picture") != wanted, "{model}");
+        assert!(cloud.number("march", "nothing").is_none());
+    }
 }
 
 /// Files of a program's bundle, written.

@@ -172,10 +172,12 @@ pub(super) fn write_into(
     manifest: &impl Serialize,
     name: &str,
 ) -> Result<()> {
-    let made = std::fs::create_dir_all(folder);
-    made.map_err(|cause| Error::io(folder, "a folder that can be made", &cause))?;
     for (name, bytes) in files {
-        files::write_atomically(&folder.join(name), bytes)?;
+        let path = folder.join(name);
+        let parent = path.parent().unwrap_or(folder);
+        let made = std::fs::create_dir_all(parent);
+        made.map_err(|cause| Error::io(parent, "a folder that can be made", &cause))?;
+        files::write_atomically(&path, bytes)?;
     }
     let text = serde_json::to_string_pretty(manifest).expect("a manifest is JSON");
     files::write_atomically(&folder.join(name), (text + "\n").as_bytes())

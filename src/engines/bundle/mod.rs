@@ -33,9 +33,14 @@ use manifest::{Uniform, refuse_passes, truth_of, write_into};
 /// The file of the right picture.
 const TRUTH: &str = "truth.bin";
 
-/// The page and its program.
-const PAGE: [(&str, &str); 2] =
-    [("index.html", include_str!("wgsl/index.html")), ("host.js", include_str!("wgsl/host.js"))];
+/// The page and its program, and a program in wgpu.
+const HOSTS: [(&str, &str); 5] = [
+    ("index.html", include_str!("wgsl/index.html")),
+    ("host.js", include_str!("wgsl/host.js")),
+    ("rust/Cargo.toml", include_str!("wgsl/rust/Cargo.toml")),
+    ("rust/src/main.rs", include_str!("wgsl/rust/src/main.rs")),
+    ("rust/src/cloud.rs", include_str!("wgsl/rust/src/cloud.rs")),
+];
 
 /// A bundle in memory.
 pub struct Bundle {
@@ -81,7 +86,7 @@ impl Bundle {
                 vec![Content::role(1, "pixels"), Content::role(2, "colour")],
             )?,
         ];
-        for (name, text) in PAGE {
+        for (name, text) in HOSTS {
             files.insert(name.into(), text.into());
         }
         let steps_together = march.steps_together();
