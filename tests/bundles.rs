@@ -206,8 +206,7 @@ fn written(scene: &Scene, model: &str, program: Program) -> (tempfile::TempDir, 
 }
 
 fn glslang(folder: &Path, arguments: &[&str]) -> std::process::Output {
-    let mut command = std::process::Command::new("glslangValidator");
-    command.current_dir(folder).args(arguments).output().expect("it is there")
+    std::process::Command::new("glslangValidator").current_dir(folder).args(arguments).output().expect("it is there")
 }
 
 /// A Voronoi graph, a system with terms of its own, and a density that reads textures.
@@ -293,7 +292,8 @@ fn a_field_is_stored_as_its_manifest_says() {
     let world = glam::DMat4::from_cols_array_2d(&manifest.to_world).transpose();
     let half = |bytes: &[u8]| half::f16::from_le_bytes([bytes[0], bytes[1]]).to_f32();
     let byte = |bytes: &[u8]| f32::from(bytes[0]) / 255.0;
-    let forms: [(&str, usize, &dyn Fn(&[u8]) -> f32, f64); 2] = [
+    type Form<'a> = (&'a str, usize, &'a dyn Fn(&[u8]) -> f32, f64);
+    let forms: [Form<'_>; 2] = [
         // Half a unit in the last of 11 bits of the largest value; half a 255th of the range.
         ("f16", 2, &half, f64::from(manifest.range[1]) / 2048.0),
         ("unorm8", 1, &byte, f64::from(manifest.range[1] - manifest.range[0]) / 510.0),

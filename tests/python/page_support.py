@@ -1,4 +1,4 @@
-"""What tests of pages share: a static server, and a Chromium that has WebGPU without a GPU and without a screen."""
+"""What tests of pages share: a static server, and a Chromium with WebGPU that needs no GPU and no screen."""
 
 import contextlib
 import functools

@@ -1,5 +1,5 @@
-"""The three.js page of a bundle in a real Chromium, with WebGL 2 and with WebGPU: its picture is the adapter's, a camera of three.js sees what
-the scene's sees, numbers change the picture."""
+"""The three.js page of a bundle in a real Chromium, with WebGL 2 and with WebGPU: its picture is the
+adapter's, a camera of three.js sees what the scene's sees, numbers change the picture."""
 
 import json
 import shutil
@@ -72,7 +72,8 @@ def drawn(page):
 
 
 def test_both_renderers_draw_what_the_adapter_draws(page, folder):
-    """The bound is that of test_page.py: twice what our adapter is off from double precision, and the arithmetic."""
+    """The bound is that of test_page.py: twice what our adapter is off from double precision, and the
+    arithmetic."""
     import OpenImageIO as oiio
 
     found = read(page)
@@ -84,7 +85,8 @@ def test_both_renderers_draw_what_the_adapter_draws(page, folder):
     assert found[..., :3].max() > 0.1, "nothing is seen"
     assert difference <= bound
     page.evaluate(
-        "() => host.cloud.set('march', 'extinction', host.cloud.get('march', 'extinction').map((one) => one * 1.01))"
+        "() => host.cloud.set('march', 'extinction',"
+        " host.cloud.get('march', 'extinction').map((one) => one * 1.01))"
     )
     assert np.abs(drawn(page)[..., :3] - ours[..., :3]).max() > bound
     # Browsers say where they wait for a pixel that is read; nothing else is said.
@@ -92,8 +94,8 @@ def test_both_renderers_draw_what_the_adapter_draws(page, folder):
 
 
 def test_the_canvas_shows_it_upright_in_srgb(page, tmp_path):
-    """The canvas is enlarged by the page, so that its edges are filtered: the middles of the picture's pixels are compared, and the scene is
-    its own mirror less than half as well as itself."""
+    """The canvas is enlarged by the page, so that its edges are filtered: the middles of the picture's pixels
+    are compared, and the scene is its own mirror less than half as well as itself."""
     import OpenImageIO as oiio
 
     linear = read(page)[..., :3].clip(0, 1)
@@ -106,13 +108,14 @@ def test_the_canvas_shows_it_upright_in_srgb(page, tmp_path):
     found = shown[np.ix_(rows, columns)]
     off = np.abs(found - wanted).mean()
     assert off < 0.5 * np.abs(found - wanted[::-1]).mean()
-    # The middle of a pixel that is drawn larger is its colour, but for the 8 bits of a canvas and the half pixel that the sides are off by.
+    # The middle of a pixel that is drawn larger is its colour, but for the 8 bits of a canvas and the half
+    # pixel that the sides are off by.
     assert off < 0.5 * np.abs(found - linear).mean()
 
 
 def test_a_camera_of_three_sees_what_the_scenes_sees(page):
-    """The uniforms that a camera of three.js gives are those of the manifest, which come from a camera's matrix in f32: its 16 numbers
-    are off by half a unit each, and so is what they are multiplied with."""
+    """The uniforms that a camera of three.js gives are those of the manifest, which come from a camera's
+    matrix in f32: its 16 numbers are off by half a unit each, and so is what they are multiplied with."""
     page.evaluate("() => host.setCamera()")
     fields = page.evaluate(
         "() => host.cloud.manifest.blocks.find((block) => block.name === 'view').elements[0]"

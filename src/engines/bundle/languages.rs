@@ -67,8 +67,8 @@ fn defect(what: &str, found: &str) -> Error {
     )
 }
 
-/// Naga's text in GLSL for WebGL 2, without its entry and what only a whole shader has; uniforms are structs with the names of
-/// [`uniform_name`], the texture is `cloud_data`.
+/// Naga's text in GLSL for WebGL 2, without its entry and what only a whole shader has; uniforms are structs with the names
+/// `cloud_view` and so on, the texture is `cloud_data`.
 pub fn glsl(shader: &OneShader) -> Result<String> {
     use naga::back::glsl;
     let module = &shader.module;
@@ -234,7 +234,7 @@ pub fn hlsl(shader: &OneShader) -> Result<String> {
 }
 
 /// The same for programs that give a function nothing but its arguments: numbers are variables of the file that begin with those of the scene,
-/// the texture is the last argument of [every function that reads it](textures_as_arguments).
+/// the texture is the last argument of every function that reads it.
 pub fn hlsl_function(shader: &OneShader) -> Result<String> {
     let module = textures_as_arguments(&shader.module)?;
     let texture = module.global_variables.iter().find(|(_, variable)| is_texture(variable));

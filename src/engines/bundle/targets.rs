@@ -20,22 +20,25 @@ choice! {
     }
 }
 
+/// Name and text of a file.
+type Host = (&'static str, &'static str);
+
 macro_rules! hosts {
     ($folder:literal: $($name:literal),+) => { [$(($name, include_str!(concat!($folder, "/", $name)))),+] };
 }
 
-const THREE: [(&str, &str); 6] =
+const THREE: [Host; 6] =
     hosts!("three": "package.json", "index.html", "page.js", "cloud.js", "cloud-webgl.js", "cloud-webgpu.js");
 
-const GODOT: [(&str, &str); 6] =
+const GODOT: [Host; 6] =
     hosts!("godot": "project.godot", "main.tscn", "main.gd", "cloud.gd", "cloud.gdshader", "picture.gdshader");
 
-const HLSL: [(&str, &str); 4] = hosts!("hlsl": "picture.hlsl", "Cloud.shader", "Cloud.cs", "README.md");
+const HLSL: [Host; 4] = hosts!("hlsl": "picture.hlsl", "Cloud.shader", "Cloud.cs", "README.md");
 
 impl Program {
     /// Its files by name, beside what [`OneShader::write`] writes itself.
     pub fn files(self, shader: &OneShader) -> Result<BTreeMap<String, Vec<u8>>> {
-        let (host, texts): (&[(&str, &str)], Vec<(&str, String)>) = match self {
+        let (host, texts): (&[Host], Vec<(&str, String)>) = match self {
             Self::Three => {
                 let (functions, entry, parameters) = languages::wgsl_node(shader)?;
                 let parameters = serde_json::to_string_pretty(&json!({ "parameters": parameters }))
