@@ -170,3 +170,33 @@ def test_without_webgpu_the_page_says_what_to_do(browser, address):
     page.wait_for_selector("#status.failed", timeout=PATIENCE)
     assert "WebGPU" in page.locator("#status").inner_text()
     page.close()
+
+
+def test_what_an_adapters_limits_refuse_is_said(browser, address):
+    page = browser.new_page()
+    page.add_init_script(
+        "const all = Object.getOwnPropertyDescriptor(GPUAdapter.prototype, 'limits').get;"
+        "Object.defineProperty(GPUAdapter.prototype, 'limits', { get() {"
+        "  const few = { maxStorageBuffersPerShaderStage: 1 };"
+        "  const own = all.call(this);"
+        "  return new Proxy(own, { get: (target, name) => few[name] ?? target[name] });"
+        "} });"
+    )
+    page.goto(address)
+    page.wait_for_selector("#status.failed", timeout=PATIENCE)
+    said = page.locator("#status").inner_text()
+    assert "maxStorageBuffersPerShaderStage" in said and "the adapter has 1" in said
+    page.close()
+
+
+def test_a_lost_device_is_said_and_the_page_stays(page):
+    page.evaluate("() => host.device.destroy()")
+    page.wait_for_timeout(300)
+    box = page.locator("#picture").bounding_box()
+    page.mouse.move(box["x"] + 50, box["y"] + 50)
+    page.mouse.down()
+    page.mouse.move(box["x"] + 90, box["y"] + 50, steps=2)
+    page.mouse.up()
+    page.wait_for_selector("#status.failed", timeout=PATIENCE)
+    assert "lost" in page.locator("#status").inner_text()
+    assert page.locator("#certificate").is_visible()
