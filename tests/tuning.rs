@@ -227,3 +227,29 @@ fn committed_presets_make_engines_of_their_scenes() {
     assert_eq!(picture.provenance["preset_builds"], "unknown");
     assert_eq!(picture.provenance["build"], Identity::current().full());
 }
+
+#[test]
+fn a_preset_of_another_scene_is_said() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let text = std::fs::read_to_string(support::project("parity/presets/perlin-fbm.preset.json")).expect("a preset");
+    let mut preset: serde_json::Value = serde_json::from_str(&text).expect("JSON");
+    let scene = support::project("parity/scenes/procedural-clouds.scene.json");
+    let mut said = |scenes: serde_json::Value| {
+        preset["provenance"]["scenes"] = scenes;
+        let path = folder.path().join("a.preset.json");
+        std::fs::write(&path, preset.to_string()).expect("written");
+        let output = Command::new(env!("CARGO_BIN_EXE_cloudparity"))
+            .arg("render")
+            .arg(&scene)
+            .args(["--resolution", "8x4", "--backend", "cpu", "--preset"])
+            .arg(&path)
+            .arg("-o")
+            .arg(folder.path().join("a.exr"))
+            .assert()
+            .success();
+        String::from_utf8_lossy(&output.get_output().stderr).into_owned()
+    };
+    let text = said(serde_json::json!(["elsewhere"]));
+    assert!(text.contains("found in elsewhere") && text.contains("procedural-clouds"), "{text}");
+    assert!(!said(serde_json::json!(["elsewhere", "procedural-clouds"])).contains("found in"));
+}

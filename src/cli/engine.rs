@@ -188,9 +188,18 @@ impl DefectsArgument {
     }
 }
 
-/// A preset; says so where another build found it.
-pub(super) fn preset(path: &Path) -> Result<Preset> {
+/// A preset for a scene; says so where another build found it, or in other scenes.
+pub(super) fn preset(path: &Path, scene: &Scene) -> Result<Preset> {
     let preset = Preset::load(path)?;
+    let found_in = preset.scenes();
+    if !found_in.is_empty() && !found_in.contains(&scene.name.as_str()) {
+        eprintln!(
+            "note: {}: found in {}, and this scene is {}: what it was chosen by is not seen here",
+            path.display(),
+            found_in.join(", "),
+            scene.name
+        );
+    }
     if preset.builds != [Identity::current().clone()] {
         eprintln!(
             "note: {}: found by another build ({}) than this one, {}: its errors are not this build's",

@@ -109,7 +109,7 @@ impl Arguments {
             let engine = self.engine.engine(&scene, "graph")?;
             return Ok((scene, engine));
         };
-        let (scene, engine, _) = super::engine::preset(path)?.build(&scene)?;
+        let (scene, engine, _) = super::engine::preset(path, &scene)?.build(&scene)?;
         Ok((scene, engine))
     }
 }

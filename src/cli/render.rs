@@ -117,7 +117,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
     }
     if let Some(path) = &arguments.preset {
         arguments.refuse_beside_preset()?;
-        let preset = super::engine::preset(path)?;
+        let preset = super::engine::preset(path, &scene)?;
         let (scene, engine, combination) = preset.build(&scene)?;
         let settings = arguments.engine_settings(combination.picture_settings().sub_pixels)?;
         let made = (&scene, &engine);

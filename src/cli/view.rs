@@ -14,7 +14,7 @@ use crate::integrators::path::GivenMedium;
 use crate::measure::combination::no_cache;
 use crate::measure::pictures::{DiffRequest, DisplaySettings, Tolerances};
 use crate::measure::tuning::file::TunedEngine;
-use crate::measure::tuning::preset::{FORMAT, Preset};
+use crate::measure::tuning::preset::{FORMAT, Preset, SCENES};
 use crate::scene::Scene;
 use crate::scene::image::Image;
 use crate::viewer::compare::Mode;
@@ -71,7 +71,7 @@ const WINDOW: [f32; 2] = [1360.0, 640.0];
 pub(super) fn run(arguments: Arguments) -> Result<ExitCode> {
     let Arguments { scene, preset, truth, engine, backend, shown, output, photograph, photograph_after } = arguments;
     let scene = scene.load()?;
-    let preset = preset.map(|path| super::engine::preset(&path)).transpose()?;
+    let preset = preset.map(|path| super::engine::preset(&path, &scene)).transpose()?;
     engine.refuse_for_views(preset.is_some())?;
     let pictures: Vec<Image> = truth.iter().map(|path| Image::read_exr(path)).collect::<Result<_>>()?;
     let size = scene.image_size().map(|side| side as usize);
@@ -157,7 +157,7 @@ impl Viewed {
                 defects: engine.defects.clone(),
             },
             parameters,
-            provenance: json!({"from": "cloudparity view", "scene_sha256": self.scene.content_hash()}),
+            provenance: json!({"from": "cloudparity view", SCENES: [&self.scene.name], "scene_sha256": self.scene.content_hash()}),
         })
     }
 

@@ -54,3 +54,16 @@ def launched():
         contextlib.closing(playwright.chromium.launch(executable_path=CHROMIUM, args=FLAGS)) as opened,
     ):
         yield opened
+
+
+@contextlib.contextmanager
+def listening(browser, address, ready, size):
+    """The page of an address when it is ready, or has failed; what the console says is kept in `said`."""
+    opened = browser.new_page(viewport={"width": size[0], "height": size[1]})
+    opened.said = []
+    opened.on("console", lambda message: opened.said.append(f"{message.type}: {message.text}"))
+    opened.on("pageerror", lambda error: opened.said.append(f"error: {error}"))
+    opened.goto(address)
+    opened.wait_for_function(f"{ready} || document.querySelector('#status.failed')", timeout=PATIENCE)
+    yield opened
+    opened.close()

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from blend_support import ROOT, built_program
-from page_support import HAS_CHROMIUM, PATIENCE, ULP, launched, served
+from page_support import HAS_CHROMIUM, PATIENCE, ULP, launched, listening, served
 
 pytestmark = pytest.mark.skipif(not HAS_CHROMIUM, reason="no Chromium is installed")
 
@@ -53,16 +53,8 @@ def browser():
 @pytest.fixture
 def page(browser, address):
     """The page with its first picture; what the console says beside is kept in `said`."""
-    opened = browser.new_page(viewport={"width": 1100, "height": 700})
-    opened.said = []
-    opened.on("console", lambda message: opened.said.append(f"{message.type}: {message.text}"))
-    opened.on("pageerror", lambda error: opened.said.append(f"error: {error}"))
-    opened.goto(address)
-    opened.wait_for_function(
-        "window.firstPicture || document.querySelector('#status.failed')", timeout=PATIENCE
-    )
-    yield opened
-    opened.close()
+    with listening(browser, address, "window.firstPicture", (1100, 700)) as opened:
+        yield opened
 
 
 def read(page):

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from blend_support import ROOT, built_program
-from page_support import HAS_CHROMIUM, PATIENCE, ULP, launched, served
+from page_support import HAS_CHROMIUM, ULP, launched, listening, served
 
 pytestmark = [
     pytest.mark.skipif(not HAS_CHROMIUM, reason="no Chromium is installed"),
@@ -48,17 +48,11 @@ def browser():
 
 @pytest.fixture(params=RENDERERS)
 def page(request, browser, address):
-    opened = browser.new_page(viewport={"width": 1100, "height": 800})
-    opened.said = []
-    opened.on("console", lambda message: opened.said.append(f"{message.type}: {message.text}"))
-    opened.on("pageerror", lambda error: opened.said.append(f"error: {error}"))
-    opened.goto(f"{address}/?renderer={request.param}")
-    opened.wait_for_function(
-        "window.host?.ready || document.querySelector('#status.failed')", timeout=PATIENCE
-    )
-    assert opened.locator("#status.failed").count() == 0, opened.locator("#status").inner_text()
-    yield opened
-    opened.close()
+    with listening(
+        browser, f"{address}/?renderer={request.param}", "window.host?.ready", (1100, 800)
+    ) as opened:
+        assert opened.locator("#status.failed").count() == 0, opened.locator("#status").inner_text()
+        yield opened
 
 
 def read(page):

@@ -44,6 +44,9 @@ pub struct Preset {
     pub provenance: serde_json::Value,
 }
 
+/// Where a preset's provenance says which scenes it was found in.
+pub const SCENES: &str = "scenes";
+
 impl Preset {
     /// The preset of a tuning.
     pub fn of(results: &TuningResults) -> Self {
@@ -90,6 +93,11 @@ impl Preset {
             defects: defects.clone(),
         };
         Ok(Self { format: FORMAT.into(), builds, title, engine, parameters, provenance })
+    }
+
+    /// Names of the scenes that it was found in; none where the file does not say.
+    pub fn scenes(&self) -> Vec<&str> {
+        self.provenance[SCENES].as_array().into_iter().flatten().filter_map(serde_json::Value::as_str).collect()
     }
 
     /// Writes the preset.

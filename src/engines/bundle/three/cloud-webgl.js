@@ -1,9 +1,7 @@
 // The cloud as a material of three's WebGLRenderer (WebGL 2): a triangle over the whole picture that is drawn over what is there.
 
-import {
-  BufferAttribute, BufferGeometry, ClampToEdgeWrapping, CustomBlending, DataTexture, Mesh, NearestFilter, NoColorSpace, OneFactor,
-  OneMinusSrcAlphaFactor, RGBAFormat, ShaderMaterial, UnsignedByteType, Vector2, Vector3,
-} from "three";
+import { ShaderMaterial, Vector2, Vector3 } from "three";
+import { dataTexture, over } from "./cloud.js";
 
 const held = ({ kind, values }) => {
   if (values.length === 1) return kind === "u32" ? values[0] >>> 0 : values[0];
@@ -11,12 +9,7 @@ const held = ({ kind, values }) => {
 };
 
 export async function material(cloud) {
-  const { width, height } = cloud.manifest.data;
-  const texture = new DataTexture(cloud.texels, width, height, RGBAFormat, UnsignedByteType);
-  Object.assign(texture, {
-    colorSpace: NoColorSpace, minFilter: NearestFilter, magFilter: NearestFilter, wrapS: ClampToEdgeWrapping, wrapT: ClampToEdgeWrapping,
-    generateMipmaps: false, premultiplyAlpha: false, flipY: false, unpackAlignment: 4, needsUpdate: true,
-  });
+  const texture = dataTexture(cloud);
   const uniforms = { cloud_data: { value: texture } };
   const fill = () => {
     for (const { name, count, elements } of cloud.manifest.blocks) {
@@ -38,9 +31,7 @@ void main() {
   gl_FragColor = picture(gl_FragCoord.xy);
   #include <colorspace_fragment>
 }`,
-    depthTest: false, depthWrite: false, transparent: true,
-    // Colours have alpha in them.
-    blending: CustomBlending, blendSrc: OneFactor, blendDst: OneMinusSrcAlphaFactor, blendSrcAlpha: OneFactor, blendDstAlpha: OneMinusSrcAlphaFactor,
+    ...over,
   });
   let version = cloud.version;
   // The numbers of the cloud, where they have changed.
@@ -51,14 +42,4 @@ void main() {
     made.uniformsNeedUpdate = true;
   };
   return made;
-}
-
-// The triangle; add it to a scene behind which it is drawn.
-export function mesh(made) {
-  const geometry = new BufferGeometry();
-  geometry.setAttribute("position", new BufferAttribute(new Float32Array([-1, -1, 0, 3, -1, 0, -1, 3, 0]), 3));
-  const triangle = new Mesh(geometry, made);
-  triangle.frustumCulled = false;
-  triangle.onBeforeRender = () => made.refresh();
-  return triangle;
 }

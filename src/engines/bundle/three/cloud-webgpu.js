@@ -1,18 +1,11 @@
 // The cloud as a node material of three's WebGPURenderer: WGSL through TSL's wgslFn.
 
-import {
-  BufferAttribute, BufferGeometry, ClampToEdgeWrapping, CustomBlending, DataTexture, Mesh, MeshBasicNodeMaterial, NearestFilter, NoColorSpace,
-  OneFactor, OneMinusSrcAlphaFactor, RGBAFormat, UnsignedByteType, Vector2, Vector3,
-} from "three/webgpu";
+import { MeshBasicNodeMaterial, Vector2, Vector3 } from "three/webgpu";
 import { positionGeometry, screenCoordinate, texture as textureNode, uniform, vec2, vec4, wgsl, wgslFn } from "three/tsl";
+import { dataTexture, over } from "./cloud.js";
 
 export async function material(cloud) {
-  const { width, height } = cloud.manifest.data;
-  const texture = new DataTexture(cloud.texels, width, height, RGBAFormat, UnsignedByteType);
-  Object.assign(texture, {
-    colorSpace: NoColorSpace, minFilter: NearestFilter, magFilter: NearestFilter, wrapS: ClampToEdgeWrapping, wrapT: ClampToEdgeWrapping,
-    generateMipmaps: false, premultiplyAlpha: false, flipY: false, needsUpdate: true,
-  });
+  const texture = dataTexture(cloud);
   const { parameters } = JSON.parse(await cloud.text("parameters.json"));
   const values = ({ block, field, element }) => cloud.get(block, field, element);
   const vector = (numbers) => (numbers.length === 2 ? new Vector2(...numbers) : new Vector3(...numbers));
@@ -26,10 +19,7 @@ export async function material(cloud) {
   const given = { raster: vec2(screenCoordinate.x, uniform(height_, "float").sub(screenCoordinate.y)) };
   if (entry.includes("data: texture_2d")) given.data = textureNode(texture);
   parameters.forEach((parameter, index) => { given[parameter.name] = nodes[index]; });
-  const made = new MeshBasicNodeMaterial({ depthTest: false, depthWrite: false, transparent: true });
-  Object.assign(made, {
-    blending: CustomBlending, blendSrc: OneFactor, blendDst: OneMinusSrcAlphaFactor, blendSrcAlpha: OneFactor, blendDstAlpha: OneMinusSrcAlphaFactor,
-  });
+  const made = new MeshBasicNodeMaterial(over);
   made.vertexNode = vec4(positionGeometry.xy, 0, 1);
   made.fragmentNode = call(given);
   let version = cloud.version;
@@ -43,13 +33,4 @@ export async function material(cloud) {
     });
   };
   return made;
-}
-
-export function mesh(made) {
-  const geometry = new BufferGeometry();
-  geometry.setAttribute("position", new BufferAttribute(new Float32Array([-1, -1, 0, 3, -1, 0, -1, 3, 0]), 3));
-  const triangle = new Mesh(geometry, made);
-  triangle.frustumCulled = false;
-  triangle.onBeforeRender = () => made.refresh();
-  return triangle;
 }

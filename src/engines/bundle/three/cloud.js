@@ -2,7 +2,10 @@
 //
 // The cloud lies in an Object3D whose axes are Blender's (x right, y away, z up). `frame()` gives one that is turned so that z is three's y.
 
-import { Group, Matrix4, Vector3 } from "three";
+import {
+  BufferAttribute, BufferGeometry, ClampToEdgeWrapping, CustomBlending, DataTexture, Group, Matrix4, Mesh, NearestFilter, NoColorSpace, OneFactor,
+  OneMinusSrcAlphaFactor, RGBAFormat, UnsignedByteType, Vector3,
+} from "three";
 
 const ask = async (folder, name) => {
   const answer = await fetch(`${folder}/${name}`);
@@ -111,4 +114,30 @@ export function sceneView(cloud) {
     width: (across.length() * width) / depth,
     height: (up.length() * height) / depth,
   };
+}
+
+// The texture that the shader reads: words, not colours.
+export function dataTexture(cloud) {
+  const { width, height } = cloud.manifest.data;
+  const texture = new DataTexture(cloud.texels, width, height, RGBAFormat, UnsignedByteType);
+  return Object.assign(texture, {
+    colorSpace: NoColorSpace, minFilter: NearestFilter, magFilter: NearestFilter, wrapS: ClampToEdgeWrapping, wrapT: ClampToEdgeWrapping,
+    generateMipmaps: false, premultiplyAlpha: false, flipY: false, unpackAlignment: 4, needsUpdate: true,
+  });
+}
+
+// What a material says that is drawn over what is there, its colours with alpha in them.
+export const over = {
+  depthTest: false, depthWrite: false, transparent: true,
+  blending: CustomBlending, blendSrc: OneFactor, blendDst: OneMinusSrcAlphaFactor, blendSrcAlpha: OneFactor, blendDstAlpha: OneMinusSrcAlphaFactor,
+};
+
+// A triangle over the whole picture with a material of either renderer; add it to a scene over which it is drawn.
+export function mesh(made) {
+  const geometry = new BufferGeometry();
+  geometry.setAttribute("position", new BufferAttribute(new Float32Array([-1, -1, 0, 3, -1, 0, -1, 3, 0]), 3));
+  const triangle = new Mesh(geometry, made);
+  triangle.frustumCulled = false;
+  triangle.onBeforeRender = () => made.refresh();
+  return triangle;
 }

@@ -2,7 +2,7 @@
 
 import * as THREE from "three";
 import { OrbitControls } from "three/addons/controls/OrbitControls.js";
-import { frame, load, sceneView, setCamera } from "./cloud.js";
+import { frame, load, mesh, sceneView, setCamera } from "./cloud.js";
 
 const status = document.getElementById("status");
 const fail = (error) => { status.className = "failed"; status.textContent = error.message; console.error(error); };
@@ -34,7 +34,7 @@ async function start() {
   renderer.setSize(width, height, false);
   const made = await kind.material(cloud);
   const scene = new library.Scene();
-  scene.add(kind.mesh(made));
+  scene.add(mesh(made));
   const target = new (isWebGPU ? library.RenderTarget : library.WebGLRenderTarget)(width, height, {
     type: THREE.FloatType, format: THREE.RGBAFormat, colorSpace: THREE.LinearSRGBColorSpace, depthBuffer: false,
     minFilter: THREE.NearestFilter, magFilter: THREE.NearestFilter,
