@@ -238,7 +238,7 @@ fn a_preset_of_another_scene_is_said() {
         preset["provenance"]["scenes"] = scenes;
         let path = folder.path().join("a.preset.json");
         std::fs::write(&path, preset.to_string()).expect("written");
-        let output = Command::new(env!("CARGO_BIN_EXE_cloudparity"))
+        let output = cargo_bin_cmd!("cloudparity")
             .arg("render")
             .arg(&scene)
             .args(["--resolution", "8x4", "--backend", "cpu", "--preset"])
