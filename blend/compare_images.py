@@ -11,6 +11,7 @@ Requests (`op` chooses; files are paths, `part` is null or the name of a part of
                           "debiased_relmse": 0.001, "sub_pixels": null or 4}}
   {"op": "display", "images": [{"exr": EXR or [EXR...], "png": PNG, "part": null, "channels": "rgba" or "rgb",
                                   SETTINGS}]}
+  {"op": "cube", "axis": [LINEAR...], "values": NPY, "view", "look", "gamma"}
   {"op": "combine", "images": [EXR...], "mean": EXR, "variance": EXR}
   {"op": "difference_map", "ours": [EXR...], "reference": [EXR...], "prefix": PATH, "part": null,
    "range": null}
@@ -65,6 +66,7 @@ def handle(request, messages):
     operations = {
         "diff": diff,
         "display": display,
+        "cube": cube,
         "combine": combine,
         "difference_map": difference_map,
         "field_slices": field_slices,
@@ -499,6 +501,16 @@ def _write_statistics_maps(folder, maps, reference):
 
 
 # --- display ----------------------------------------------------------------
+
+
+def cube(request, messages):
+    """Display values of all colours of an axis, [red, green, blue, channel], and which view was used."""
+    axis = np.asarray(request["axis"], np.float32)
+    colours = np.stack(np.meshgrid(axis, axis, axis, indexing="ij"), axis=-1)
+    view = display_picture.Display(request["view"], request["look"], 0.0, request["gamma"])
+    values = view.apply(colours.reshape(len(axis), -1, 3)).reshape(colours.shape)
+    np.save(request["values"], values.astype(np.float32))
+    return {"view_used": view.used}
 
 
 def display(request, messages):

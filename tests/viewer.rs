@@ -9,7 +9,8 @@ use cloudparity::gpu::Backend;
 use cloudparity::integrators::path::GivenMedium;
 use cloudparity::scene::Scene;
 use cloudparity::scene::image::Image;
-use cloudparity::viewer::compare::Statistics;
+use cloudparity::viewer::compare::{Curve, Statistics};
+use cloudparity::viewer::cube::Cube;
 use cloudparity::viewer::{App, Changes, Record, Source};
 use cloudparity::{Error, Result, engines};
 use egui_kittest::Harness;
@@ -65,6 +66,11 @@ impl Source for Small {
         1
     }
 
+    /// No FLIP, but a number that is known.
+    fn flip(&self, ours: &Image, truth: &Image) -> Result<Option<f64>> {
+        Ok(Some((ours.mean()[0] - truth.mean()[0]).abs() + 1.0))
+    }
+
     fn record(&self, record: &Record<'_>) -> Result<String> {
         let pair = (record.shown.image.clone(), record.truth.to_vec());
         self.recorded.lock().expect("no panic before").push(pair);
@@ -108,6 +114,7 @@ fn a_tour_with_all_cores() {
     // The truth accumulates while the view rests, and the error is that of the pictures that are recorded.
     until(&mut window, "an error", |app| app.statistics().is_some());
     assert!(window.state().error_text().contains('±'), "{}", window.state().error_text());
+    until(&mut window, "HDR-FLIP", |app| app.error_text().contains("HDR-FLIP 1."));
     window.get_by_label("Record this pair").click();
     window.step();
     let found = window.state().statistics();
@@ -237,4 +244,62 @@ fn an_hour_of_dragging_takes_no_more_memory() {
     let grown = resident().saturating_sub(before);
     println!("3000 changes: {grown} kB more than {before} kB");
     assert!(grown <= 3000 * 4, "{grown} kB");
+}
+
+/// Display values of all colours of an axis, by Blender's own colour management.
+fn display_values(view: &str, look: &str, axis: &[f64]) -> Vec<[f32; 3]> {
+    let folder = tempfile::tempdir().expect("a folder");
+    let values = folder.path().join("values.npy");
+    let request = serde_json::json!({
+        "op": "cube", "axis": axis, "values": values, "view": view, "look": look, "gamma": 1.0,
+    });
+    let kernel = cloudparity::bridge::CyclesKernel::Default;
+    let script = cloudparity::measure::pictures::SCRIPT;
+    let result = cloudparity::bridge::run_script(script, &request, kernel, |_| ()).expect("display values");
+    assert_eq!(result["view_used"], format!("{view}, look {look}"));
+    let (values, shape) = cloudparity::base::files::read_values(&values).expect("an array");
+    assert_eq!(shape, [axis.len(), axis.len(), axis.len(), 3]);
+    values.chunks_exact(3).map(|colour| [colour[0], colour[1], colour[2]]).collect()
+}
+
+/// The table against Blender in the middles of its cells, where it knows least: half of these colours are off by less than half a display value,
+/// which is what rounding to bytes is off by.
+#[test]
+fn view_transforms_are_those_of_blender() {
+    if !support::require("bpy") {
+        return;
+    }
+    for (view, look) in [("AgX", "None"), ("AgX", "AgX - Punchy"), ("Filmic", "None"), ("Khronos PBR Neutral", "None")]
+    {
+        let cube = Cube::new(view.to_owned(), display_values(view, look, &Cube::axis()));
+        // Half a step of the table from its own values, where it knows least, and elsewhere; up to 16.
+        let own = Cube::axis();
+        let mut axis: Vec<f64> =
+            own.windows(2).map(|pair| (pair[0] + pair[1]) / 2.0).filter(|&value| value < 16.0).collect();
+        axis.extend([0.0, 0.18, 0.5, 1.0]);
+        let exact = display_values(view, look, &axis);
+        let count = axis.len();
+        let mut off = Vec::with_capacity(exact.len());
+        for (index, wanted) in exact.iter().enumerate() {
+            let colour = [index / count / count, index / count % count, index % count].map(|place| axis[place] as f32);
+            let found = cube.shown(colour);
+            let largest =
+                found.iter().zip(wanted).map(|(found, wanted)| (found - wanted).abs()).fold(0.0_f32, f32::max);
+            off.push(255.0 * largest);
+        }
+        off.sort_by(f32::total_cmp);
+        let part = |share: f64| off[((off.len() - 1) as f64 * share) as usize];
+        println!(
+            "{view}, {look}: {} colours, half off by {:.3}, 99 % by {:.3}, all by {:.3}",
+            off.len(),
+            part(0.5),
+            part(0.99),
+            part(1.0)
+        );
+        assert!(part(0.5) < 0.5, "{view}: half of the colours are off by {} display values", part(0.5));
+        // Light that the curve of sRGB cuts off.
+        let bright = [4.0, 4.0, 4.0, 1.0];
+        let shown = Curve::of(Arc::new(cube), 0.0).shown(bright)[0];
+        assert!(shown < 255 && Curve::standard(0.0).shown(bright)[0] == 255, "{view}: {shown}");
+    }
 }

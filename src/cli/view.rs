@@ -12,12 +12,14 @@ use crate::engines::{self, Engine, parameters};
 use crate::gpu::Backend;
 use crate::integrators::path::GivenMedium;
 use crate::measure::combination::no_cache;
-use crate::measure::pictures::{DiffRequest, DisplaySettings, Tolerances};
+use crate::measure::images::{self, FlipPair};
+use crate::measure::pictures::{self, DiffRequest, DisplaySettings, Tolerances};
 use crate::measure::tuning::file::TunedEngine;
 use crate::measure::tuning::preset::{FORMAT, Preset, SCENES};
-use crate::scene::Scene;
 use crate::scene::image::Image;
+use crate::scene::{Display, Scene};
 use crate::viewer::compare::Mode;
+use crate::viewer::cube::Cube;
 use crate::viewer::{self, Changes, Record, Source};
 use indexmap::IndexMap;
 use serde_json::json;
@@ -208,6 +210,21 @@ impl Source for Viewed {
         &self.pictures
     }
 
+    fn flip(&self, ours: &Image, truth: &Image) -> Result<Option<f64>> {
+        let folder = tempfile::tempdir().map_err(|cause| {
+            Error::new("temporary folder", cause.to_string(), "a folder that can be made", "Check the free space.")
+        })?;
+        let [one, other] = ["ours.exr", "truth.exr"].map(|name| folder.path().join(name));
+        ours.write_exr(&one, false)?;
+        truth.write_exr(&other, false)?;
+        let means = images::flip(&[FlipPair { ours: vec![one], reference: vec![other] }])?;
+        Ok(means.first().copied())
+    }
+
+    fn view_transform(&self) -> Result<Option<Cube>> {
+        cube(&self.scene.display)
+    }
+
     fn sub_pixels(&self) -> u32 {
         self.preset.as_ref().map_or(1, |preset| preset.engine.sub_pixels)
     }
@@ -232,13 +249,7 @@ impl Source for Viewed {
         }
         let mut request = DiffRequest::new(vec![path], truth, Tolerances::default());
         request.out = Some(folder.clone());
-        request.display = Some(DisplaySettings {
-            view: "Standard".into(),
-            look: "None".into(),
-            exposure: 0.0,
-            gamma: 1.0,
-            background: None,
-        });
+        request.display = Some(DisplaySettings::of(&record.scene.display, None));
         let found =
             request.run(|script, request| bridge::run_script(script, request, CyclesKernel::Default, |_| ()))?;
         let error = found.relmse.and_then(|relmse| relmse.pixel);
@@ -253,4 +264,23 @@ impl Source for Viewed {
         self.preset_of(changes)?.write(&path)?;
         Ok(format!("{}: saved", path.display()))
     }
+}
+
+/// A view transform as a table, without the exposure; none where it is Standard, which has a formula.
+fn cube(display: &Display) -> Result<Option<Cube>> {
+    let Display { view_transform, look, gamma, .. } = display;
+    if (view_transform.as_str(), look.as_str(), *gamma) == ("Standard", "None", 1.0) {
+        return Ok(None);
+    }
+    let folder = tempfile::tempdir().map_err(|cause| {
+        Error::new("temporary folder", cause.to_string(), "a folder that can be made", "Check the free space.")
+    })?;
+    let values = folder.path().join("values.npy");
+    let request = json!({
+        "op": "cube", "axis": Cube::axis(), "values": values, "view": view_transform, "look": look, "gamma": gamma,
+    });
+    let result = bridge::run_script(pictures::SCRIPT, &request, CyclesKernel::Default, |_| ())?;
+    let (values, _) = files::read_values(&values)?;
+    let colours = values.chunks_exact(3).map(|colour| [colour[0], colour[1], colour[2]]).collect();
+    Ok(Some(Cube::new(result["view_used"].as_str().unwrap_or_default().to_owned(), colours)))
 }

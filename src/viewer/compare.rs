@@ -1,8 +1,10 @@
 //! Two pictures: what one differs by from the other, and both on a screen.
 
+use super::cube::Cube;
 use crate::base::choice::choice;
 use crate::scene::image::Image;
 use rayon::prelude::*;
+use std::sync::Arc;
 
 /// Part of the mean of the truth below which a difference is not taken relative to the pixel: that of `cloudparity diff`.
 const RELATIVE_EPSILON: f64 = 0.01;
@@ -125,9 +127,15 @@ pub struct Screen {
 /// How linear colours become those of the screen.
 #[derive(Debug, Clone)]
 pub struct Curve {
-    /// Display values by the square root of linear ones up to 1.
-    table: Vec<u8>,
+    colours: Colours,
     factor: f32,
+}
+
+#[derive(Debug, Clone)]
+enum Colours {
+    /// Display values by the square root of linear ones up to 1.
+    Standard(Vec<u8>),
+    Cube(Arc<Cube>),
 }
 
 /// Values of the table; between two of them lies less than half a display value but in the last few of darkness.
@@ -141,16 +149,24 @@ impl Curve {
             let value = if linear <= 0.003_130_8 { 12.92 * linear } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 };
             (value * 255.0).round() as u8
         };
-        Self { table: (0..TABLE).map(encoded).collect(), factor: stops.exp2() as f32 }
+        Self { colours: Colours::Standard((0..TABLE).map(encoded).collect()), factor: stops.exp2() as f32 }
+    }
+
+    /// Another view transform, after an exposure in stops.
+    pub fn of(cube: Arc<Cube>, stops: f64) -> Self {
+        Self { colours: Colours::Cube(cube), factor: stops.exp2() as f32 }
     }
 
     /// A colour. What is no number is black.
     pub fn shown(&self, color: [f32; 4]) -> [u8; 3] {
-        std::array::from_fn(|channel| {
-            let linear = color[channel] * self.factor;
-            let root = if linear.is_nan() { 0.0 } else { linear.clamp(0.0, 1.0).sqrt() };
-            self.table[(root * (TABLE - 1) as f32).round() as usize]
-        })
+        let [red, green, blue, _] = color.map(|value| value * self.factor);
+        match &self.colours {
+            Colours::Standard(table) => [red, green, blue].map(|linear| {
+                let root = if linear.is_nan() { 0.0 } else { linear.clamp(0.0, 1.0).sqrt() };
+                table[(root * (TABLE - 1) as f32).round() as usize]
+            }),
+            Colours::Cube(cube) => cube.shown([red, green, blue]).map(|value| (255.0 * value + 0.5) as u8),
+        }
     }
 }
 

@@ -7,6 +7,7 @@
 
 pub mod compare;
 mod controls;
+pub mod cube;
 mod engine_thread;
 pub mod look;
 mod truth_thread;
@@ -21,6 +22,7 @@ use crate::engines::Engine;
 use crate::integrators::path::GivenMedium;
 use crate::scene::Scene;
 use crate::scene::image::Image;
+use cube::Cube;
 use indexmap::IndexMap;
 
 /// What was changed in the window, by the names that files and options have; nothing where it is empty.
@@ -66,6 +68,16 @@ pub trait Source: Send + Sync {
 
     /// Rays per pixel and axis.
     fn sub_pixels(&self) -> u32;
+
+    /// The scene's view transform as a table; none where it is Standard, which has a formula.
+    fn view_transform(&self) -> Result<Option<Cube>> {
+        Ok(None)
+    }
+
+    /// Mean HDR-FLIP of a picture against the truth; none where it is not known.
+    fn flip(&self, _ours: &Image, _truth: &Image) -> Result<Option<f64>> {
+        Ok(None)
+    }
 
     /// Writes a record; says where and what was found.
     fn record(&self, record: &Record<'_>) -> Result<String>;

@@ -1,6 +1,7 @@
 //! The window's state and what it shows.
 
 use super::compare::{self, Curve, FULL_DIFFERENCE, Mode, Statistics};
+use super::cube::Cube;
 use super::engine_thread::{self, Shown, Wanted};
 use super::look::Look;
 use super::truth_thread::{self, Truth};
@@ -25,6 +26,13 @@ const TURN: f64 = 0.008;
 /// Half size, quarter size: while something moves, pictures are made smaller until they take no longer than is wanted.
 const COARSEST: f64 = 0.125;
 
+/// How visible the difference is to the truth as it was after some samples.
+struct Visible {
+    wanted: Wanted,
+    samples: u32,
+    flip: f64,
+}
+
 /// The window.
 pub struct App {
     source: Arc<dyn Source>,
@@ -39,9 +47,16 @@ pub struct App {
     pictures: u64,
     truth: Option<Truth>,
     statistics: Option<Statistics>,
+    visible: Option<Visible>,
+    visible_answer: Option<Receiver<Result<Option<Visible>>>>,
+    is_flip_known: bool,
     mode: Mode,
     wipe: f64,
     stops: f64,
+    /// The scene's view transform, as soon as it is known; and whether it is what is shown.
+    cube: Option<Arc<Cube>>,
+    cube_answer: Option<Receiver<Result<Option<Cube>>>>,
+    is_scenes_view: bool,
     is_playing: bool,
     speed: f64,
     /// Milliseconds that a picture may take while something moves.
@@ -69,8 +84,14 @@ impl App {
         let (truth_answers, hear_truth) = channel();
         let (own, woken) = (Arc::clone(&source), Arc::clone(&wake));
         std::thread::spawn(move || engine_thread::run(&*own, backend, &engine_requests, &engine_answers, &*woken));
+        let (own, woken) = (Arc::clone(&source), Arc::clone(&wake));
+        std::thread::spawn(move || truth_thread::run(&*own, &truth_requests, &truth_answers, &*woken));
+        let (answer_cube, cube_answer) = channel();
         let own = Arc::clone(&source);
-        std::thread::spawn(move || truth_thread::run(&*own, &truth_requests, &truth_answers, &*wake));
+        std::thread::spawn(move || {
+            let _ = answer_cube.send(own.view_transform());
+            wake();
+        });
         Self {
             source,
             wanted: Wanted { look: Look::default(), changes: Changes::default() },
@@ -83,9 +104,15 @@ impl App {
             pictures: 0,
             truth: None,
             statistics: None,
+            visible: None,
+            visible_answer: None,
+            is_flip_known: true,
             mode: Mode::Engine,
             wipe: 0.5,
             stops: 0.0,
+            cube: None,
+            cube_answer: Some(cube_answer),
+            is_scenes_view: true,
             is_playing: false,
             speed: 1.0,
             budget: 100.0,
@@ -169,6 +196,8 @@ impl App {
     /// Shows everything and takes what is done with it.
     pub fn ui(&mut self, ui: &mut Ui) {
         self.hear();
+        self.hear_cube();
+        self.hear_flip();
         let before = self.wanted.clone();
         let passed = f64::from(ui.input(|input| input.stable_dt)).min(0.25);
         if self.is_playing {
@@ -223,6 +252,58 @@ impl App {
             });
             self.saving = None;
         }
+    }
+
+    /// Takes the scene's view transform.
+    fn hear_cube(&mut self) {
+        let Some(answer) = self.cube_answer.as_ref().and_then(|answer| answer.try_recv().ok()) else { return };
+        self.cube_answer = None;
+        match answer {
+            Ok(cube) => self.cube = cube.map(Arc::new),
+            Err(error) => self.message = Some((format!("Shown as Standard, not as the scene says. {error}"), false)),
+        }
+        self.is_stale = true;
+    }
+
+    /// How linear colours are shown now.
+    fn curve(&self) -> Curve {
+        let stops = self.stops + f64::from(self.source.scene().display.exposure);
+        match &self.cube {
+            Some(cube) if self.is_scenes_view => Curve::of(Arc::clone(cube), stops),
+            _ => Curve::standard(stops),
+        }
+    }
+
+    /// Takes HDR-FLIP, and asks for it where the truth has twice the samples that it was last computed with: it takes a second or so.
+    fn hear_flip(&mut self) {
+        if let Some(answer) = self.visible_answer.as_ref().and_then(|answer| answer.try_recv().ok()) {
+            self.visible_answer = None;
+            match answer {
+                Ok(Some(visible)) => self.visible = Some(visible),
+                Ok(None) => self.is_flip_known = false,
+                Err(error) => {
+                    self.is_flip_known = false;
+                    self.message = Some((format!("There is no HDR-FLIP. {error}"), false));
+                }
+            }
+        }
+        if self.visible_answer.is_some() || !self.is_flip_known || self.statistics.is_none() {
+            return;
+        }
+        let (Some(shown), Some(truth)) = (&self.shown, self.truth()) else { return };
+        let known =
+            self.visible.as_ref().filter(|visible| visible.wanted == truth.wanted).map(|visible| visible.samples);
+        if known.is_some_and(|known| truth.samples < 2 * known.max(1)) {
+            return;
+        }
+        let (source, shown, mean) = (Arc::clone(&self.source), Arc::clone(shown), Arc::clone(&truth.mean));
+        let (wanted, samples) = (truth.wanted.clone(), truth.samples);
+        let (sender, receiver) = channel();
+        self.visible_answer = Some(receiver);
+        std::thread::spawn(move || {
+            let found = source.flip(&shown.image, &mean);
+            let _ = sender.send(found.map(|flip| flip.map(|flip| Visible { wanted, samples, flip })));
+        });
     }
 
     /// A smaller picture next time where this one took too long, a larger one where there was time for it.
@@ -324,6 +405,15 @@ impl App {
             .on_hover_text(
                 "What a picture may take while something moves: it is made smaller for it, and in full when it rests.",
             );
+        if let Some(cube) = &self.cube {
+            let names = [cube.name().to_owned(), "Standard".to_owned()];
+            let shown = usize::from(!self.is_scenes_view);
+            egui::ComboBox::from_label("View transform").selected_text(&names[shown]).show_ui(ui, |ui| {
+                for (name, is_scenes) in names.iter().zip([true, false]) {
+                    self.is_stale |= ui.selectable_value(&mut self.is_scenes_view, is_scenes, name).clicked();
+                }
+            });
+        }
         let stops = self.stops;
         controls::of_look(ui, &mut self.wanted.look, &mut self.stops);
         self.is_stale |= self.stops != stops;
@@ -385,15 +475,27 @@ impl App {
         match self.statistics {
             None => format!("Truth: {of}; an error needs {} of them.", truth_thread::REPLICAS),
             Some(found) if found.standard_error.is_nan() => {
-                format!("Truth: {of}; relMSE {:.2e}, without the truth's noise {:.2e}", found.relmse, found.error())
+                let [whole, own] = [found.relmse, found.error()];
+                format!("Truth: {of}; relMSE {whole:.2e}, without the truth's noise {own:.2e}{}", self.flip_text())
             }
             Some(found) => format!(
-                "Truth: {of}; relMSE {:.2e} ± {:.0e} without the truth's noise, {:.2e} with it",
+                "Truth: {of}; relMSE {:.2e} ± {:.0e} without the truth's noise, {:.2e} with it{}",
                 found.error(),
                 found.standard_error,
-                found.relmse
+                found.relmse,
+                self.flip_text()
             ),
         }
+    }
+
+    /// HDR-FLIP of the picture that is seen, with the truth's noise, and how many samples the truth had for it.
+    fn flip_text(&self) -> String {
+        let visible =
+            self.visible.as_ref().filter(|visible| self.truth().is_some_and(|truth| truth.wanted == visible.wanted));
+        visible.map_or(String::new(), |Visible { samples, flip, .. }| match samples {
+            0 => format!("; HDR-FLIP {flip:.4}"),
+            samples => format!("; HDR-FLIP {flip:.4} at {samples} samples"),
+        })
     }
 
     fn picture(&mut self, ui: &mut Ui) {
@@ -413,7 +515,7 @@ impl App {
         }
         if self.is_stale || self.texture.is_none() {
             let truth = self.truth().map(|truth| Arc::clone(&truth.mean));
-            let screen = compare::screen(mode, &shown.image, truth.as_deref(), self.wipe, &Curve::standard(self.stops));
+            let screen = compare::screen(mode, &shown.image, truth.as_deref(), self.wipe, &self.curve());
             let pixels = screen.pixels.iter().map(|&[red, green, blue]| Color32::from_rgb(red, green, blue)).collect();
             let image = ColorImage::new([screen.width, screen.height], pixels);
             match &mut self.texture {
@@ -477,6 +579,7 @@ impl App {
     fn photographs(&mut self, context: &egui::Context) {
         let Some((path, samples)) = self.photograph.clone() else { return };
         let is_there = self.shown.is_some()
+            && self.cube_answer.is_none()
             && (samples == 0 || self.truth().is_some_and(|truth| truth.samples >= samples || truth.samples == 0));
         let failed = self.message.as_ref().is_some_and(|(_, is_failure)| *is_failure);
         if (is_there || failed) && !self.is_asked_for_photograph {
