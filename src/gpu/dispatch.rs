@@ -1,7 +1,7 @@
 //! The one way to run a kernel: compiled with its layouts checked, dispatched over numbered resources, timed while something is.
 
 use super::layout::{self, Layout};
-use super::{Gpu, clock, trusted_module};
+use super::{Gpu, clock};
 use crate::base::error::{Error, Result};
 use crate::base::files::sha256;
 use crate::graph::wgsl::{self, Language};
@@ -97,12 +97,8 @@ impl Gpu {
                 "This is a defect of the program: report it.",
             )
         })?;
-        let descriptor = wgpu::ShaderModuleDescriptor {
-            label: Some(label),
-            source: wgpu::ShaderSource::Naga(std::borrow::Cow::Owned(module.clone())),
-        };
         let scope = self.device.push_error_scope(wgpu::ErrorFilter::Validation);
-        let shader = trusted_module(&self.device, descriptor);
+        let shader = self.module(label, module);
         let pipeline = self.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
             label: Some(label),
             layout: None,

@@ -48,10 +48,9 @@ impl Gpu {
             ));
         }
         let scope = self.device.push_error_scope(wgpu::ErrorFilter::Validation);
-        let shader = |label, source| trusted_module(&self.device, wgpu::ShaderModuleDescriptor { label, source });
-        let fragment =
-            shader(Some("picture"), wgpu::ShaderSource::Naga(std::borrow::Cow::Owned(drawing.module.clone())));
-        let vertex = shader(Some("corners"), wgpu::ShaderSource::Wgsl(CORNERS.into()));
+        let fragment = self.module("picture", drawing.module);
+        let source = wgpu::ShaderSource::Wgsl(CORNERS.into());
+        let vertex = trusted_module(&self.device, wgpu::ShaderModuleDescriptor { label: Some("corners"), source });
         let format = wgpu::TextureFormat::Rgba32Float;
         let pipeline = self.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
             label: Some("picture"),
