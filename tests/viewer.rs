@@ -22,15 +22,20 @@ use std::time::{Duration, Instant};
 struct Small {
     scene: Scene,
     model: &'static str,
+    quality: Option<&'static str>,
     recorded: Mutex<Vec<(Image, Vec<Image>)>>,
 }
 
 impl Small {
     fn new(model: &'static str) -> Arc<Self> {
-        let mut scene = support::scene("procedural-clouds");
-        scene.film.resolution = [32, 18];
+        Self::sized(model, None, "procedural-clouds", [32, 18])
+    }
+
+    fn sized(model: &'static str, quality: Option<&'static str>, scene: &str, size: [u32; 2]) -> Arc<Self> {
+        let mut scene = support::scene(scene);
+        scene.film.resolution = size;
         scene.film.resolution_percentage = 100;
-        Arc::new(Self { scene, model, recorded: Mutex::default() })
+        Arc::new(Self { scene, model, quality, recorded: Mutex::default() })
     }
 }
 
@@ -44,7 +49,7 @@ impl Source for Small {
         changes.scene.iter().try_for_each(|(name, value)| scene.set(&format!("{name}={value}")))?;
         let model = engines::find(self.model)?;
         let texts: Vec<String> = changes.density.iter().map(|(name, value)| format!("{name}={value}")).collect();
-        let values = model.values(changes.quality.as_deref(), &texts)?;
+        let values = model.values(changes.quality.as_deref().or(self.quality), &texts)?;
         let mut engine = model.engine(&scene, &values, &Defects::NONE, changes.seconds)?;
         for (name, &value) in &changes.of_light {
             engines::light::models::set(&mut engine.light, name, value, name)?;
@@ -244,6 +249,48 @@ fn an_hour_of_dragging_takes_no_more_memory() {
     let grown = resident().saturating_sub(before);
     println!("3000 changes: {grown} kB more than {before} kB");
     assert!(grown <= 3000 * 4, "{grown} kB");
+}
+
+/// What the window takes for the cloud, for docs/viewer.md; run by hand on an idle machine. A picture: in full, as at rest. Latency: from a
+/// number that is set to the first picture of it on the screen.
+#[test]
+#[ignore = "a table of times: cargo test --release --test viewer times -- --ignored --nocapture"]
+fn times_of_the_window() {
+    if !support::require("vulkan") {
+        return;
+    }
+    for quality in ["low", "medium", "high"] {
+        let source = Small::sized("graph", Some(quality), "clouds-in-daylight", [640, 360]);
+        let mut window = window(&source, Backend::Gpu);
+        let begin = Instant::now();
+        until(&mut window, "a picture", is_shown);
+        println!("{quality}: first picture after {:.0} ms", begin.elapsed().as_secs_f64() * 1e3);
+        type Step = fn(&mut App, f64);
+        let steps: [(&str, Step); 3] = [
+            ("sun", |app, turn| app.set_sun([turn, 0.0])),
+            ("light", |app, turn| app.set_light("first_lobe", 0.4 + 0.1 * turn)),
+            ("material", |app, turn| app.set_scene("Density", 1.1 + 0.1 * turn)),
+        ];
+        for (name, step) in steps {
+            let (mut latencies, mut pictures) = (Vec::new(), Vec::new());
+            for turn in 1..=9 {
+                let (begin, before) = (Instant::now(), window.state().pictures());
+                step(window.state_mut(), f64::from(turn) * 0.1);
+                until(&mut window, "a picture", |app| app.pictures() > before);
+                latencies.push(begin.elapsed().as_secs_f64() * 1e3);
+                until(&mut window, "the picture in full", is_shown);
+                pictures.push(window.state().shown().expect("it is there").milliseconds);
+            }
+            let [(latency, most), (picture, _)] = [latencies, pictures].map(|mut times| {
+                times.sort_by(f64::total_cmp);
+                (times[times.len() / 2], times[times.len() - 1])
+            });
+            println!(
+                "{quality}, {name}: {picture:.1} ms a picture ({:.1} a second), latency {latency:.0} ms, at most {most:.0}",
+                1e3 / picture
+            );
+        }
+    }
 }
 
 /// Display values of all colours of an axis, by Blender's own colour management.

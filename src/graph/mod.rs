@@ -21,6 +21,7 @@ mod zero_signs;
 pub use target::Target;
 
 use crate::base::error::Result;
+use crate::base::files;
 use crate::nodes::{Mode, NodeEvaluator, NodeType, Nudge};
 use crate::scene::{Scene, SocketType};
 
@@ -102,6 +103,28 @@ pub struct Note {
 }
 
 impl Program {
+    /// A hash of all that its values depend on: types and modes of its nodes, constants to the bit, links, outputs.
+    pub fn content_hash(&self) -> String {
+        let operands = |operands: &[Operand]| -> String {
+            operands
+                .iter()
+                .map(|operand| match operand {
+                    Operand::Constant(value) => format!("c{:08x} ", value.to_bits()),
+                    other => format!("{other:?} "),
+                })
+                .collect()
+        };
+        let mut text = String::new();
+        for node in &self.instructions {
+            let Instruction { node_type, mode, inputs, first_register, .. } = node;
+            text += &format!("{} {mode:?} {} r{first_register}\n", node_type.type_name, operands(inputs));
+        }
+        for output in &self.outputs {
+            text += &format!("{:?} {}\n", output.kind, operands(&output.operands));
+        }
+        files::sha256(text.as_bytes())
+    }
+
     /// Compiles the graph of `scene` for these targets.
     pub fn compile(scene: &Scene, targets: &[Target]) -> Result<Self> {
         let flat = flatten::flatten(scene.graph(), &scene.volume, targets)?;

@@ -10,6 +10,7 @@ use crate::graph::{Operand, Program};
 
 use crate::base::choice::choice;
 use crate::base::error::{Error, Result};
+use crate::base::files::sha256;
 use crate::base::texture::TextureHandle;
 use crate::nodes::shader_name;
 use crate::scene::SocketType;
@@ -20,6 +21,7 @@ use naga_oil::compose::{
 };
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::fmt::Write;
+use std::sync::{LazyLock, Mutex, PoisonError};
 
 /// Modules that node modules import, in dependency order.
 const SHARED: &[(&str, &str)] = &[
@@ -71,9 +73,27 @@ choice! {
     }
 }
 
+/// A text that takes part in a composition.
+enum Part {
+    /// A module: path and text.
+    Module(String, String),
+    /// One instance of a node's module: its name, path, text and definitions.
+    Instance { name: String, path: String, text: String, definitions: Vec<String> },
+}
+
+/// Modules that are kept at most; then all are forgotten.
+const MOST_KEPT: usize = 64;
+
+/// Modules that were linked, by the hash of all that they are made of: a picture of other numbers, or from another place, links the same
+/// text again, and composing it takes longer than a small picture.
+static LINKED: LazyLock<Mutex<HashMap<String, naga::Module>>> = LazyLock::new(Mutex::default);
+
 /// Composes a shader from the modules in `shaders/`, a program, and an entry text.
 pub struct Linker {
-    composer: Composer,
+    /// What it is composed of, in dependency order.
+    parts: Vec<Part>,
+    /// Whether what all programs import is there.
+    has_shared: bool,
     /// Instances of node modules by module and definitions, and how many there are of each module.
     instances: HashMap<String, String>,
     counts: HashMap<&'static str, usize>,
@@ -88,7 +108,7 @@ impl Linker {
     /// importable as [`PROGRAM_PATH`]: `fn evaluate(position: vec3f, ...) -> f32` (or `vec3f`, or a
     /// struct `Outputs` for several outputs); each attribute is a further `vec3f` argument.
     pub fn new(program: &Program) -> Result<Self> {
-        let mut linker = Self::bare()?;
+        let mut linker = Self::bare();
         linker.add_program(PROGRAM_PATH, program)?;
         Ok(linker)
     }
@@ -96,8 +116,8 @@ impl Linker {
     /// The same, but constants of this program and of those that are added lie in a buffer, binding 1 of group 1: programs that differ in
     /// numbers alone have one text. A constant of 0 stays in the text, where it leaves out what it leaves out.
     pub fn with_numbers(program: &Program) -> Result<Self> {
-        let mut linker = Self::bare()?;
-        linker.add(NUMBERS.0, NUMBERS.1)?;
+        let mut linker = Self::bare();
+        linker.add(NUMBERS.0, NUMBERS.1);
         linker.numbers = Some(Vec::new());
         linker.add_program(PROGRAM_PATH, program)?;
         Ok(linker)
@@ -131,14 +151,15 @@ impl Linker {
                 .with_setting("backend"));
             }
         }
-        if !self.composer.contains_module("cloudparity::texture") {
-            self.add_constants(&WORDS)?;
+        if !std::mem::replace(&mut self.has_shared, true) {
+            self.add_constants(&WORDS);
             for (path, source) in SHARED {
-                self.add(path, source)?;
+                self.add(path, source);
             }
         }
         let text = self.program_text(import_path, program)?;
-        self.add(&format!("generated/{}.wgsl", import_path.replace("::", "/")), &text)
+        self.add(&format!("generated/{}.wgsl", import_path.replace("::", "/")), &text);
+        Ok(())
     }
 
     /// Textures that the programs read, in the order of their words: contents of binding 0 of group 1.
@@ -160,29 +181,27 @@ impl Linker {
 
     /// A linker without a program, for kernels that read none. Phase functions, steps and source terms can be imported from it, as from
     /// every one.
-    pub fn bare() -> Result<Self> {
+    pub fn bare() -> Self {
         let mut linker = Self {
-            composer: Composer::default(),
+            parts: Vec::new(),
+            has_shared: false,
             instances: HashMap::new(),
             counts: HashMap::new(),
             textures: Vec::new(),
             numbers: None,
         };
-        for (path, source) in LIGHT {
-            linker.add(path, source)?;
-        }
-        Ok(linker)
+        LIGHT.iter().for_each(|(path, source)| linker.add(path, source));
+        linker
     }
 
     /// Adds an importable module; its `#define_import_path` names it.
-    pub fn add(&mut self, path: &str, source: &str) -> Result<()> {
-        let descriptor = ComposableModuleDescriptor { source, file_path: path, ..Default::default() };
-        self.composer.add_composable_module(descriptor).map(|_| ()).map_err(|cause| self.failure(path, &cause))
+    pub fn add(&mut self, path: &str, source: &str) {
+        self.parts.push(Part::Module(path.to_owned(), source.to_owned()));
     }
 
     /// Adds numbers that Rust hands to the kernel, before what imports them.
-    pub fn add_constants(&mut self, constants: &SharedConstants) -> Result<()> {
-        self.add(constants.path, &constants.text())
+    pub fn add_constants(&mut self, constants: &SharedConstants) {
+        self.add(constants.path, &constants.text());
     }
 
     /// Links the entry text and removes what no entry point reaches.
@@ -191,61 +210,65 @@ impl Linker {
     }
 
     /// [`Self::link`] with definitions for the conditions of the entry text and of what it imports.
-    pub fn link_with(mut self, path: &str, source: &str, definitions: &[&str]) -> Result<naga::Module> {
+    pub fn link_with(self, path: &str, source: &str, definitions: &[&str]) -> Result<naga::Module> {
+        let hash = self.hash(path, source, definitions);
+        let linked = || LINKED.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(module) = linked().get(&hash) {
+            return Ok(module.clone());
+        }
+        let module = self.composed(path, source, definitions)?;
+        let mut linked = linked();
+        if linked.len() == MOST_KEPT {
+            linked.clear();
+        }
+        linked.insert(hash, module.clone());
+        Ok(module)
+    }
+
+    /// A hash of all that a composition depends on.
+    fn hash(&self, path: &str, source: &str, definitions: &[&str]) -> String {
+        let mut all = Vec::new();
+        let mut note = |text: &str| {
+            // With its length, so that no two lists of texts are one.
+            all.extend((text.len() as u64).to_le_bytes());
+            all.extend(text.as_bytes());
+        };
+        for part in &self.parts {
+            match part {
+                Part::Module(path, text) => ["module", path, text].into_iter().for_each(&mut note),
+                Part::Instance { name, path, text, definitions } => {
+                    ["instance", name, path, text].into_iter().for_each(&mut note);
+                    definitions.iter().for_each(|one| note(one));
+                }
+            }
+        }
+        ["entry", path, source].into_iter().chain(definitions.iter().copied()).for_each(&mut note);
+        sha256(&all)
+    }
+
+    fn composed(self, path: &str, source: &str, definitions: &[&str]) -> Result<naga::Module> {
+        let mut composer = Composer::default();
+        for part in &self.parts {
+            match part {
+                Part::Module(path, source) => {
+                    let descriptor = ComposableModuleDescriptor { source, file_path: path, ..Default::default() };
+                    let added = composer.add_composable_module(descriptor).map(|_| ());
+                    added.map_err(|cause| failure(&composer, path, &cause))?;
+                }
+                Part::Instance { name, path, text, definitions } => {
+                    add_instance(&mut composer, name, path, text, definitions)?;
+                }
+            }
+        }
         let shader_defs = definitions.iter().map(|&name| (name.to_owned(), ShaderDefValue::Bool(true))).collect();
         let descriptor = NagaModuleDescriptor { source, file_path: path, shader_defs, ..Default::default() };
-        let mut module = match self.composer.make_naga_module(descriptor) {
+        let mut module = match composer.make_naga_module(descriptor) {
             Ok(module) => module,
-            Err(cause) => return Err(self.failure(path, &cause)),
+            Err(cause) => return Err(failure(&composer, path, &cause)),
         };
         naga::compact::compact(&mut module, naga::compact::KeepUnused::No);
         rename(&mut module);
         Ok(module)
-    }
-
-    fn failure(&self, path: &str, cause: &ComposerError) -> Error {
-        Error::new(
-            format!("shader {path}"),
-            cause.emit_to_string(&self.composer),
-            "a module that composes and validates",
-            "This is a defect of the program: report it with the scene file.",
-        )
-    }
-
-    /// Adds one instance of a node's module under `instance`.
-    ///
-    /// The definitions of a composition are shared by all its modules, so the conditions are
-    /// resolved here, before the composer sees the text. The preprocessor also turns imports into
-    /// decorated names, which the composer refuses in a text that it is handed; hence the module is
-    /// added empty, with its imports, and receives its text afterwards.
-    fn add_instance(&mut self, instance: &str, path: &str, source: &str, definitions: &[String]) -> Result<()> {
-        let definitions: HashMap<String, ShaderDefValue> =
-            definitions.iter().map(|name| (name.clone(), ShaderDefValue::Bool(true))).collect();
-        let (_, imports, _) = get_preprocessor_data(source);
-        let mut merged: BTreeMap<String, BTreeSet<String>> = BTreeMap::new();
-        for import in imports {
-            merged.entry(import.import).or_default().extend(import.items);
-        }
-        let imports: Vec<ImportDefinition> = merged
-            .into_iter()
-            .map(|(import, items)| ImportDefinition { import, items: items.into_iter().collect() })
-            .collect();
-        let descriptor = ComposableModuleDescriptor {
-            source: "",
-            file_path: path,
-            as_name: Some(instance.to_owned()),
-            additional_imports: &imports,
-            ..Default::default()
-        };
-        let added = self.composer.add_composable_module(descriptor).map(|_| ());
-        added.map_err(|cause| self.failure(path, &cause))?;
-        let text = Preprocessor::default().preprocess(source, &definitions).map_err(|inner| {
-            let source = ErrSource::Constructing { path: path.to_owned(), source: source.to_owned(), offset: 0 };
-            self.failure(path, &ComposerError { inner, source })
-        })?;
-        let module = self.composer.module_sets.get_mut(instance).expect("the module was just added");
-        module.sanitized_source = text.preprocessed_source;
-        Ok(())
     }
 
     /// Adds the instances that `program` needs and returns its own text.
@@ -280,7 +303,7 @@ impl Linker {
                     let instance = format!("{module}_{count}i");
                     let path = format!("nodes/{module}.wgsl");
                     let text = with_constants(instruction.node_type.shader, &constants);
-                    self.add_instance(&instance, &path, &text, &definitions)?;
+                    self.parts.push(Part::Instance { name: instance.clone(), path, text, definitions });
                     self.instances.insert(key, instance.clone());
                     instance
                 }
@@ -369,6 +392,57 @@ impl Linker {
         }
         Ok(format!("vec3f({})", parts.join(", ")))
     }
+}
+
+fn failure(composer: &Composer, path: &str, cause: &ComposerError) -> Error {
+    Error::new(
+        format!("shader {path}"),
+        cause.emit_to_string(composer),
+        "a module that composes and validates",
+        "This is a defect of the program: report it with the scene file.",
+    )
+}
+
+/// Adds one instance of a node's module under `instance`.
+///
+/// The definitions of a composition are shared by all its modules, so the conditions are
+/// resolved here, before the composer sees the text. The preprocessor also turns imports into
+/// decorated names, which the composer refuses in a text that it is handed; hence the module is
+/// added empty, with its imports, and receives its text afterwards.
+fn add_instance(
+    composer: &mut Composer,
+    instance: &str,
+    path: &str,
+    source: &str,
+    definitions: &[String],
+) -> Result<()> {
+    let definitions: HashMap<String, ShaderDefValue> =
+        definitions.iter().map(|name| (name.clone(), ShaderDefValue::Bool(true))).collect();
+    let (_, imports, _) = get_preprocessor_data(source);
+    let mut merged: BTreeMap<String, BTreeSet<String>> = BTreeMap::new();
+    for import in imports {
+        merged.entry(import.import).or_default().extend(import.items);
+    }
+    let imports: Vec<ImportDefinition> = merged
+        .into_iter()
+        .map(|(import, items)| ImportDefinition { import, items: items.into_iter().collect() })
+        .collect();
+    let descriptor = ComposableModuleDescriptor {
+        source: "",
+        file_path: path,
+        as_name: Some(instance.to_owned()),
+        additional_imports: &imports,
+        ..Default::default()
+    };
+    let added = composer.add_composable_module(descriptor).map(|_| ());
+    added.map_err(|cause| failure(composer, path, &cause))?;
+    let text = Preprocessor::default().preprocess(source, &definitions).map_err(|inner| {
+        let source = ErrSource::Constructing { path: path.to_owned(), source: source.to_owned(), offset: 0 };
+        failure(composer, path, &ComposerError { inner, source })
+    })?;
+    let module = composer.module_sets.get_mut(instance).expect("the module was just added");
+    module.sanitized_source = text.preprocessed_source;
+    Ok(())
 }
 
 /// A module's text with declarations behind its imports.

@@ -107,8 +107,8 @@ pub(crate) const LAYOUTS: [Layout; 2] = [Layout::of::<ViewUniform>(), Layout::of
 
 /// The kernel.
 pub(crate) fn module() -> Result<naga::Module> {
-    let mut linker = Linker::bare()?;
-    linker.add_constants(&CONSTANTS)?;
+    let mut linker = Linker::bare();
+    linker.add_constants(&CONSTANTS);
     linker.link(SOURCE.0, SOURCE.1)
 }
 

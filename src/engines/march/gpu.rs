@@ -404,7 +404,7 @@ impl MarchParts {
             Form::KernelWithNumbers => Linker::with_numbers(density.program())?,
             Form::Kernel | Form::Fragment { .. } => Linker::new(density.program())?,
         };
-        linker.add_constants(&CONSTANTS)?;
+        linker.add_constants(&CONSTANTS);
         match marched.averages {
             Some(averages) => {
                 linker.add_program(ALONG, &averages.along)?;
@@ -417,9 +417,9 @@ impl MarchParts {
             }
         }
         for term in marched.terms {
-            linker.add(term.import_path(), &term.shader())?;
+            linker.add(term.import_path(), &term.shader());
         }
-        linker.add("generated/terms.wgsl", &terms_module(marched))?;
+        linker.add("generated/terms.wgsl", &terms_module(marched));
         let textures = linker.textures().to_vec();
         let numbers = linker.numbers().to_vec();
         let single = |values: [f64; 3]| values.map(|value| value as f32);
@@ -520,10 +520,10 @@ impl MarchParts {
                 for (name, value) in [("CELLS", first), ("MAPS", maps), ("SUNS", suns.len())] {
                     writeln!(text, "const {name}: u32 = {value}u;").expect("writing to a string cannot fail");
                 }
-                linker.add("generated/data.wgsl", &text)?;
-                linker.add(SOURCE.0, SOURCE.1)?;
+                linker.add("generated/data.wgsl", &text);
+                linker.add(SOURCE.0, SOURCE.1);
                 for (path, source) in around {
-                    linker.add(path, source)?;
+                    linker.add(path, source);
                 }
                 definitions.extend(own);
                 definitions.push("IN_FRAGMENT");

@@ -123,7 +123,7 @@ pub(crate) const LAYOUTS: [Layout; 2] = [Layout::of::<CompositeUniform>(), Layou
 
 /// The kernel for a kind of background and for frames with these channels. What is not asked for is left out.
 pub(crate) fn module(compositing: Compositing, background: &Background, channels: Channels) -> Result<naga::Module> {
-    Linker::bare()?.link_with(SOURCE.0, SOURCE.1, &definitions(compositing, background, channels))
+    Linker::bare().link_with(SOURCE.0, SOURCE.1, &definitions(compositing, background, channels))
 }
 
 /// Path and text of the kernel, which a picture in a fragment shader has, too.

@@ -329,7 +329,7 @@ impl<'a> GodRayKernel<'a> {
     pub async fn new_async(gpu: &'a Gpu, pass: GodRayPass) -> Result<Self> {
         let source = include_str!("../../../shaders/engines/passes/god_rays.wgsl");
         let kernel = async |label: &str, definitions: &[&str]| {
-            let module = Linker::bare()?.link_with("engines/passes/god_rays.wgsl", source, definitions)?;
+            let module = Linker::bare().link_with("engines/passes/god_rays.wgsl", source, definitions)?;
             gpu.kernel_async(label, &module, &[Layout::of::<GodRayUniform>()]).await
         };
         let of_red: &[&str] =

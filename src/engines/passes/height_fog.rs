@@ -153,7 +153,7 @@ impl<'a> HeightFogKernel<'a> {
         let kernel = async |further: &[&'static str]| {
             let defect = fog.without_parentheses.then_some("WITHOUT_PARENTHESES");
             let definitions: Vec<&str> = further.iter().copied().chain(defect).collect();
-            let module = Linker::bare()?.link_with("engines/passes/height_fog.wgsl", source, &definitions)?;
+            let module = Linker::bare().link_with("engines/passes/height_fog.wgsl", source, &definitions)?;
             gpu.kernel_async("height_fog", &module, &[Layout::of::<HeightFogUniform>()]).await
         };
         Ok(Self { gpu, fog, kernels: [kernel(&[]).await?, kernel(&["TRANSMITTANCE"]).await?] })

@@ -45,7 +45,7 @@ impl<'a> BakeKernel<'a> {
     pub fn new(gpu: &'a Gpu) -> Result<Self> {
         let source = include_str!("../../../shaders/engines/perlin_fbm/bake.wgsl");
         let kernel = |definitions: &[&str]| {
-            let module = Linker::bare()?.link_with("engines/perlin_fbm/bake.wgsl", source, definitions)?;
+            let module = Linker::bare().link_with("engines/perlin_fbm/bake.wgsl", source, definitions)?;
             gpu.kernel("perlin_fbm_bake", &module, &[Layout::of::<BakeUniform>()])
         };
         Ok(Self { gpu, kernels: [kernel(&[])?, kernel(&["LARGE_AXES"])?] })

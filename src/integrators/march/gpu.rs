@@ -162,7 +162,7 @@ const SWEEP_LAYOUTS: &[Layout] = &[Layout::of::<SweepUniform>(), Layout::of::<Of
 /// Links an entry text with the density of a medium.
 fn link(medium: &Medium, path: &str, source: &str, definitions: &[&str]) -> Result<naga::Module> {
     let mut linker = Linker::new(medium.density.program())?;
-    linker.add_constants(&CONSTANTS)?;
+    linker.add_constants(&CONSTANTS);
     linker.link_with(path, source, definitions)
 }
 

@@ -218,7 +218,7 @@ impl<'a> PathKernel<'a> {
         let storage = wgpu::BufferUsages::STORAGE;
         let mut linker = Linker::new(medium.density.program())?;
         let textures = gpu.upload_textures(linker.textures())?;
-        linker.add_constants(&CONSTANTS)?;
+        linker.add_constants(&CONSTANTS);
         let definitions: &[&str] = if medium.mesh.is_some() { &["MESH"] } else { &[] };
         let module = linker.link_with("integrators/path/path.wgsl", PATH, definitions)?;
         // The walk counts cells.

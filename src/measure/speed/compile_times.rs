@@ -184,7 +184,9 @@ impl Once {
         let graph = milliseconds(begin);
         let begin = Instant::now();
         let mut linker = Linker::new(&program)?;
-        kernel.constants.map(|constants| linker.add_constants(constants)).transpose()?;
+        if let Some(constants) = kernel.constants {
+            linker.add_constants(constants);
+        }
         let module = linker.link(kernel.path, source)?;
         let link = milliseconds(begin);
         let begin = Instant::now();

@@ -359,7 +359,7 @@ pub struct Pipeline<'a> {
 impl<'a> Pipeline<'a> {
     /// Compiles an entry text, [`SHADER`] or a change of it.
     pub fn new(gpu: &'a Gpu, source: &str) -> Result<Self> {
-        let module = Linker::bare()?.link("measure/stability/functions.wgsl", source)?;
+        let module = Linker::bare().link("measure/stability/functions.wgsl", source)?;
         Ok(Self { gpu, kernel: gpu.kernel("functions", &module, &[Layout::of::<Request>()])? })
     }
 
