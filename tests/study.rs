@@ -6,14 +6,18 @@ use assert_cmd::cargo::cargo_bin_cmd;
 use cloudparity::base::identity::{Identity, Resume};
 use cloudparity::engines::defects::Defects;
 use cloudparity::engines::render::{EngineJitter, EngineRenderer, EngineSettings};
-use cloudparity::gpu::Gpu;
+use cloudparity::gpu::{Backend, Gpu};
+use cloudparity::measure::combination::Combination;
+use cloudparity::measure::errors::{Errors, Uncertain};
 use cloudparity::measure::experiment::{Outcome, Settings, Shard};
 use cloudparity::measure::sequence::file::SequenceFile;
 use cloudparity::measure::study::file::StudyFile;
+use cloudparity::measure::study::settings::{self, Recorded};
 use cloudparity::measure::study::{Results, Study};
 use cloudparity::measure::timing::Clock;
 use cloudparity::measure::truth::PixelRays;
 use cloudparity::measure::tuning::Tuning;
+use cloudparity::measure::tuning::preset::Preset;
 use rand::{Rng as _, SeedableRng as _};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -536,6 +540,60 @@ fn the_commands_list_recommend_and_refuse() {
     let page = std::fs::read_to_string(page.trim()).expect("a page");
     assert!(page.contains("<h1>a ramp</h1>") && page.contains("id=\"study\""), "{page}");
     assert!(!page.contains("id=\"left-out\""), "a study lacks nothing that it was to hold");
+}
+
+/// Pairs of the window are settings as a study's runs are: of one view they are compared, of another they are another subject.
+#[test]
+fn recorded_pairs_are_recommended() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let scene = support::scene("linear-ramp");
+    let study = study_file(folder.path(), "[1]");
+    let wanted = Study::load(&study).expect("a study").wanted;
+    let exact = |value| Uncertain { value, standard_error: 0.01 * value };
+    let write = |number: u32, subject: &str, steps: u32, relmse: f64, milliseconds: f64| {
+        let pair = folder.path().join(format!("pair-00{number}"));
+        std::fs::create_dir_all(&pair).expect("a folder");
+        let combination = Combination { density: format!("graph march_steps={steps}"), steps, ..wanted[0].clone() };
+        let preset = Preset::of_combination(&combination, "seen".into(), Vec::new(), serde_json::Value::Null);
+        let record = Recorded {
+            format: settings::FORMAT.into(),
+            build: Identity::current().clone(),
+            scene: "linear-ramp".into(),
+            subject: Recorded::subject_of(&scene, subject),
+            resolution: [32, 18],
+            preset: preset.expect("a preset"),
+            errors: Errors { relmse: exact(relmse), rms: exact(relmse), bias: exact(relmse) },
+            flip: None,
+            milliseconds,
+            backend: Backend::Gpu,
+            worker: "an adapter".into(),
+        };
+        record.write(&pair).expect("written");
+    };
+    write(1, "here", 16, 0.1, 10.0);
+    write(2, "here", 64, 0.01, 40.0);
+    write(3, "here", 32, 0.2, 20.0);
+    write(4, "there", 16, 0.3, 10.0);
+    let said = |arguments: &[&str], code: i32| {
+        let mut command = cargo_bin_cmd!("cloudparity");
+        let found =
+            command.arg("recommend").arg(folder.path()).args(arguments).assert().code(code).get_output().clone();
+        String::from_utf8([found.stdout, found.stderr].concat()).expect("text")
+    };
+    let found = said(&["--max-ms", "25"], 0);
+    assert!(found.contains("graph in linear-ramp: ") && found.contains("pair-001"), "{found}");
+    assert!(found.contains("graph in linear-ramp, view 2: ") && found.contains("pair-004"), "{found}");
+    assert!(found.contains("time on the wall, on an adapter") && found.contains("--backend gpu"), "{found}");
+    let path = folder.path().join("best.preset.json");
+    let file = path.to_str().expect("a name");
+    let found = said(&["--max-relmse=0.05", "--scene", "linear-ramp", "-o", file], 0);
+    assert!(found.contains("pair-002") && found.contains("64 steps"), "{found}");
+    assert_eq!(Preset::load(&path).expect("a preset").engine.steps, 64);
+    let wrong = folder.path().join("pair-001/record.json");
+    let text = std::fs::read_to_string(&wrong).expect("a record").replace(settings::FORMAT, "cloudparity-record/9");
+    std::fs::write(&wrong, text).expect("written");
+    let found = said(&["--max-ms", "25"], 2);
+    assert!(found.contains("record.json") && found.contains("cloudparity-record/9"), "{found}");
 }
 
 #[test]

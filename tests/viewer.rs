@@ -11,6 +11,7 @@ use cloudparity::scene::Scene;
 use cloudparity::scene::image::Image;
 use cloudparity::viewer::compare::{Curve, Statistics};
 use cloudparity::viewer::cube::Cube;
+use cloudparity::viewer::quality::Choice;
 use cloudparity::viewer::{App, Changes, Record, Source};
 use cloudparity::{Error, Result, engines};
 use egui_kittest::Harness;
@@ -23,6 +24,8 @@ struct Small {
     scene: Scene,
     model: &'static str,
     quality: Option<&'static str>,
+    /// Settings that are levels of quality, from low on.
+    front: Vec<Choice>,
     recorded: Mutex<Vec<(Image, Vec<Image>)>>,
 }
 
@@ -35,7 +38,7 @@ impl Small {
         let mut scene = support::scene(scene);
         scene.film.resolution = size;
         scene.film.resolution_percentage = 100;
-        Arc::new(Self { scene, model, quality, recorded: Mutex::default() })
+        Arc::new(Self { scene, model, quality, front: Vec::new(), recorded: Mutex::default() })
     }
 }
 
@@ -48,8 +51,9 @@ impl Source for Small {
         let mut scene = self.scene.clone();
         changes.scene.iter().try_for_each(|(name, value)| scene.set(&format!("{name}={value}")))?;
         let model = engines::find(self.model)?;
+        let level = changes.setting.map(|number| ["low", "high"][number]);
         let texts: Vec<String> = changes.density.iter().map(|(name, value)| format!("{name}={value}")).collect();
-        let values = model.values(changes.quality.as_deref().or(self.quality), &texts)?;
+        let values = model.values(changes.quality.as_deref().or(level).or(self.quality), &texts)?;
         let mut engine = model.engine(&scene, &values, &Defects::NONE, changes.seconds)?;
         for (name, &value) in &changes.of_light {
             engines::light::models::set(&mut engine.light, name, value, name)?;
@@ -67,8 +71,12 @@ impl Source for Small {
         &[]
     }
 
-    fn sub_pixels(&self) -> u32 {
+    fn sub_pixels(&self, _: &Changes) -> u32 {
         1
+    }
+
+    fn front(&self) -> &[Choice] {
+        &self.front
     }
 
     /// No FLIP, but a number that is known.
@@ -208,6 +216,37 @@ fn a_number_out_of_range_is_said_and_the_window_stays() {
     window.state_mut().set_light("second_share", 0.5);
     until(&mut window, "the next picture", is_shown);
     assert!(window.state().message().is_none_or(|(_, is_failure)| !is_failure));
+}
+
+/// Settings as a study knows them: the window says which it is, and another budget takes another.
+#[test]
+fn a_budget_picks_a_setting_of_the_front() {
+    let mut source = Arc::into_inner(Small::new("perlin-fbm")).expect("nobody else has it");
+    let choice = |words: &str, milliseconds_a_pixel, error| Choice {
+        words: words.into(),
+        milliseconds_a_pixel,
+        error: [error, 0.01 * error],
+    };
+    // So fast and so slow that no machine's own times of the first pictures change what fits.
+    source.front = vec![choice("few steps", 1e-9, 0.2), choice("many steps", 1e6, 0.01)];
+    let mut window = window(&Arc::new(source), Backend::Cpu);
+    until(&mut window, "a picture", is_shown);
+    assert_eq!(window.state().changes().setting, Some(0));
+    let text = window.state().setting_text().expect("it is of the front");
+    assert!(text.contains("1 of 2, by the budget") && text.contains("few steps") && text.contains("0.2"), "{text}");
+    let few = window.state().shown().expect("it is there").image.clone();
+    window.state_mut().set_budget(1e12);
+    until(&mut window, "a picture of the other setting", |app| {
+        app.is_up_to_date() && app.shown().is_some_and(|shown| shown.image.pixels != few.pixels)
+    });
+    assert!(window.state().setting_text().is_some_and(|text| text.contains("many steps")));
+    // Who chooses one has it, whatever the budget.
+    window.get_by_label("Quality by the budget").click();
+    window.step();
+    window.state_mut().set_budget(1e-12);
+    window.step();
+    window.step();
+    assert_eq!(window.state().changes().setting, Some(1));
 }
 
 /// Kilobytes of memory that the process holds.

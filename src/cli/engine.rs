@@ -138,6 +138,12 @@ impl EngineArguments {
         Self { defects: DefectsArgument { defects: None, variant: None }, ..self.clone() }
     }
 
+    /// The model that is asked for, or one that stands in its place.
+    #[cfg(feature = "viewer")]
+    pub(super) fn model<'a>(&'a self, other: &'a str) -> &'a str {
+        self.model.as_deref().unwrap_or(other)
+    }
+
     /// Seconds of animation.
     #[cfg(feature = "viewer")]
     pub(super) fn seconds(&self) -> f64 {

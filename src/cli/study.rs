@@ -8,8 +8,8 @@ use crate::cli::resume::{ExperimentArguments, whole};
 use crate::engines::render::EngineJitter;
 use crate::measure::combination::Combination;
 use crate::measure::study::pareto_front::{self, Budget, Metric};
-use crate::measure::study::{Group, Measured, Results, Study};
-use crate::measure::tuning::preset::Preset;
+use crate::measure::study::settings::{self, Setting, Settings, Subject};
+use crate::measure::study::{Measured, Results, Study};
 use serde_json::json;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
@@ -147,14 +147,15 @@ fn line(text: &mut String, parts: std::fmt::Arguments<'_>) {
     writeln!(text, "{parts}").expect("writing to a string cannot fail");
 }
 
-/// Recommend a setting from a study: the least error in a time, or the shortest time for an error.
+/// Recommend a setting from a study, or from pairs that were recorded in the window: the least error in a time, or the shortest time for an
+/// error.
 #[derive(clap::Args)]
 #[command(
     group = clap::ArgGroup::new("budget").required(true).multiple(false),
     after_help = "Example: cloudparity recommend STUDY --max-ms 50"
 )]
 pub(super) struct RecommendArguments {
-    /// The folder of the study.
+    /// The folder of the study, or of the pairs.
     #[arg(value_name = "DIR")]
     directory: PathBuf,
     /// Milliseconds that a picture may take, by the study's clock.
@@ -187,56 +188,58 @@ pub(super) struct RecommendArguments {
 }
 
 pub(super) fn recommend(arguments: &RecommendArguments) -> Result<ExitCode> {
-    let results = Results::load(&arguments.directory)?;
-    if results.builds != [Identity::current().clone()] {
-        let builds = listed(&results.builds, ToString::to_string);
+    let settings = Settings::load(&arguments.directory)?;
+    if settings.builds != [Identity::current().clone()] {
+        let builds = listed(&settings.builds, ToString::to_string);
         eprintln!("note: measured by another build ({builds}) than this one, {}", Identity::current());
     }
-    let measured = results.study.resolution;
     let pixels = |[width, height]: [u32; 2]| f64::from(width) * f64::from(height);
-    // A picture's time over that of the study's.
-    let scale = arguments.resolution.map_or(1.0, |wanted| pixels(wanted) / pixels(measured));
-    let (metric, budget) = match (arguments.max_ms, arguments.max_relmse, arguments.max_flip) {
-        (Some(time), ..) => (arguments.metric, Budget::Seconds(time / 1e3 / scale)),
-        (_, Some(error), _) => (Metric::Relmse, Budget::Error(error)),
-        (.., error) => (Metric::Flip, Budget::Error(error.expect("one of the three is required"))),
-    };
     let wanted = |name: &Option<String>, found: &str| name.as_deref().is_none_or(|name| name == found);
-    let groups: Vec<_> = results
-        .groups()
+    let subjects: Vec<_> = settings
+        .subjects()
         .into_iter()
         .filter(|(scene, density, _)| wanted(&arguments.scene, scene) && wanted(&arguments.density, density))
         .collect();
-    let of_study = |groups: Vec<Group<'_>>| {
-        let names: Vec<String> = groups.iter().map(|(scene, density, _)| format!("{density} in {scene}")).collect();
-        if names.is_empty() { "a study with runs".to_owned() } else { names.join(", ") }
+    let listed = |subjects: Vec<Subject<'_>>| {
+        let names: Vec<String> = subjects.iter().map(|(scene, density, _)| format!("{density} in {scene}")).collect();
+        if names.is_empty() { "a study with runs".to_owned() } else { names.join("; ") }
     };
-    if groups.is_empty() {
+    if subjects.is_empty() {
         return Err(Error::new(
             "--scene, --density",
             "nothing of that name in the study",
-            of_study(results.groups()),
+            listed(settings.subjects()),
             "Correct the names.",
         ));
     }
-    if arguments.output.is_some() && groups.len() > 1 {
+    if arguments.output.is_some() && subjects.len() > 1 {
         return Err(Error::new(
             "--output",
-            format!("settings of {}", of_study(groups)),
+            format!("settings of {}", listed(subjects)),
             "one scene and one density: a preset is one setting",
             "Name them (--scene, --density).",
         ));
     }
     let mut text = String::new();
     let mut documents = Vec::new();
-    for (scene, density, runs) in groups {
-        let run = pareto_front::recommend(&pareto_front::pareto_front(runs, metric), metric, budget)
+    for (scene, density, all) in subjects {
+        // All pictures of a subject have one size: a picture's time over theirs.
+        let measured = all[0].resolution;
+        let scale = arguments.resolution.map_or(1.0, |wanted| pixels(wanted) / pixels(measured));
+        let (metric, budget) = match (arguments.max_ms, arguments.max_relmse, arguments.max_flip) {
+            (Some(time), ..) => (arguments.metric, Budget::Seconds(time / 1e3 / scale)),
+            (_, Some(error), _) => (Metric::Relmse, Budget::Error(error)),
+            (.., error) => (Metric::Flip, Budget::Error(error.expect("one of the three is required"))),
+        };
+        let front = settings::front(&all, metric);
+        let runs: Vec<&Measured> = front.iter().map(|setting| &setting.run).collect();
+        let run = pareto_front::recommend(&runs, metric, budget)
             .map_err(|error| Error { place: format!("{density} in {scene}: {}", error.place), ..error })?;
-        let preset = preset_of(&results, run)?;
+        let setting = front.iter().find(|setting| std::ptr::eq(&setting.run, run)).expect("it is one of them");
         if let Some(path) = &arguments.output {
-            preset.write(path)?;
+            setting.preset.write(path)?;
         }
-        line(&mut text, format_args!("{density} in {scene}: {}", run.describe().trim_start()));
+        line(&mut text, format_args!("{density} in {scene}: {}", setting.describe().trim_start()));
         if let Some([width, height]) = arguments.resolution {
             let estimate = 1e3 * run.seconds.median * scale;
             line(
@@ -245,17 +248,23 @@ pub(super) fn recommend(arguments: &RecommendArguments) -> Result<ExitCode> {
             );
         }
         let file = arguments.output.as_deref().unwrap_or(Path::new("RECOMMENDED.preset.json"));
-        line(&mut text, format_args!("  {}", command(&results, run, arguments.resolution.unwrap_or(measured), file)));
+        let size = arguments.resolution.unwrap_or(measured);
+        line(&mut text, format_args!("  {}", command(setting, size, file)));
+        let [width, height] = measured;
+        line(
+            &mut text,
+            format_args!(
+                "  measured at {width} x {height} pixels, {}, on {}",
+                settings.clock.label(),
+                settings.machine
+            ),
+        );
         documents.push(json!({
-            "resolution": measured, "clock": results.clock, "machine": results.machine, "run": run, "preset": preset,
+            "resolution": measured, "clock": settings.clock, "machine": settings.machine, "run": run,
+            "preset": setting.preset,
             "estimated_seconds": arguments.resolution.map(|_| run.seconds.median * scale),
         }));
     }
-    let [width, height] = measured;
-    line(
-        &mut text,
-        format_args!("measured at {width} x {height} pixels, {}, on {}", results.clock.label(), results.machine),
-    );
     if let Some(path) = &arguments.output {
         line(&mut text, format_args!("{}: the preset", path.display()));
     } else {
@@ -268,23 +277,10 @@ pub(super) fn recommend(arguments: &RecommendArguments) -> Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// The settings of a run as a preset.
-fn preset_of(results: &Results, run: &Measured) -> Result<Preset> {
-    let Combination { scene, density, .. } = &run.combination;
-    let provenance = json!({
-        "study": results.study.title, "scene": scene, "resolution": results.study.resolution, "clock": results.clock,
-        "machine": results.machine, "seconds": run.seconds, "errors": run.errors, "flip": run.flip,
-    });
-    let title = format!("{density} in {scene}: {}", run.combination.describe());
-    Preset::of_combination(&run.combination, title, results.builds.clone(), provenance)
-}
-
-/// The command that makes a run's picture with its preset.
-fn command(results: &Results, run: &Measured, [width, height]: [u32; 2], preset: &Path) -> String {
-    let Combination { scene, jitter, god_rays, .. } = &run.combination;
-    let scenes = results.study.axes.scenes.as_slice();
-    let named = scenes.iter().find(|axis| axis.name.as_deref() == Some(scene));
-    let axis = named.or(if let [only] = scenes { Some(only) } else { None });
+/// The command that makes a setting's picture with its preset.
+fn command(setting: &Setting, [width, height]: [u32; 2], preset: &Path) -> String {
+    let Combination { jitter, god_rays, .. } = &setting.run.combination;
+    let axis = setting.scene.as_ref();
     // Studies name scenes as they see them from their own folder.
     let file = axis.map_or_else(|| "SCENE".to_owned(), |axis| super::quoted(Path::new(&axis.file)));
     let mut text = format!("cloudparity render {file} -o PICTURE.png --preset {}", super::quoted(preset));
@@ -297,7 +293,7 @@ fn command(results: &Results, run: &Measured, [width, height]: [u32; 2], preset:
     if *god_rays {
         text += " --god-rays";
     }
-    if !results.study.timing.backend.is_cpu() {
+    if !setting.backend.is_cpu() {
         text += " --backend gpu";
     }
     text += &format!(" --resolution {width}x{height}");

@@ -5,6 +5,8 @@ use super::engine::EngineArguments;
 use super::picture::SceneArguments;
 use crate::base::error::{Error, Result};
 use crate::base::files;
+use crate::base::identity::{Identity, listed};
+use crate::base::numbers::uncertain;
 use crate::bridge;
 use crate::bridge::CyclesKernel;
 use crate::engines::graph::at_time;
@@ -12,18 +14,22 @@ use crate::engines::{self, Engine, parameters};
 use crate::gpu::Backend;
 use crate::integrators::path::GivenMedium;
 use crate::measure::combination::no_cache;
+use crate::measure::errors;
 use crate::measure::images::{self, FlipPair};
 use crate::measure::pictures::{self, DiffRequest, DisplaySettings, Tolerances};
+use crate::measure::study::pareto_front::Metric;
+use crate::measure::study::settings::{self, Recorded, Setting, Settings, Subject};
 use crate::measure::tuning::file::TunedEngine;
 use crate::measure::tuning::preset::{FORMAT, Preset, SCENES};
 use crate::scene::image::Image;
 use crate::scene::{Display, Scene};
 use crate::viewer::compare::Mode;
 use crate::viewer::cube::Cube;
+use crate::viewer::quality::Choice;
 use crate::viewer::{self, Changes, Record, Source};
 use indexmap::IndexMap;
 use serde_json::json;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::Arc;
 
@@ -48,6 +54,9 @@ pub(super) struct Arguments {
     /// tracing.
     #[arg(long, value_name = "FILE", num_args = 1..)]
     truth: Vec<PathBuf>,
+    /// The folder of a study, or of pairs that were recorded here: of its settings that nothing beats, the budget of milliseconds picks one.
+    #[arg(long, value_name = "DIR")]
+    study: Option<PathBuf>,
     #[command(flatten)]
     engine: EngineArguments,
     /// Where it runs; all cores where there is no adapter.
@@ -71,7 +80,8 @@ pub(super) struct Arguments {
 const WINDOW: [f32; 2] = [1360.0, 640.0];
 
 pub(super) fn run(arguments: Arguments) -> Result<ExitCode> {
-    let Arguments { scene, preset, truth, engine, backend, shown, output, photograph, photograph_after } = arguments;
+    let Arguments { scene, preset, truth, study, engine, backend, shown, output, photograph, photograph_after } =
+        arguments;
     let scene = scene.load()?;
     let preset = preset.map(|path| super::engine::preset(&path, &scene)).transpose()?;
     engine.refuse_for_views(preset.is_some())?;
@@ -87,7 +97,14 @@ pub(super) fn run(arguments: Arguments) -> Result<ExitCode> {
             ));
         }
     }
-    let viewed = Viewed { scene, engine, preset, pictures, folder: output };
+    let wanted = match &preset {
+        Some(preset) => engines::Selection::parse(&preset.engine.density)?.model.id,
+        None => engine.model("graph"),
+    };
+    let front = study.map(|folder| front(&folder, &scene, wanted)).transpose()?.unwrap_or_default();
+    let choices = front.iter().map(choice_of).collect();
+    let front = front.into_iter().map(|setting| setting.preset).collect();
+    let viewed = Viewed { scene, engine, preset, front, choices, pictures, folder: output };
     // What is wrong with the options is said here, not in a window.
     viewed.engine(&Changes::default())?;
     let photograph = photograph.map(|path| (path, photograph_after));
@@ -100,11 +117,56 @@ pub struct Viewed {
     scene: Scene,
     engine: EngineArguments,
     preset: Option<Preset>,
+    /// Settings of the front, and what is known of them.
+    front: Vec<Preset>,
+    choices: Vec<Choice>,
     pictures: Vec<Image>,
     folder: PathBuf,
 }
 
+/// Settings of a model that nothing beats, by rising time: of the scene's own name, or else of the first scene that there is of it.
+fn front(folder: &Path, scene: &Scene, model: &str) -> Result<Vec<Setting>> {
+    let settings = Settings::load(folder)?;
+    if settings.builds != [Identity::current().clone()] {
+        let builds = listed(&settings.builds, ToString::to_string);
+        eprintln!("note: {}: measured by another build ({builds}) than this one", folder.display());
+    }
+    let is_of_model = |text: &str| engines::Selection::parse(text).is_ok_and(|selection| selection.model.id == model);
+    let subjects: Vec<Subject<'_>> =
+        settings.subjects().into_iter().filter(|(_, density, _)| is_of_model(density)).collect();
+    let (name, _, all) =
+        subjects.iter().find(|(name, ..)| *name == scene.name).or(subjects.first()).ok_or_else(|| {
+            let names: Vec<String> =
+                settings.subjects().iter().map(|(name, density, _)| format!("{density} in {name}")).collect();
+            Error::new(
+                format!("--study {}", folder.display()),
+                names.join("; "),
+                format!("settings of {model}"),
+                "Give --model, or another folder.",
+            )
+        })?;
+    if *name != scene.name {
+        eprintln!("note: {}: its settings were measured in {name}, and this scene is {}", folder.display(), scene.name);
+    }
+    Ok(settings::front(all, Metric::Relmse).into_iter().cloned().collect())
+}
+
+/// What the window knows of a setting.
+fn choice_of(setting: &Setting) -> Choice {
+    let error = setting.run.errors.relmse;
+    Choice {
+        words: setting.words.clone(),
+        milliseconds_a_pixel: setting.milliseconds_a_pixel(),
+        error: [error.value, error.standard_error],
+    }
+}
+
 impl Viewed {
+    /// What stands in the place of the options: a setting of the front, or the preset.
+    fn base(&self, changes: &Changes) -> Option<&Preset> {
+        changes.setting.map(|number| &self.front[number]).or(self.preset.as_ref())
+    }
+
     /// The scene with the changes to its material.
     fn changed_scene(&self, changes: &Changes) -> Result<Scene> {
         let mut scene = self.scene.clone();
@@ -132,7 +194,7 @@ impl Viewed {
 
     /// The engine as it is now, as a preset.
     fn preset_of(&self, changes: &Changes) -> Result<Preset> {
-        if let Some(preset) = &self.preset {
+        if let Some(preset) = self.base(changes) {
             return self.changed_preset(preset, changes);
         }
         let (_, engine) = self.engine(changes)?;
@@ -175,7 +237,7 @@ impl Source for Viewed {
     }
 
     fn engine(&self, changes: &Changes) -> Result<(Scene, Engine)> {
-        if let Some(preset) = &self.preset {
+        if let Some(preset) = self.base(changes) {
             let (scene, engine, _) = self.changed_preset(preset, changes)?.build_at(&self.scene, changes.seconds)?;
             return Ok((scene, engine));
         }
@@ -185,7 +247,7 @@ impl Source for Viewed {
     }
 
     fn truth(&self, changes: &Changes) -> Result<(Scene, Option<GivenMedium>)> {
-        let (scene, engine, seconds) = match &self.preset {
+        let (scene, engine, seconds) = match self.base(changes) {
             Some(preset) => {
                 let mut preset = self.changed_preset(preset, changes)?;
                 preset.engine.defects = Default::default();
@@ -225,8 +287,12 @@ impl Source for Viewed {
         cube(&self.scene.display)
     }
 
-    fn sub_pixels(&self) -> u32 {
-        self.preset.as_ref().map_or(1, |preset| preset.engine.sub_pixels)
+    fn sub_pixels(&self, changes: &Changes) -> u32 {
+        self.base(changes).map_or(1, |preset| preset.engine.sub_pixels)
+    }
+
+    fn front(&self) -> &[Choice] {
+        &self.choices
     }
 
     fn record(&self, record: &Record<'_>) -> Result<String> {
@@ -252,9 +318,35 @@ impl Source for Viewed {
         request.display = Some(DisplaySettings::of(&record.scene.display, None));
         let found =
             request.run(|script, request| bridge::run_script(script, request, CyclesKernel::Default, |_| ()))?;
-        let error = found.relmse.and_then(|relmse| relmse.pixel);
-        let error = error.map_or(String::new(), |error| format!(", relMSE {error:.3e}"));
-        Ok(format!("{}: recorded{error}; its page: cloudparity report {0}", folder.display()))
+        if record.truth.len() < errors::FEWEST_REPLICAS {
+            let error = found.relmse.and_then(|relmse| relmse.pixel);
+            let error = error.map_or(String::new(), |error| format!(", relMSE {error:.3e}"));
+            let text = format!("{}: recorded{error}; its page: cloudparity report {0}", folder.display());
+            return Ok(format!("{text}. recommend leaves it out: it needs {} truths", errors::FEWEST_REPLICAS));
+        }
+        let errors = errors::measure(&ours, record.truth)?;
+        let (_, medium) = self.truth(record.changes)?;
+        let medium = medium.map_or_else(|| format!("{} s", record.changes.seconds), |medium| medium.identity);
+        Recorded {
+            format: settings::FORMAT.into(),
+            build: Identity::current().clone(),
+            scene: record.scene.name.clone(),
+            subject: Recorded::subject_of(record.scene, &medium),
+            resolution: [ours.width as u32, ours.height as u32],
+            preset: self.preset_of(record.changes)?,
+            errors,
+            flip: found.flip.and_then(|flip| flip.mean),
+            milliseconds: record.shown.milliseconds,
+            backend: record.backend,
+            worker: record.shown.worker.clone(),
+        }
+        .write(&folder)?;
+        let error = uncertain(errors.relmse.value, errors.relmse.standard_error);
+        let places = [&folder, &self.folder].map(|folder| folder.display());
+        Ok(format!(
+            "{}: recorded, relMSE {error}; its page: cloudparity report {0}; of all pairs: cloudparity recommend {} --max-ms 50",
+            places[0], places[1]
+        ))
     }
 
     fn save_preset(&self, changes: &Changes) -> Result<String> {

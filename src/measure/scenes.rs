@@ -49,6 +49,11 @@ pub fn load_scenes(axes: &[SceneAxis], folder: &Path, resolution: [u32; 2], plac
 }
 
 impl SceneAxis {
+    /// A file as it is.
+    pub fn new(file: String) -> Self {
+        Self { file, name: None, set: Vec::new(), volume_bounces: None, sun: None, camera: None }
+    }
+
     /// Makes a scene the one that is asked for, at a resolution.
     pub fn prepare(&self, scene: &mut Scene, resolution: [u32; 2]) -> Result<()> {
         self.set.iter().try_for_each(|assignment| scene.set(assignment))?;

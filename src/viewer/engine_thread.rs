@@ -37,6 +37,8 @@ pub struct Shown {
     pub preparation_milliseconds: f64,
     /// Kernels that were compiled so far.
     pub compilations: u64,
+    /// Where it was made.
+    pub backend: Backend,
     /// What made it, in words.
     pub worker: String,
 }
@@ -113,8 +115,12 @@ fn picture(
     };
     let (_, scene, engine) = known;
     let scene = wanted.look.scene(scene, engine.container.centre());
-    let settings =
-        EngineSettings { jitter: EngineJitter::None, frame: 0, sub_pixels: source.sub_pixels(), god_rays: false };
+    let settings = EngineSettings {
+        jitter: EngineJitter::None,
+        frame: 0,
+        sub_pixels: source.sub_pixels(&wanted.changes),
+        god_rays: false,
+    };
     let renderer = EngineRenderer::new(&scene, engine, gpu)?;
     let preparation_milliseconds = begin.elapsed().as_secs_f64() * 1e3;
     let begin = Instant::now();
@@ -135,6 +141,7 @@ fn picture(
         kernel_milliseconds: times.map(|times| times.seconds() * 1e3),
         preparation_milliseconds,
         compilations: gpu.map_or(0, Gpu::compilations),
+        backend: if gpu.is_some() { Backend::Gpu } else { Backend::Cpu },
         worker: gpu.map_or_else(|| worker(None), |gpu| gpu.adapter().name.clone()),
     })
 }

@@ -10,6 +10,7 @@ mod controls;
 pub mod cube;
 mod engine_thread;
 pub mod look;
+pub mod quality;
 mod truth_thread;
 mod window;
 
@@ -19,15 +20,19 @@ pub use window::{App, open};
 
 use crate::base::error::Result;
 use crate::engines::Engine;
+use crate::gpu::Backend;
 use crate::integrators::path::GivenMedium;
 use crate::scene::Scene;
 use crate::scene::image::Image;
 use cube::Cube;
 use indexmap::IndexMap;
+use quality::Choice;
 
 /// What was changed in the window, by the names that files and options have; nothing where it is empty.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Changes {
+    /// A setting of [`Source::front`] in the place of the engine that was asked for.
+    pub setting: Option<usize>,
     /// A level of quality or another set of values of the system.
     pub quality: Option<String>,
     /// A light model in the place of the one that is there.
@@ -46,6 +51,10 @@ pub struct Changes {
 pub struct Record<'a> {
     /// The scene as it was looked at.
     pub scene: &'a Scene,
+    /// What was changed.
+    pub changes: &'a Changes,
+    /// Where the engine's picture was made.
+    pub backend: Backend,
     /// The engine's picture.
     pub shown: &'a Shown,
     /// Pictures of the truth of equal weight, whose spread is its noise; none where there is no truth yet.
@@ -67,7 +76,12 @@ pub trait Source: Send + Sync {
     fn pictures(&self) -> &[Image];
 
     /// Rays per pixel and axis.
-    fn sub_pixels(&self) -> u32;
+    fn sub_pixels(&self, changes: &Changes) -> u32;
+
+    /// Settings that nothing beats in time and error, by rising time; none where nobody measured.
+    fn front(&self) -> &[Choice] {
+        &[]
+    }
 
     /// The scene's view transform as a table; none where it is Standard, which has a formula.
     fn view_transform(&self) -> Result<Option<Cube>> {

@@ -81,7 +81,8 @@ fn accumulate(
     // Where the camera goes around is a matter of the engine's domain.
     let (_, engine) = source.engine(&wanted.changes)?;
     let scene = wanted.look.scene(&scene, engine.container.centre());
-    let settings = PathSettings { samples: 1, pixel_centres: source.sub_pixels() == 1, ..PathSettings::default() };
+    let settings =
+        PathSettings { samples: 1, pixel_centres: source.sub_pixels(&wanted.changes) == 1, ..PathSettings::default() };
     let seeds: Vec<u32> = (0..MOST_SAMPLES).collect();
     let mut sums = Sums::new(scene.image_size());
     let (mut newer, mut is_stopped) = (None, false);

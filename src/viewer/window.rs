@@ -4,9 +4,11 @@ use super::compare::{self, Curve, FULL_DIFFERENCE, Mode, Statistics};
 use super::cube::Cube;
 use super::engine_thread::{self, Shown, Wanted};
 use super::look::Look;
+use super::quality::Quality;
 use super::truth_thread::{self, Truth};
 use super::{Changes, Record, Source, controls};
 use crate::base::error::{Error, Result};
+use crate::base::numbers::uncertain;
 use crate::gpu::Backend;
 use eframe::egui::{self, Color32, ColorImage, Sense, TextureHandle, TextureOptions, Ui, Vec2};
 use std::path::PathBuf;
@@ -62,6 +64,9 @@ pub struct App {
     /// Milliseconds that a picture may take while something moves.
     budget: f64,
     moving_scale: f64,
+    /// Settings that a budget picks from, and whether it does.
+    quality: Quality,
+    is_by_budget: bool,
     /// What is to be said, and whether it is a failure.
     message: Option<(String, bool)>,
     saving: Option<Receiver<Result<String>>>,
@@ -93,7 +98,6 @@ impl App {
             wake();
         });
         Self {
-            source,
             wanted: Wanted { look: Look::default(), changes: Changes::default() },
             asked: None,
             changed: Instant::now(),
@@ -117,6 +121,8 @@ impl App {
             speed: 1.0,
             budget: 100.0,
             moving_scale: 1.0,
+            is_by_budget: !source.front().is_empty(),
+            quality: Quality::new(source.front()),
             message: None,
             saving: None,
             texture: None,
@@ -125,6 +131,7 @@ impl App {
             photograph: None,
             is_asked_for_photograph: false,
             failure: Arc::default(),
+            source,
         }
     }
 
@@ -202,6 +209,10 @@ impl App {
         let passed = f64::from(ui.input(|input| input.stable_dt)).min(0.25);
         if self.is_playing {
             self.wanted.changes.seconds += passed * self.speed;
+        }
+        if self.is_by_budget {
+            let [width, height] = self.wanted.look.size(self.source.scene()).map(f64::from);
+            self.wanted.changes.setting = self.quality.pick(self.budget, width * height);
         }
         egui::Panel::right("numbers").resizable(true).default_size(390.0).show(ui, |ui| {
             egui::ScrollArea::vertical().show(ui, |ui| self.numbers(ui));
@@ -308,6 +319,14 @@ impl App {
 
     /// A smaller picture next time where this one took too long, a larger one where there was time for it.
     fn adapt(&mut self, shown: &Shown) {
+        // Smaller pictures take longer a pixel, and the first of a new kernel waits for the driver.
+        let is_new = self.shown.as_ref().is_none_or(|before| before.compilations != shown.compilations);
+        if let Some(setting) = shown.wanted.changes.setting
+            && !is_new
+            && shown.wanted.look.scale == self.wanted.look.scale
+        {
+            self.quality.note(setting, shown.milliseconds, (shown.image.width * shown.image.height) as f64);
+        }
         if shown.milliseconds > 0.0 {
             let at_once = shown.wanted.look.scale / self.wanted.look.scale;
             let wanted = at_once * (self.budget / shown.milliseconds).sqrt();
@@ -405,6 +424,7 @@ impl App {
             .on_hover_text(
                 "What a picture may take while something moves: it is made smaller for it, and in full when it rests.",
             );
+        self.settings(ui);
         if let Some(cube) = &self.cube {
             let names = [cube.name().to_owned(), "Standard".to_owned()];
             let shown = usize::from(!self.is_scenes_view);
@@ -423,6 +443,51 @@ impl App {
         ui.add_space(12.0);
     }
 
+    /// Which setting of the front it is, and whether the budget says so.
+    fn settings(&mut self, ui: &mut Ui) {
+        if self.quality.choices().is_empty() {
+            return;
+        }
+        ui.checkbox(&mut self.is_by_budget, "Quality by the budget").on_hover_text(
+            "Of the settings that were measured, the one of least error that a picture has the time for.",
+        );
+        let setting = &mut self.wanted.changes.setting;
+        let words = |setting: Option<usize>| match setting {
+            Some(number) => self.quality.choices()[number].words.as_str(),
+            None => "as given",
+        };
+        let before = *setting;
+        egui::ComboBox::from_label("Setting").selected_text(words(before)).width(240.0).show_ui(ui, |ui| {
+            ui.selectable_value(setting, None, words(None));
+            for number in 0..self.quality.choices().len() {
+                ui.selectable_value(setting, Some(number), words(Some(number)));
+            }
+        });
+        self.is_by_budget &= *setting == before;
+    }
+
+    /// The setting of the front that is seen, with what was measured of it.
+    pub fn setting_text(&self) -> Option<String> {
+        let shown = self.shown.as_ref()?;
+        let number = shown.wanted.changes.setting?;
+        let choice = &self.quality.choices()[number];
+        let [error, standard_error] = choice.error;
+        let expected = choice.milliseconds_a_pixel * (shown.image.width * shown.image.height) as f64;
+        let by = if self.is_by_budget { format!(", by the budget of {:.0} ms", self.budget) } else { String::new() };
+        Some(format!(
+            "Setting {} of {}{by}: {}; where it was measured: relMSE {}, {expected:.1} ms for this size.",
+            number + 1,
+            self.quality.choices().len(),
+            choice.words,
+            uncertain(error, standard_error)
+        ))
+    }
+
+    /// Sets the budget in milliseconds, as its slider does.
+    pub fn set_budget(&mut self, milliseconds: f64) {
+        self.budget = milliseconds;
+    }
+
     fn record(&mut self) {
         let Some(shown) = self.shown.clone() else { return };
         if self.saving.is_some() {
@@ -434,7 +499,13 @@ impl App {
         self.saving = Some(receiver);
         self.message = Some(("Recording.".into(), false));
         std::thread::spawn(move || {
-            let record = Record { scene: &shown.scene, shown: &shown, truth: &truth };
+            let record = Record {
+                scene: &shown.scene,
+                changes: &shown.wanted.changes,
+                backend: shown.backend,
+                shown: &shown,
+                truth: &truth,
+            };
             let _ = sender.send(source.record(&record));
         });
     }
@@ -442,6 +513,9 @@ impl App {
     fn figures(&mut self, ui: &mut Ui) {
         ui.add_space(4.0);
         ui.label(self.time_text());
+        if let Some(text) = self.setting_text() {
+            ui.label(text);
+        }
         ui.label(self.error_text());
         if let Some((text, is_failure)) = &self.message {
             let color = if *is_failure { ui.visuals().error_fg_color } else { ui.visuals().weak_text_color() };

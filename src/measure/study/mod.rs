@@ -14,6 +14,7 @@ pub mod file;
 pub mod pareto_front;
 mod results;
 mod running;
+pub mod settings;
 mod verification;
 
 pub use results::{FIGURES, Group, Measured, Results};

@@ -61,13 +61,17 @@ pub struct Measured {
 impl Measured {
     /// Time, errors and settings in a line.
     pub fn describe(&self) -> String {
+        format!("{}: {}", self.figures(), self.combination.describe())
+    }
+
+    /// Time and errors.
+    pub fn figures(&self) -> String {
         format!(
-            "{:8.2} ms, relMSE {}, bias {:+.2} %{}: {}",
+            "{:8.2} ms, relMSE {}, bias {:+.2} %{}",
             1e3 * self.seconds.median,
             uncertain(self.errors.relmse.value, self.errors.relmse.standard_error),
             100.0 * self.errors.bias.value,
             self.flip.map_or(String::new(), |flip| format!(", FLIP {flip:.4}")),
-            self.combination.describe(),
         )
     }
 }
