@@ -3,6 +3,7 @@
 
 mod support;
 
+use cloudparity::base::display_table::DisplayTable;
 use cloudparity::engines::Engine;
 use cloudparity::engines::defects::Defects;
 use cloudparity::gpu::Backend;
@@ -10,7 +11,6 @@ use cloudparity::integrators::path::GivenMedium;
 use cloudparity::scene::Scene;
 use cloudparity::scene::image::Image;
 use cloudparity::viewer::compare::{Curve, Statistics};
-use cloudparity::viewer::cube::Cube;
 use cloudparity::viewer::quality::Choice;
 use cloudparity::viewer::{App, Changes, Record, Source};
 use cloudparity::{Error, Result, engines};
@@ -357,9 +357,9 @@ fn view_transforms_are_those_of_blender() {
     }
     for (view, look) in [("AgX", "None"), ("AgX", "AgX - Punchy"), ("Filmic", "None"), ("Khronos PBR Neutral", "None")]
     {
-        let cube = Cube::new(view.to_owned(), display_values(view, look, &Cube::axis()));
+        let cube = DisplayTable::new(view.to_owned(), 97, display_values(view, look, &DisplayTable::axis(97)));
         // Half a step of the table from its own values, where it knows least, and elsewhere; up to 16.
-        let own = Cube::axis();
+        let own = DisplayTable::axis(97);
         let mut axis: Vec<f64> =
             own.windows(2).map(|pair| (pair[0] + pair[1]) / 2.0).filter(|&value| value < 16.0).collect();
         axis.extend([0.0, 0.18, 0.5, 1.0]);

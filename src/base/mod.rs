@@ -2,6 +2,7 @@
 //! users' text in the formats that are written, progress, textures.
 
 pub mod choice;
+pub mod display_table;
 pub mod error;
 pub mod files;
 pub mod identity;

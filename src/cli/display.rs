@@ -1,6 +1,8 @@
 //! A scene-linear picture as Blender shows it: a PNG through Blender's own colour management.
 
-use crate::base::error::Result;
+use crate::base::display_table::DisplayTable;
+use crate::base::error::{Error, Result};
+use crate::base::files;
 use crate::bridge;
 use crate::bridge::CyclesKernel;
 use crate::measure::pictures::SCRIPT;
@@ -60,4 +62,23 @@ pub(super) fn convert(pictures: &[PathBuf], png: &Path, arguments: &DisplayArgum
         "background": background, "channels": if *rgb { "rgb" } else { "rgba" },
     });
     make(&picture)
+}
+
+/// A view transform as a table of `side` colours an axis, without the exposure; none where it is Standard, which has a formula.
+pub(super) fn table(display: &Display, side: usize) -> Result<Option<DisplayTable>> {
+    let Display { view_transform, look, gamma, .. } = display;
+    if (view_transform.as_str(), look.as_str(), *gamma) == ("Standard", "None", 1.0) {
+        return Ok(None);
+    }
+    let folder = tempfile::tempdir().map_err(|cause| {
+        Error::new("temporary folder", cause.to_string(), "a folder that can be made", "Check the free space.")
+    })?;
+    let values = folder.path().join("values.npy");
+    let request = json!({
+        "op": "cube", "axis": DisplayTable::axis(side), "values": values, "view": view_transform, "look": look, "gamma": gamma,
+    });
+    let result = bridge::run_script(SCRIPT, &request, CyclesKernel::Default, |_| ())?;
+    let (values, _) = files::read_values(&values)?;
+    let colours = values.chunks_exact(3).map(|colour| [colour[0], colour[1], colour[2]]).collect();
+    Ok(Some(DisplayTable::new(result["view_used"].as_str().unwrap_or_default().to_owned(), side, colours)))
 }

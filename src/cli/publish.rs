@@ -1,20 +1,24 @@
 //! `cloudparity publish`: an engine in a scene as a shader bundle that carries its error.
 
 use super::choice::choice;
+use super::display;
 use super::engine::EngineArguments;
 use super::picture::SceneArguments;
 use crate::base::choice::choice as named_values;
+use crate::base::display_table::DisplayTable;
 use crate::base::error::{Error, Result};
 use crate::base::files;
+use crate::base::numbers::uncertain;
 use crate::bridge;
 use crate::bridge::CyclesKernel;
 use crate::engines::Engine;
 use crate::engines::bundle::field::FieldBundle;
 use crate::engines::bundle::one_shader::OneShader;
 use crate::engines::bundle::targets::Program;
-use crate::engines::bundle::{Bundle, Origin};
+use crate::engines::bundle::{Bundle, Origin, Other};
 use crate::engines::render::{self, EngineJitter};
 use crate::gpu::{Backend, Gpu};
+use crate::measure::errors;
 use crate::measure::pictures::{DiffRequest, DiffResult, Tolerances};
 use crate::scene::Scene;
 use crate::scene::image::Image;
@@ -65,9 +69,9 @@ pub(super) struct Arguments {
     /// Voxels along the longest side of the density's box, for texture and vdb.
     #[arg(long, value_name = "N", default_value_t = 128, value_parser = clap::value_parser!(u32).range(2..=4096))]
     voxels: u32,
-    /// Instead of a model and its options, an engine as a tuned preset (*.preset.json) has it.
-    #[arg(long, value_name = "FILE")]
-    preset: Option<PathBuf>,
+    /// Instead of a model and its options, an engine as a tuned preset (*.preset.json) has it. Of wgsl several: the page has a choice of them.
+    #[arg(long, value_name = "FILE", num_args = 1..)]
+    preset: Vec<PathBuf>,
     /// Pictures of the same camera and size that are right, such as the replicas of path tracing: the error against them goes into the
     /// certificate.
     #[arg(long, value_name = "FILE", num_args = 1..)]
@@ -81,7 +85,8 @@ pub(super) struct Arguments {
 
 pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
     let scene = arguments.scene.load()?;
-    let (scene, engine) = arguments.engine(scene)?;
+    arguments.engine.refuse_for_views(!arguments.preset.is_empty())?;
+    let engines = arguments.engines(&scene)?;
     let truth = match arguments.truth.as_slice() {
         [] => None,
         paths => {
@@ -89,9 +94,21 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
             Some(Image::mean_of(&pictures)?)
         }
     };
-    let publication = Publication { arguments, scene: &scene, engine: &engine, truth: truth.as_ref() };
+    if engines.len() > 1 && arguments.to != Target::Wgsl {
+        return Err(Error::new(
+            "--preset",
+            format!("{} presets", engines.len()),
+            "one preset: only the page of wgsl has a choice of several",
+            "Publish each into a folder of its own.",
+        ));
+    }
+    if engines.len() > 1 {
+        return several(arguments, &engines, truth.as_ref());
+    }
+    let (_, scene, engine) = &engines[0];
+    let publication = Publication { arguments, folder: &arguments.output, scene, engine, truth: truth.as_ref() };
     let text = match arguments.to {
-        Target::Wgsl => publication.kernels(),
+        Target::Wgsl => publication.kernels(&publication.shown(), &[]),
         Target::Three => publication.one_shader(Program::Three),
         Target::Godot => publication.one_shader(Program::Godot),
         Target::Hlsl => publication.one_shader(Program::Hlsl),
@@ -101,22 +118,63 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
+/// An engine, the scene that it is in (a preset may change it), and what it is called.
+type Titled = (String, Scene, Engine);
+
 impl Arguments {
-    /// The engine, and the scene that it is in: a preset may change both.
-    fn engine(&self, scene: Scene) -> Result<(Scene, Engine)> {
-        self.engine.refuse_for_views(self.preset.is_some())?;
-        let Some(path) = &self.preset else {
-            let engine = self.engine.engine(&scene, "graph")?;
-            return Ok((scene, engine));
+    fn engines(&self, scene: &Scene) -> Result<Vec<Titled>> {
+        if self.preset.is_empty() {
+            return Ok(vec![(String::new(), scene.clone(), self.engine.engine(scene, "graph")?)]);
+        }
+        let built = |path: &PathBuf| -> Result<Titled> {
+            let preset = super::engine::preset(path, scene)?;
+            let (scene, engine, _) = preset.build(scene)?;
+            Ok((preset.title, scene, engine))
         };
-        let (scene, engine, _) = super::engine::preset(path, &scene)?.build(&scene)?;
-        Ok((scene, engine))
+        self.preset.iter().map(built).collect()
     }
 }
+
+/// Bundles of several presets: the first one with the page, the others in folders of their own beneath it.
+fn several(arguments: &Arguments, engines: &[Titled], truth: Option<&Image>) -> Result<ExitCode> {
+    let mut taken: Vec<String> = Vec::new();
+    for path in &arguments.preset {
+        let name = path.file_name().unwrap_or_default().to_string_lossy();
+        let stem = name.strip_suffix(".preset.json").unwrap_or(&name).to_owned();
+        let is_taken = |name: &String| taken.contains(name);
+        let free = (1..).map(|number| if number == 1 { stem.clone() } else { format!("{stem}-{number}") });
+        taken.push(free.into_iter().find(|name| !is_taken(name)).expect("numbers do not end"));
+    }
+    let others: Vec<Other> = engines
+        .iter()
+        .zip(&taken)
+        .enumerate()
+        .map(|(number, ((title, ..), name))| Other {
+            title: title.clone(),
+            folder: if number == 0 { ".".into() } else { name.clone() },
+        })
+        .collect();
+    let mut shown = None;
+    let mut text = String::new();
+    for (other, (title, scene, engine)) in others.iter().zip(engines) {
+        let folder = arguments.output.join(&other.folder);
+        let publication = Publication { arguments, folder: &folder, scene, engine, truth };
+        let shown = shown.get_or_insert_with(|| publication.shown());
+        let is_first = other.folder == ".";
+        let certified = publication.kernels(shown, if is_first { &others } else { &[] })?;
+        text += &format!("{title}\n{certified}");
+    }
+    super::print(&text)?;
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Colours along each axis of the table of the view transform in a page: half a megabyte.
+const COLOURS: usize = 49;
 
 /// What is published.
 struct Publication<'a> {
     arguments: &'a Arguments,
+    folder: &'a Path,
     scene: &'a Scene,
     engine: &'a Engine,
     truth: Option<&'a Image>,
@@ -126,9 +184,24 @@ struct Publication<'a> {
 type Timed = (Image, f64);
 
 impl Publication<'_> {
-    fn kernels(&self) -> Result<String> {
-        let folder = &self.arguments.output;
-        let mut bundle = Bundle::new(self.scene, self.engine)?;
+    /// The table of the scene's view transform. Without Blender's colour management there is none, which is said.
+    fn shown(&self) -> Option<DisplayTable> {
+        display::table(&self.scene.display, COLOURS).unwrap_or_else(|error| {
+            eprintln!("warning: the page shows colours as Standard, not as the scene says: {error}");
+            None
+        })
+    }
+
+    /// The kernels; with a page where there are presets to choose from, and where it is one alone.
+    fn kernels(&self, shown: &Option<DisplayTable>, presets: &[Other]) -> Result<String> {
+        let folder = self.folder;
+        let mut bundle =
+            Bundle::new(self.scene, self.engine)?.with_display(self.scene.display.exposure.into(), shown.as_ref());
+        bundle.manifest.presets = presets.to_vec();
+        let has_page = folder == self.arguments.output || !presets.is_empty();
+        if !has_page {
+            bundle = bundle.without_hosts();
+        }
         if let Some(truth) = self.truth {
             bundle = bundle.with_truth(truth).map_err(|error| error.with_setting("resolution"))?;
         }
@@ -140,11 +213,11 @@ impl Publication<'_> {
             timed(|| ready.picture())
         })?;
         let certified = self.certified(&bundle.manifest.origin, drawn)?;
-        Ok(opened(folder, "index.html") + &certified)
+        Ok(if has_page { opened(folder, "index.html") } else { String::new() } + &certified)
     }
 
     fn one_shader(&self, program: Program) -> Result<String> {
-        let folder = &self.arguments.output;
+        let folder = self.folder;
         let mut shader = OneShader::new(self.scene, self.engine)?;
         if let Some(truth) = self.truth {
             shader = shader.with_truth(truth).map_err(|error| error.with_setting("resolution"))?;
@@ -166,7 +239,7 @@ impl Publication<'_> {
 
     /// The density alone. There is no shader to run: what the certificate compares are the engine's pictures of the stored forms.
     fn field(&self) -> Result<String> {
-        let Arguments { output: folder, to, voxels, .. } = self.arguments;
+        let (folder, Arguments { to, voxels, .. }) = (self.folder, self.arguments);
         let bar = super::progress_bar(1000);
         let progress = super::progress_on(&bar);
         let field = FieldBundle::new(self.scene, self.engine, *voxels, &|part| progress(part, "the density"))?;
@@ -232,7 +305,7 @@ impl Publication<'_> {
     /// found again.
     fn certified(&self, origin: &Origin, drawn: Option<(String, Timed)>) -> Result<String> {
         let Some((adapter, (picture, milliseconds))) = drawn else { return Ok(String::new()) };
-        let folder = &self.arguments.output;
+        let folder = self.folder;
         let twin = self.double_precision(self.engine)?;
         let [ours, double] = ["bundle.exr", "double-precision.exr"].map(|name| folder.join(name));
         picture.write_exr(&ours, false)?;
@@ -251,7 +324,13 @@ impl Publication<'_> {
             figure("root_mean_square_difference"),
         );
         if self.truth.is_some() {
-            text += &format!("relMSE against the truth {:e}\n", figure("truth_relmse"));
+            let relmse = &certificate["truth_errors_without_noise"]["relmse"];
+            text += &match (relmse["value"].as_f64(), relmse["standard_error"].as_f64()) {
+                (Some(value), Some(error)) => {
+                    format!("relMSE against the truth, without its noise, {}\n", uncertain(value, error))
+                }
+                _ => format!("relMSE against the truth {:e}, with its noise\n", figure("truth_relmse")),
+            };
         }
         Ok(text)
     }
@@ -269,6 +348,14 @@ impl Publication<'_> {
             into["truth_replicas"] = truth.len().into();
             into["truth_relmse"] = error.pixel.into();
             into["truth_relmse_of_noise"] = error.noise_pixel.into();
+            // Fewer say nothing of their own noise: the certificate says so by null.
+            into["truth_errors_without_noise"] = match truth.len() >= errors::FEWEST_REPLICAS {
+                true => {
+                    let replicas: Vec<Image> = truth.iter().map(|path| Image::read_exr(path)).collect::<Result<_>>()?;
+                    json!(errors::measure(&Image::read_exr(ours)?, &replicas)?)
+                }
+                false => Value::Null,
+            };
         }
         Ok(())
     }

@@ -1,8 +1,10 @@
 //! `cloudparity view`: a window.
 
 use super::choice::choice;
+use super::display::table;
 use super::engine::EngineArguments;
 use super::picture::SceneArguments;
+use crate::base::display_table::DisplayTable;
 use crate::base::error::{Error, Result};
 use crate::base::files;
 use crate::base::identity::{Identity, listed};
@@ -16,15 +18,14 @@ use crate::integrators::path::GivenMedium;
 use crate::measure::combination::no_cache;
 use crate::measure::errors;
 use crate::measure::images::{self, FlipPair};
-use crate::measure::pictures::{self, DiffRequest, DisplaySettings, Tolerances};
+use crate::measure::pictures::{DiffRequest, DisplaySettings, Tolerances};
 use crate::measure::study::pareto_front::Metric;
 use crate::measure::study::settings::{self, Recorded, Setting, Settings, Subject};
 use crate::measure::tuning::file::TunedEngine;
 use crate::measure::tuning::preset::{FORMAT, Preset, SCENES};
+use crate::scene::Scene;
 use crate::scene::image::Image;
-use crate::scene::{Display, Scene};
 use crate::viewer::compare::Mode;
-use crate::viewer::cube::Cube;
 use crate::viewer::quality::Choice;
 use crate::viewer::{self, Changes, Record, Source};
 use indexmap::IndexMap;
@@ -75,6 +76,9 @@ pub(super) struct Arguments {
     #[arg(long, value_name = "N", default_value_t = 0, requires = "photograph")]
     photograph_after: u32,
 }
+
+/// Colours along each axis of the table of the view transform.
+const COLOURS: usize = 97;
 
 /// Points of the window: a picture of 16:9 beside the numbers.
 const WINDOW: [f32; 2] = [1360.0, 640.0];
@@ -283,8 +287,8 @@ impl Source for Viewed {
         Ok(means.first().copied())
     }
 
-    fn view_transform(&self) -> Result<Option<Cube>> {
-        cube(&self.scene.display)
+    fn view_transform(&self) -> Result<Option<DisplayTable>> {
+        table(&self.scene.display, COLOURS)
     }
 
     fn sub_pixels(&self, changes: &Changes) -> u32 {
@@ -356,23 +360,4 @@ impl Source for Viewed {
         self.preset_of(changes)?.write(&path)?;
         Ok(format!("{}: saved", path.display()))
     }
-}
-
-/// A view transform as a table, without the exposure; none where it is Standard, which has a formula.
-fn cube(display: &Display) -> Result<Option<Cube>> {
-    let Display { view_transform, look, gamma, .. } = display;
-    if (view_transform.as_str(), look.as_str(), *gamma) == ("Standard", "None", 1.0) {
-        return Ok(None);
-    }
-    let folder = tempfile::tempdir().map_err(|cause| {
-        Error::new("temporary folder", cause.to_string(), "a folder that can be made", "Check the free space.")
-    })?;
-    let values = folder.path().join("values.npy");
-    let request = json!({
-        "op": "cube", "axis": Cube::axis(), "values": values, "view": view_transform, "look": look, "gamma": gamma,
-    });
-    let result = bridge::run_script(pictures::SCRIPT, &request, CyclesKernel::Default, |_| ())?;
-    let (values, _) = files::read_values(&values)?;
-    let colours = values.chunks_exact(3).map(|colour| [colour[0], colour[1], colour[2]]).collect();
-    Ok(Some(Cube::new(result["view_used"].as_str().unwrap_or_default().to_owned(), colours)))
 }

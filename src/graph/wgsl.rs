@@ -629,7 +629,7 @@ mod tests {
     fn the_largest_number_is_written_so_that_every_compiler_takes_it() {
         let source = "@group(0) @binding(0) var<storage, read_write> result: f32;
             @compute @workgroup_size(1) fn main() { result = max(result, -3.40282347e38); }";
-        let module = Linker::bare().and_then(|linker| linker.link("largest.wgsl", source)).expect("it links");
+        let module = Linker::bare().link("largest.wgsl", source).expect("it links");
         let text = String::from_utf8(write(&module, Language::Wgsl).expect("WGSL")).expect("text");
         assert!(text.contains("-0x1.fffffep+127f"), "{text}");
         let again = naga::front::wgsl::parse_str(&text).expect("it parses");

@@ -1,7 +1,7 @@
 //! Two pictures: what one differs by from the other, and both on a screen.
 
-use super::cube::Cube;
 use crate::base::choice::choice;
+use crate::base::display_table::DisplayTable;
 use crate::scene::image::Image;
 use rayon::prelude::*;
 use std::sync::Arc;
@@ -135,7 +135,7 @@ pub struct Curve {
 enum Colours {
     /// Display values by the square root of linear ones up to 1.
     Standard(Vec<u8>),
-    Cube(Arc<Cube>),
+    DisplayTable(Arc<DisplayTable>),
 }
 
 /// Values of the table; between two of them lies less than half a display value but in the last few of darkness.
@@ -153,8 +153,8 @@ impl Curve {
     }
 
     /// Another view transform, after an exposure in stops.
-    pub fn of(cube: Arc<Cube>, stops: f64) -> Self {
-        Self { colours: Colours::Cube(cube), factor: stops.exp2() as f32 }
+    pub fn of(cube: Arc<DisplayTable>, stops: f64) -> Self {
+        Self { colours: Colours::DisplayTable(cube), factor: stops.exp2() as f32 }
     }
 
     /// A colour. What is no number is black.
@@ -165,7 +165,7 @@ impl Curve {
                 let root = if linear.is_nan() { 0.0 } else { linear.clamp(0.0, 1.0).sqrt() };
                 table[(root * (TABLE - 1) as f32).round() as usize]
             }),
-            Colours::Cube(cube) => cube.shown([red, green, blue]).map(|value| (255.0 * value + 0.5) as u8),
+            Colours::DisplayTable(cube) => cube.shown([red, green, blue]).map(|value| (255.0 * value + 0.5) as u8),
         }
     }
 }

@@ -7,7 +7,7 @@
 
 pub mod compare;
 mod controls;
-pub mod cube;
+
 mod engine_thread;
 pub mod look;
 pub mod quality;
@@ -18,13 +18,13 @@ pub use engine_thread::Shown;
 pub use truth_thread::Truth;
 pub use window::{App, open};
 
+use crate::base::display_table::DisplayTable;
 use crate::base::error::Result;
 use crate::engines::Engine;
 use crate::gpu::Backend;
 use crate::integrators::path::GivenMedium;
 use crate::scene::Scene;
 use crate::scene::image::Image;
-use cube::Cube;
 use indexmap::IndexMap;
 use quality::Choice;
 
@@ -84,7 +84,7 @@ pub trait Source: Send + Sync {
     }
 
     /// The scene's view transform as a table; none where it is Standard, which has a formula.
-    fn view_transform(&self) -> Result<Option<Cube>> {
+    fn view_transform(&self) -> Result<Option<DisplayTable>> {
         Ok(None)
     }
 

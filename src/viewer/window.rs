@@ -1,12 +1,12 @@
 //! The window's state and what it shows.
 
 use super::compare::{self, Curve, FULL_DIFFERENCE, Mode, Statistics};
-use super::cube::Cube;
 use super::engine_thread::{self, Shown, Wanted};
 use super::look::Look;
 use super::quality::Quality;
 use super::truth_thread::{self, Truth};
 use super::{Changes, Record, Source, controls};
+use crate::base::display_table::DisplayTable;
 use crate::base::error::{Error, Result};
 use crate::base::numbers::uncertain;
 use crate::gpu::Backend;
@@ -56,8 +56,8 @@ pub struct App {
     wipe: f64,
     stops: f64,
     /// The scene's view transform, as soon as it is known; and whether it is what is shown.
-    cube: Option<Arc<Cube>>,
-    cube_answer: Option<Receiver<Result<Option<Cube>>>>,
+    cube: Option<Arc<DisplayTable>>,
+    cube_answer: Option<Receiver<Result<Option<DisplayTable>>>>,
     is_scenes_view: bool,
     is_playing: bool,
     speed: f64,

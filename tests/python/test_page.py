@@ -192,3 +192,78 @@ def test_a_lost_device_is_said_and_the_page_stays(page):
     page.wait_for_selector("#status.failed", timeout=PATIENCE)
     assert "lost" in page.locator("#status").inner_text()
     assert page.locator("#certificate").is_visible()
+
+
+def seen(page):
+    """What is on the canvas, [h, w, 3] from 0 to 255."""
+    values = page.evaluate(
+        """() => {
+          const copy = document.createElement("canvas");
+          [copy.width, copy.height] = window.host.bundle.resolution;
+          const context = copy.getContext("2d");
+          // A canvas of WebGPU can be read in the task that drew it.
+          window.host.show();
+          context.drawImage(document.getElementById("picture"), 0, 0);
+          return Array.from(context.getImageData(0, 0, copy.width, copy.height).data);
+        }"""
+    )
+    width, height = page.evaluate("() => window.host.bundle.resolution")
+    return np.array(values, float).reshape(height, width, 4)[..., :3]
+
+
+def test_colours_are_those_of_the_scenes_view_transform(page):
+    """The canvas against Blender's own colours of the same linear picture: half of the pixels are off by less
+    than half a display value by the table, as those of the window's (tests/viewer.rs), and by half of one by
+    rounding to bytes. The curve of sRGB is another picture."""
+    import display_picture
+
+    linear = np.maximum(drawn(page)[..., :3], 0)
+    wanted = 255 * display_picture.Display("AgX", "None", 0.0, 1.0).apply(linear.astype(np.float32))
+    found = seen(page)
+    difference = np.abs(found - wanted).max(axis=-1)
+    print(f"off by {np.median(difference):.2f} at the median, {difference.max():.2f} at most")
+    assert np.median(difference) <= 1
+    page.select_option("#view", "standard")
+    encoded = np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
+    standard = 255 * np.clip(encoded, 0, 1)
+    # Rounding to bytes, and of the logarithms of a power in f32, some 1e-6 of it.
+    assert np.abs(seen(page) - standard).max() <= 0.51
+    assert np.abs(standard - wanted).max() > 20, "the two are hardly the same"
+    assert page.said == []
+
+
+def test_presets_are_chosen_on_the_page(browser, tmp_path):
+    scene = ROOT / "parity/scenes/procedural-clouds.scene.json"
+    files = []
+    for steps in (4, 12):
+        files.append(tmp_path / f"steps-{steps}.preset.json")
+        engine = {"density": "graph", "light": "own", "steps": steps, "light_steps": 2}
+        preset = {"format": "cloudparity-preset/1", "title": f"{steps} steps", "engine": engine, "parameters": {}}
+        files[-1].write_text(json.dumps(preset))
+    out = tmp_path / "cloud"
+    command = [str(built_program()), "publish", str(scene), "--resolution", "32x18", "-o", str(out)]
+    made = subprocess.run(
+        [*command, "--preset", *map(str, files)], check=True, capture_output=True, cwd=ROOT, text=True
+    )
+    assert made.stdout.count("double precision") == 2, made.stdout
+    assert not (out / "steps-12/index.html").exists() and (out / "steps-12/certificate.json").exists()
+    with served(tmp_path) as root, listening(browser, f"{root}/cloud/", "window.firstPicture", (1100, 700)) as page:
+        titles = page.locator("#presets option").all_inner_texts()
+        assert titles == ["4 steps", "12 steps"]
+        first = drawn(page)
+        page.evaluate("() => { window.before = window.host; }")
+        page.select_option("#presets", "steps-12")
+        page.wait_for_function("window.host !== window.before && !document.getElementById('presets').disabled")
+        second = drawn(page)
+        assert not np.array_equal(first, second)
+        certificate = json.loads((out / "steps-12/certificate.json").read_text())
+        import OpenImageIO as oiio
+
+        ours = np.asarray(oiio.ImageBuf(str(out / "steps-12/bundle.exr")).get_pixels())
+        bound = 2 * certificate["largest_difference"] + 200 * ULP * certificate["brightest_value"]
+        assert np.abs(second[..., :3] - ours[..., :3]).max() <= bound
+        page.mouse.move(300, 200)
+        page.mouse.wheel(0, 300)
+        page.wait_for_timeout(300)
+        assert not np.array_equal(drawn(page), second)
+        assert page.said == []

@@ -34,6 +34,35 @@ pub struct Manifest {
     /// The right picture of the scene as it is, where there is one: a file of `vec4f` each, from the top-left corner.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub truth: Option<String>,
+    /// How a page shows linear colours; by the curve of sRGB alone where nothing is said.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub display: Option<Shown>,
+    /// Bundles that a page offers, itself among them; of other presets for the same scene.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub presets: Vec<Other>,
+}
+
+/// From linear colours to those of the screen.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Shown {
+    /// The view transform and look.
+    pub view: String,
+    /// Stops: colours are multiplied by 2^exposure first.
+    pub exposure: f64,
+    /// Display values as a table of words, ten bits each for red (lowest), green and blue; blue fastest. Without it the curve of sRGB.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub file: Option<String>,
+    /// Colours along each axis of the table, at (e^(t s) - 1) / 4096 with t = ln(1 + 4096 * 64) and s from 0 to 1; 0 without one.
+    pub side: u32,
+}
+
+/// A bundle beside others.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Other {
+    /// What the page calls it.
+    pub title: String,
+    /// Its folder, from this one.
+    pub folder: String,
 }
 
 /// What a bundle was made of, and the picture that it draws.

@@ -5,6 +5,7 @@
 //! name: a number is changed at run time, without compiling. [`Bundle::picture`] runs the files on an adapter as a host does, from the texts and
 //! bytes that were written.
 
+use crate::base::display_table::DisplayTable;
 use crate::base::error::{Error, Result};
 use crate::base::files;
 use crate::base::texture;
@@ -27,11 +28,14 @@ pub mod manifest;
 pub mod one_shader;
 pub mod targets;
 
-pub use manifest::{Binding, CameraFrame, FORMAT, Field, Kernel, Manifest, Origin};
+pub use manifest::{Binding, CameraFrame, FORMAT, Field, Kernel, Manifest, Origin, Other, Shown};
 use manifest::{Uniform, refuse_passes, truth_of, write_into};
 
 /// The file of the right picture.
 const TRUTH: &str = "truth.bin";
+
+/// The file of display values.
+const DISPLAY: &str = "display.bin";
 
 /// The page and its program, and a program in wgpu.
 const HOSTS: [(&str, &str); 5] = [
@@ -97,8 +101,30 @@ impl Bundle {
             rays_together: march.rays_together(steps_together) as u32,
             kernels,
             truth: None,
+            display: None,
+            presets: Vec::new(),
         };
         Ok(Self { manifest, files })
+    }
+
+    /// The same for a page that shows colours through a table, or by the curve of sRGB without one, after an exposure in stops.
+    pub fn with_display(mut self, exposure: f64, table: Option<&DisplayTable>) -> Self {
+        if let Some(table) = table {
+            self.files.insert(DISPLAY.into(), bytemuck::cast_slice(&table.words()).to_vec());
+        }
+        self.manifest.display = Some(Shown {
+            view: table.map_or("Standard", DisplayTable::name).into(),
+            exposure,
+            file: table.map(|_| DISPLAY.into()),
+            side: table.map_or(0, |table| table.side() as u32),
+        });
+        self
+    }
+
+    /// The same without a page of its own: one that a page of another bundle offers ([`Manifest::presets`]).
+    pub fn without_hosts(mut self) -> Self {
+        HOSTS.iter().for_each(|(name, _)| drop(self.files.remove(*name)));
+        self
     }
 
     /// The same with the right picture of the scene beside it. An error where it has another size.

@@ -1,7 +1,7 @@
 // Runs a bundle in plain WebGPU: rays of the camera, the march, compositing, and the picture on a canvas. bundle.json says what goes where.
 //
 // For other pages: `await open(canvas, folder)` gives a host with `draw()`, `orbit(longitude, latitude, distance)`, `set(kernel, name, values)`
-// and `read()`, which gives the linear colours as Float32Array, four numbers a pixel from the top-left corner.
+// and `read()`, which gives the linear colours as Float32Array, four numbers a pixel from the top-left corner; `close()` gives back what it has.
 
 const RAY = 64, PIXEL = 32;
 
@@ -17,8 +17,12 @@ const NUMBERS = [
 
 const SHOW = `
 @group(0) @binding(0) var<storage, read> colour: array<vec4f>;
-@group(0) @binding(1) var<uniform> size: vec4u;
+// Width, height, the column of the line, colours along each axis of the table (0: the curve of sRGB); exposure as a factor.
+struct Screen { size: vec4u, exposure: vec4f }
+@group(0) @binding(1) var<uniform> screen: Screen;
 @group(0) @binding(2) var<storage, read> truth: array<vec4f>;
+// Display values of ten bits, blue fastest.
+@group(0) @binding(3) var<storage, read> table: array<u32>;
 @vertex fn corner(@builtin(vertex_index) index: u32) -> @builtin(position) vec4f {
   return vec4f(f32(index & 1u) * 4.0 - 1.0, f32(index >> 1u) * 4.0 - 1.0, 0.0, 1.0);
 }
@@ -27,13 +31,32 @@ fn encoded(linear: vec3f) -> vec3f {
   let value = clamp(linear, vec3f(0.0), vec3f(1.0));
   return select(1.055 * pow(value, vec3f(1.0 / 2.4)) - 0.055, 12.92 * value, value <= vec3f(0.0031308));
 }
+// Between the colours of the scene's view transform, which lie at (e^(t s) - 1) / 4096 with t = ln(1 + 4096 * 64), s from 0 to 1.
+fn looked_up(linear: vec3f) -> vec3f {
+  let side = screen.size.w;
+  let place = log(1.0 + 4096.0 * clamp(linear, vec3f(0.0), vec3f(64.0))) * (f32(side - 1u) / log(1.0 + 4096.0 * 64.0));
+  let low = min(vec3u(place), vec3u(side - 2u));
+  let part = place - vec3f(low);
+  var sum = vec3f(0.0);
+  for (var corner = 0u; corner < 8u; corner++) {
+    let high = vec3u(corner & 1u, (corner >> 1u) & 1u, corner >> 2u);
+    let weights = select(1.0 - part, part, high == vec3u(1u));
+    let at = low + high;
+    let word = table[(at.x * side + at.y) * side + at.z];
+    let value = vec3f(vec3u(word, word >> 10u, word >> 20u) & vec3u(1023u)) / 1023.0;
+    sum += weights.x * weights.y * weights.z * value;
+  }
+  return sum;
+}
 @fragment fn shown(@builtin(position) place: vec4f) -> @location(0) vec4f {
-  let at = u32(place.y) * size.x + u32(place.x);
+  let at = u32(place.y) * screen.size.x + u32(place.x);
   // Right of a line stands the truth.
-  if (u32(place.x) == size.z) { return vec4f(1.0, 0.69, 0.13, 1.0); }
+  if (u32(place.x) == screen.size.z) { return vec4f(1.0, 0.69, 0.13, 1.0); }
   var pixel = colour[at];
-  if (u32(place.x) > size.z) { pixel = truth[at]; }
-  return vec4f(encoded(pixel.rgb), 1.0);
+  if (u32(place.x) > screen.size.z) { pixel = truth[at]; }
+  let exposed = pixel.rgb * screen.exposure.x;
+  if (screen.size.w != 0u) { return vec4f(looked_up(exposed), 1.0); }
+  return vec4f(encoded(exposed), 1.0);
 }`;
 
 const add = (a, b, times = 1) => a.map((value, axis) => value + times * b[axis]);
@@ -74,8 +97,10 @@ export async function open(canvas, folder = ".") {
     if (name !== "maxStorageBuffersPerShaderStage" || needed > 8) requiredLimits[name] = needed;
   }
   const device = await adapter.requestDevice({ requiredLimits });
-  const host = { bundle, device, lost: null, wipe: 1 };
+  // `isStandard`: the curve of sRGB in the place of the scene's view transform.
+  const host = { bundle, device, lost: null, wipe: 1, isStandard: false };
   device.lost.then((why) => { host.lost = why.message || why.reason; });
+  host.close = () => device.destroy();
 
   const buffer = (size, usage) => device.createBuffer({ size, usage });
   const { STORAGE, COPY_SRC, COPY_DST, UNIFORM, MAP_READ } = GPUBufferUsage;
@@ -87,6 +112,10 @@ export async function open(canvas, folder = ".") {
   const truth = bundle.truth ? new Float32Array(await (await get(bundle.truth)).arrayBuffer()) : null;
   const right = truth ? buffer(truth.byteLength, STORAGE | COPY_DST) : colour;
   if (truth) device.queue.writeBuffer(right, 0, truth);
+  const display = bundle.display ?? { exposure: 0, side: 0 };
+  const table = display.file ? new Uint32Array(await (await get(display.file)).arrayBuffer()) : null;
+  const colours = table ? buffer(table.byteLength, STORAGE | COPY_DST) : colour;
+  if (table) device.queue.writeBuffer(colours, 0, table);
   for (const [name, content] of files) {
     roles[name] = buffer(content.byteLength, STORAGE | COPY_DST);
     device.queue.writeBuffer(roles[name], 0, content);
@@ -134,25 +163,32 @@ export async function open(canvas, folder = ".") {
   const context = canvas?.getContext("webgpu");
   let screen = null;
   if (context) {
-    canvas.width = width;
-    canvas.height = height;
     const format = navigator.gpu.getPreferredCanvasFormat();
-    context.configure({ device, format, alphaMode: "opaque" });
     const module = device.createShaderModule({ code: SHOW });
     const pipeline = await device.createRenderPipelineAsync({
       layout: "auto", vertex: { module }, fragment: { module, targets: [{ format }] },
     });
-    const size = buffer(16, UNIFORM | COPY_DST);
-    const entries = [colour, size, right].map((one, binding) => ({ binding, resource: { buffer: one } }));
-    screen = { size, pipeline, group: device.createBindGroup({ layout: pipeline.getBindGroupLayout(0), entries }) };
+    const size = buffer(32, UNIFORM | COPY_DST);
+    const entries = [colour, size, right, colours].map((one, binding) => ({ binding, resource: { buffer: one } }));
+    const group = device.createBindGroup({ layout: pipeline.getBindGroupLayout(0), entries });
+    // With the first picture, not before: until then the canvas may be another host's.
+    const begin = () => {
+      [canvas.width, canvas.height] = [width, height];
+      context.configure({ device, format, alphaMode: "opaque" });
+      screen.begin = null;
+    };
+    screen = { size, pipeline, group, begin };
   }
 
   // What is on the canvas, from the last picture.
   host.show = () => {
     if (!screen) return;
+    screen.begin?.();
     // The part of the width that is the engine's; all of it where the view is none that the truth is of.
     const line = host.wipe < 1 && truth && host.isHome() ? Math.round(host.wipe * width) : 0xffffffff;
-    device.queue.writeBuffer(screen.size, 0, new Uint32Array([width, height, line, 0]));
+    const side = table && !host.isStandard ? display.side : 0;
+    device.queue.writeBuffer(screen.size, 0, new Uint32Array([width, height, line, side]));
+    device.queue.writeBuffer(screen.size, 16, new Float32Array([2 ** display.exposure, 0, 0, 0]));
     const encoder = device.createCommandEncoder();
     const view = context.getCurrentTexture().createView();
     const pass = encoder.beginRenderPass({ colorAttachments: [{ view, loadOp: "clear", storeOp: "store" }] });
@@ -261,45 +297,42 @@ function inverse(matrix) {
 // The page.
 const canvas = document.getElementById("picture");
 if (canvas) {
-  const status = document.getElementById("status");
+  const at = (name) => document.getElementById(name);
+  const status = at("status");
   const fail = (error) => { status.className = "failed"; status.textContent = error.message; };
-  try {
-    const began = performance.now();
-    const host = await open(canvas);
-    window.host = host;
-    const { model, scene } = host.bundle;
-    document.getElementById("title").textContent = document.title = `${scene}, ${model}`;
-    let [longitude, latitude, distance] = [0, 0, 1];
-    let busy = false, again = false;
-    const show = async () => {
-      if (busy) { again = true; return; }
-      busy = true;
-      try {
-        do {
-          again = false;
-          const took = await host.draw();
-          window.firstPicture ??= performance.now() - began;
-          const error = again ? null : await host.error();
-          const says = error === null ? "" : ` relMSE against the truth ${error.toExponential(2)}.`;
-          status.textContent = `${host.bundle.resolution.join(" × ")}: ${took.toFixed(0)} ms a picture.${says} Drag to go around, turn the wheel to come closer.`;
-        } while (again);
-      } catch (error) { fail(error); }
-      busy = false;
-    };
-    const turn = () => { host.orbit(longitude, latitude, distance); show(); };
-    canvas.addEventListener("pointerdown", (event) => canvas.setPointerCapture(event.pointerId));
-    canvas.addEventListener("pointermove", (event) => {
-      if (!event.buttons) return;
-      longitude -= event.movementX * 0.008;
-      latitude = Math.max(-1.4, Math.min(1.4, latitude + event.movementY * 0.008));
-      turn();
-    });
-    canvas.addEventListener("wheel", (event) => {
-      event.preventDefault();
-      distance = Math.max(0.05, Math.min(20, distance * Math.exp(event.deltaY * 0.001)));
-      turn();
-    }, { passive: false });
-    const reset = [];
+  let host = null;
+  let [longitude, latitude, distance] = [0, 0, 1];
+  let busy = null, again = false;
+  const began = performance.now();
+
+  const draw = async () => {
+    try {
+      do {
+        again = false;
+        const took = await host.draw();
+        window.firstPicture ??= performance.now() - began;
+        const error = again ? null : await host.error();
+        const says = error === null ? "" : ` relMSE against the truth ${error.toExponential(2)}.`;
+        status.className = "";
+        status.textContent = `${host.bundle.resolution.join(" × ")}: ${took.toFixed(0)} ms a picture.${says} Drag to go around, turn the wheel to come closer.`;
+      } while (again);
+    } catch (error) { fail(error); }
+    busy = null;
+  };
+  const show = () => {
+    again = true;
+    busy ??= draw();
+    return busy;
+  };
+  const turn = () => { host.orbit(longitude, latitude, distance); return show(); };
+
+  const option = (value, text) => Object.assign(document.createElement("option"), { value, textContent: text });
+
+  // Sliders of the numbers that this engine has.
+  let reset = [];
+  const sliders = () => {
+    reset = [];
+    at("numbers").replaceChildren();
     for (const [kernel, name, title, scale, low, high] of NUMBERS) {
       const own = host.original(kernel, name);
       if (!own.some((value) => value !== 0)) continue;
@@ -317,27 +350,75 @@ if (canvas) {
       const start = () => { slider.value = factor ? 0 : own[0]; write(); };
       slider.addEventListener("input", () => { write(); show(); });
       label.append(title, shown, slider);
-      document.getElementById("numbers").append(label);
+      at("numbers").append(label);
       start();
       reset.push(start);
     }
-    const wipe = document.getElementById("wipe");
-    wipe.parentElement.hidden = !host.bundle.truth;
-    wipe.addEventListener("input", () => { host.wipe = Number(wipe.value); host.show(); });
-    document.getElementById("reset").addEventListener("click", () => {
-      [longitude, latitude, distance] = [0, 0, 1];
-      reset.forEach((start) => start());
-      turn();
-    });
-    const answer = await fetch("certificate.json");
+  };
+
+  const certificate = async (folder) => {
+    const answer = await fetch(`${folder}/certificate.json`);
     const facts = answer.ok ? await answer.json() : {};
+    at("certificate").replaceChildren();
     for (const [name, value] of Object.entries(facts)) {
       if (typeof value === "object" || name === "format") continue;
       const [term, text] = [document.createElement("dt"), document.createElement("dd")];
       [term.textContent, text.textContent] = [name.replaceAll("_", " "), typeof value === "number" ? Number(value.toPrecision(4)) : value];
       text.title = value;
-      document.getElementById("certificate").append(term, text);
+      at("certificate").append(term, text);
     }
-    await show();
+  };
+
+  // Takes the bundle of a folder; the picture of the last one stands until it is there.
+  const take = async (folder) => {
+    const next = await open(canvas, folder);
+    if (busy) { again = false; await busy; }
+    host?.close();
+    next.isStandard = at("view").value === "standard";
+    next.wipe = Number(at("wipe").value);
+    window.host = host = next;
+    const { model, scene, display, truth } = host.bundle;
+    at("title").textContent = document.title = `${scene}, ${model}`;
+    at("view").parentElement.hidden = !display?.file;
+    at("view").options[0].textContent = display?.view ?? "";
+    at("wipe").parentElement.hidden = !truth;
+    sliders();
+    await certificate(folder);
+    await turn();
+  };
+
+  canvas.addEventListener("pointerdown", (event) => canvas.setPointerCapture(event.pointerId));
+  canvas.addEventListener("pointermove", (event) => {
+    if (!event.buttons || !host) return;
+    longitude -= event.movementX * 0.008;
+    latitude = Math.max(-1.4, Math.min(1.4, latitude + event.movementY * 0.008));
+    turn();
+  });
+  canvas.addEventListener("wheel", (event) => {
+    event.preventDefault();
+    if (!host) return;
+    distance = Math.max(0.05, Math.min(20, distance * Math.exp(event.deltaY * 0.001)));
+    turn();
+  }, { passive: false });
+  at("wipe").addEventListener("input", () => { host.wipe = Number(at("wipe").value); host.show(); });
+  at("view").addEventListener("change", () => { host.isStandard = at("view").value === "standard"; host.show(); });
+  at("reset").addEventListener("click", () => {
+    if (!host) return;
+    [longitude, latitude, distance] = [0, 0, 1];
+    reset.forEach((start) => start());
+    turn();
+  });
+  const presets = at("presets");
+  presets.addEventListener("change", async () => {
+    presets.disabled = true;
+    status.textContent = "Loading the shaders.";
+    try { await take(presets.value); } catch (error) { fail(error); }
+    presets.disabled = false;
+  });
+  try {
+    await take(".");
+    const all = host.bundle.presets ?? [];
+    presets.append(...all.map((one) => option(one.folder, one.title)));
+    presets.parentElement.hidden = all.length < 2;
   } catch (error) { fail(error); }
 }
