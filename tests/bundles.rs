@@ -10,6 +10,7 @@ use cloudparity::engines;
 use cloudparity::engines::Engine;
 use cloudparity::engines::bundle::field::FieldBundle;
 use cloudparity::engines::bundle::one_shader::OneShader;
+use cloudparity::engines::bundle::run_time::{Candidate, RunTime};
 use cloudparity::engines::bundle::targets::Program;
 use cloudparity::engines::bundle::{Bundle, languages};
 use cloudparity::engines::defects::Defects;
@@ -18,6 +19,7 @@ use cloudparity::engines::render::{EngineJitter, EngineRenderer, EngineSettings}
 use cloudparity::gpu::Gpu;
 use cloudparity::scene::image::Image;
 use cloudparity::scene::{Projection, Scene};
+use rand::{Rng as _, SeedableRng as _};
 use std::path::Path;
 
 const SETTINGS: EngineSettings =
@@ -154,6 +156,118 @@ fn a_bundle_draws_what_the_engine_draws() {
     check("a transparent film", &alone, &engine(&alone, "perlin-fbm", None, &[]), &gpu);
 }
 
+/// The engine at values of parameters, as presets name them.
+fn changed(scene: &Scene, model: &str, fixed: &[&str], values: &[(&str, f64)]) -> cloudparity::Result<(Scene, Engine)> {
+    let mut scene = scene.clone();
+    let mut texts: Vec<String> = fixed.iter().map(|&text| text.into()).collect();
+    for (name, value) in values {
+        match name.split_once('.').expect("its owner stands first") {
+            ("scene", name) => scene.set(&format!("{name}={value}"))?,
+            (_, name) => texts.push(format!("{name}={value}")),
+        }
+    }
+    let model = engines::find(model)?;
+    let engine = model.engine(&scene, &model.values(None, &texts)?, &Defects::NONE, 0.0)?;
+    Ok((scene, engine))
+}
+
+/// A bundle whose parameters are moved draws what an engine that is put together for them draws. Its constants are off from the engine's by some
+/// roundings: each parameter is moved by 64 of them (of the larger end of its range), both ways, and twice the change of a value, summed over the
+/// parameters, is added to its bound.
+fn check_parameters(model: &str, scene: &Scene, fixed: &[&str], wanted: &[&str], gpu: &Gpu) {
+    let build = |values: &[(&str, f64)]| changed(scene, model, fixed, values);
+    let (own, engine) = build(&[]).expect("an engine");
+    let candidates = Candidate::all(&own, &engine).expect("candidates");
+    let found = RunTime::find(&candidates, engine.density.bounds, &build).expect("a search").expect("parameters");
+    let names: Vec<&str> = found.tunables.iter().map(|one| one.field.as_str()).collect();
+    println!("{model}: {names:?}");
+    for name in wanted {
+        assert!(names.contains(name), "{model}: {name} is none of {names:?}");
+    }
+    // What is no number of the density is none of them.
+    for name in ["march_steps", "light_steps", "cache_cells", "octaves"] {
+        assert!(!names.contains(&name), "{model}: {name}");
+    }
+    let mut bundle = Bundle::with_parameters(&own, &engine, Some(&found)).expect("a bundle");
+    let mut shader = OneShader::with_parameters(&own, &engine, Some(&found)).expect("a shader");
+    let compared = bounded(model, &own, &engine);
+    let home = values(&bundle.picture(gpu).expect("a picture"));
+    let share = compared.share(&home);
+    println!("{model}, its own values: {share:.2} of the bound");
+    assert!(share <= 1.0, "{model}: {share} of the bound");
+
+    let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(5);
+    let mut moved = Vec::new();
+    for one in &found.tunables {
+        // Near the bundle's own: a density that is nowhere is no picture.
+        let [low, high] = one.range;
+        let value =
+            f64::from((one.value + 0.2 * (high - low) * (random.random::<f64>() - 0.5)).clamp(low, high) as f32);
+        bundle.set_density(&one.field, value).expect("it is one of its");
+        shader.set_number("density", 0, &one.field, &[value]).expect("it is one of its");
+        moved.push((one.name.as_str(), value));
+    }
+    shader.set_number("march", 0, "everywhere", &[1.0]).expect("every march has it");
+    let (there, engine) = build(&moved).expect("an engine");
+    let mut compared = bounded(model, &there, &engine);
+    for place in 0..moved.len() {
+        let [low, high] = found.tunables[place].range;
+        let step = 64.0 * ULP * low.abs().max(high.abs());
+        let mut most = vec![0.0_f64; compared.truths.len()];
+        for sign in [-1.0, 1.0] {
+            let mut nudged = moved.clone();
+            nudged[place].1 += sign * step;
+            // Beyond what is allowed there is nothing to compare.
+            let Ok((scene, engine)) = build(&nudged) else { continue };
+            for ((most, found), truth) in most.iter_mut().zip(on_cores(&scene, &engine)).zip(&compared.truths) {
+                *most = most.max((found - truth).abs());
+            }
+        }
+        compared.bounds.iter_mut().zip(&most).for_each(|(bound, change)| *bound += 2.0 * change);
+    }
+    let few = compared.truths.len() / 100;
+    assert!(compared.beyond(&home) > few, "{model}: other values are another picture");
+    for (form, picture) in [("kernels", bundle.picture(gpu)), ("one shader", shader.picture(gpu))] {
+        let share = compared.share(&values(&picture.expect("a picture")));
+        println!("{model} as {form}, other values: {share:.2} of the bound");
+        assert!(share <= 1.0, "{model} as {form}: {share} of the bound");
+    }
+    assert!(bundle.set_density("none", 1.0).is_err());
+    // Other programs are given the same.
+    let folder = tempfile::tempdir().expect("a folder");
+    bundle.write(folder.path()).expect("written");
+    let mut cloud = cloud::Cloud::load(folder.path(), gpu.device(), gpu.queue()).expect("it reads back");
+    let wanted = bundle.picture(gpu).expect("a picture").pixels;
+    assert!(cloud.draw(gpu.device(), gpu.queue()).expect("a picture") == wanted, "{model}: the program in wgpu");
+    let (name, value) = cloud.density()[0].clone();
+    assert!((f64::from(value) - found.tunables[0].value).abs() <= ULP * f64::from(value.abs()));
+    cloud.set_density(gpu.queue(), &name, 0.9 * value + 0.01).expect("it is one of its");
+    assert!(cloud.draw(gpu.device(), gpu.queue()).expect("a picture") != wanted, "{model}: the program in wgpu");
+    assert!(languages::godot(&shader).expect("Godot").0.contains(&format!("cloud_density_{}", names[0])));
+    if support::require("spirv-tools") {
+        std::fs::write(folder.path().join("whole.frag"), whole(&languages::glsl(&shader).expect("GLSL")))
+            .expect("written");
+        shader.write(folder.path(), Program::Hlsl.files(&shader).expect("texts")).expect("written");
+        let hlsl =
+            ["-D", "-S", "frag", "-e", "main", "-I.", "--aml", "--amb", "-V", "-o", "picture.spv", "picture.hlsl"];
+        for arguments in [&["whole.frag"][..], &hlsl] {
+            let output = glslang(folder.path(), arguments);
+            assert!(output.status.success(), "{model}: {}", String::from_utf8_lossy(&output.stdout));
+        }
+    }
+}
+
+#[test]
+fn parameters_of_a_density_are_changed_without_compiling() {
+    let Some(gpu) = adapter() else { return };
+    let clouds = small(support::scene("procedural-clouds"));
+    let wanted = ["density", "low_altitude_density", "large_noise_factor", "large_noise_time", "medium_noise_scale"];
+    check_parameters("graph", &clouds, &["march_steps=12", "light_steps=2"], &wanted, &gpu);
+    check_parameters("skill", &clouds, &[], &["coverage", "detail"], &gpu);
+    check_parameters("bolt", &clouds, &[], &["coverage", "density", "scale"], &gpu);
+    check_parameters("clusters", &clouds, &[], &["spread"], &gpu);
+}
+
 #[test]
 fn what_a_bundle_has_not_is_refused() {
     let clouds = small(support::scene("procedural-clouds"));
@@ -182,7 +296,7 @@ fn what_a_bundle_has_not_is_refused() {
 fn the_program_in_wgpu_draws_the_same_bits() {
     let Some(gpu) = adapter() else { return };
     let clouds = small(support::scene("procedural-clouds"));
-    for model in MODELS {
+    for model in ["graph", "skill", "perlin-fbm"] {
         let folder = tempfile::tempdir().expect("a folder");
         let bundle = Bundle::new(&clouds, &engine(&clouds, model, None, &[])).expect("a bundle");
         bundle.write(folder.path()).expect("written");
@@ -209,8 +323,16 @@ fn glslang(folder: &Path, arguments: &[&str]) -> std::process::Output {
     std::process::Command::new("glslangValidator").current_dir(folder).args(arguments).output().expect("it is there")
 }
 
-/// A Voronoi graph, a system with terms of its own, and a density that reads textures.
-const MODELS: [&str; 3] = ["graph", "skill", "perlin-fbm"];
+/// Every system: names of their functions meet those of hosts.
+const MODELS: [&str; 8] = ["graph", "skill", "perlin-fbm", "bolt", "bfwe", "best", "takram", "clusters"];
+
+/// A fragment shader of WebGL 2 with the functions of a bundle.
+fn whole(text: &str) -> String {
+    format!(
+        "#version 300 es\nprecision highp float;\nprecision highp int;\nlayout(location = 0) out vec4 colour;\n{text}\n\
+         void main() {{ colour = picture(gl_FragCoord.xy); }}\n"
+    )
+}
 
 #[test]
 fn compilers_take_the_shaders_of_programs() {
@@ -225,12 +347,6 @@ fn compilers_take_the_shaders_of_programs() {
     for model in MODELS {
         let (folder, _) = written(&clouds, model, Program::Three);
         let text = std::fs::read_to_string(folder.path().join("cloud.glsl")).expect("it is there");
-        let whole = |text: &str| {
-            format!(
-                "#version 300 es\nprecision highp float;\nprecision highp int;\nlayout(location = 0) out vec4 colour;\n{text}\n\
-                 void main() {{ colour = picture(gl_FragCoord.xy); }}\n"
-            )
-        };
         std::fs::write(folder.path().join("whole.frag"), whole(&text)).expect("written");
         passes(model, folder.path(), &["whole.frag"]);
         std::fs::write(folder.path().join("damaged.frag"), whole(&text.replacen("float", "flaot", 1)))

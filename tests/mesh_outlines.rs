@@ -695,7 +695,7 @@ fn the_adapter_finds_the_parts_of_rays_and_loses_none() {
         return;
     }
     let gpu = Gpu::open().expect("the adapter that was just there");
-    let module = Linker::bare().and_then(|linker| linker.link("parts_of_rays.wgsl", PARTS_OF_RAYS)).expect("it links");
+    let module = Linker::bare().link("parts_of_rays.wgsl", PARTS_OF_RAYS).expect("it links");
     let kernel = gpu.kernel("parts_of_rays", &module, &[]).expect("a kernel");
     let mut random = ChaCha8Rng::seed_from_u64(4);
     let mut meshes = vec![TestMesh::icosphere(2), TestMesh::torus(12), hollow()];

@@ -397,14 +397,14 @@ fn linker(program: &Program) -> Result<Linker> {
     for constants in
         [&engines::march::gpu::CONSTANTS, &engines::march::camera::CONSTANTS, &march::CONSTANTS, &path::CONSTANTS]
     {
-        linker.add_constants(constants)?;
+        linker.add_constants(constants);
     }
     let [along, around, _] = textures();
     linker.add_program("cloudparity::averages::along", &lookup(along))?;
     linker.add_program("cloudparity::averages::around", &lookup(around))?;
     let terms = "#define_import_path cloudparity::engines::own_terms\n\
                  fn source(place: vec3f, height: f32, extinction: f32) -> vec3f { return vec3f(height * extinction) + place; }\n";
-    linker.add("generated/terms.wgsl", terms)?;
+    linker.add("generated/terms.wgsl", terms);
     Ok(linker)
 }
 
@@ -438,9 +438,9 @@ fn every_mode_and_every_file_links_and_validates() {
             let linked = linker(program).and_then(|mut linker| {
                 let data = "#define_import_path cloudparity::engines::data\n\
                             const CELLS: u32 = 1u;\nconst MAPS: u32 = 2u;\nconst SUNS: u32 = 3u;\n";
-                linker.add("generated/data.wgsl", data)?;
+                linker.add("generated/data.wgsl", data);
                 for path in ["engines/march.wgsl", "engines/camera.wgsl", "engines/passes/compositing.wgsl"] {
-                    linker.add(path, &all[path].text)?;
+                    linker.add(path, &all[path].text);
                 }
                 linker.link_with(PICTURE, &all[PICTURE].text, &[definitions, &[IN_FRAGMENT]].concat())
             });

@@ -81,7 +81,8 @@ struct March {
     // Part of the march towards the sun beyond which a shadow map is asked, and the map's texels along a side.
     map_from: f32,
     map_size: u32,
-    end_padding: u32,
+    // 1 where the cells that may hold something are not known: parameters of the density have changed.
+    everywhere: u32,
 }
 
 struct Sun {
@@ -102,7 +103,7 @@ struct Sun {
 @group(0) @binding(3) var<uniform> suns: array<Sun, data::SUNS>;
 
 fn is_occupied(cell: u32) -> bool {
-    return ((words::word(data::CELLS + cell / 32u) >> (cell % 32u)) & 1u) != 0u;
+    return march.everywhere != 0u || ((words::word(data::CELLS + cell / 32u) >> (cell % 32u)) & 1u) != 0u;
 }
 
 fn map_row(index: u32) -> vec4f {
@@ -119,7 +120,7 @@ fn map_row(index: u32) -> vec4f {
 @group(0) @binding(5) var<storage, read> gaps: array<vec2f>;
 
 fn is_occupied(cell: u32) -> bool {
-    return occupied[cell] != 0u;
+    return march.everywhere != 0u || occupied[cell] != 0u;
 }
 
 #ifdef SHADOW_MAP

@@ -89,6 +89,13 @@ impl EngineArguments {
         }
     }
 
+    /// The same with other values for parameters of the system, `NAME=VALUE`.
+    pub(super) fn with_parameters(&self, texts: &[String]) -> Self {
+        let mut changed = self.clone();
+        changed.parameters.extend_from_slice(texts);
+        changed
+    }
+
     /// The engine, of `model` where no other is given; warnings go to stderr.
     pub(super) fn engine(&self, scene: &Scene, model: &str) -> Result<Engine> {
         self.silent(scene, model).map(warned)

@@ -14,12 +14,14 @@ use crate::bridge::CyclesKernel;
 use crate::engines::Engine;
 use crate::engines::bundle::field::FieldBundle;
 use crate::engines::bundle::one_shader::OneShader;
+use crate::engines::bundle::run_time::{Builder, Candidate, RunTime};
 use crate::engines::bundle::targets::Program;
 use crate::engines::bundle::{Bundle, Origin, Other};
 use crate::engines::render::{self, EngineJitter};
 use crate::gpu::{Backend, Gpu};
 use crate::measure::errors;
 use crate::measure::pictures::{DiffRequest, DiffResult, Tolerances};
+use crate::measure::tuning::file::{Owner, owner};
 use crate::scene::Scene;
 use crate::scene::image::Image;
 use serde_json::{Value, json};
@@ -52,8 +54,8 @@ named_values! {
 /// DIR receives the density, the march and the light as shaders with everything that they read, a host that draws them, and certificate.json: what
 /// the picture differs by from the same engine in double precision on the CPU, and from the truth where one is given. Of wgsl, bundle.json says
 /// what goes where; of three, godot and hlsl, cloud.json, and one fragment shader that reads one texture; of texture and vdb, field.json, and there
-/// are no shaders: the density alone. Numbers of the uniforms (extinction, light, steps, camera) change at run time; parameters of the density are
-/// constants of the shader.
+/// are no shaders: the density alone. Numbers of the uniforms (extinction, light, steps, camera) change at run time, and those parameters of the
+/// density that its constants follow from in proportion; what is baked into textures or says how often a loop runs is a constant of the shader.
 #[derive(clap::Args)]
 #[command(after_help = "Examples:
   cloudparity publish CLOUD.scene.json -o CLOUD-WEB --resolution 480x270
@@ -76,6 +78,9 @@ pub(super) struct Arguments {
     /// certificate.
     #[arg(long, value_name = "FILE", num_args = 1..)]
     truth: Vec<PathBuf>,
+    /// Have the density's parameters as constants of the shader: its host cannot change them, and publishing is done sooner.
+    #[arg(long)]
+    fixed_density: bool,
     #[command(flatten)]
     engine: EngineArguments,
     /// The folder to write.
@@ -105,8 +110,15 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
     if engines.len() > 1 {
         return several(arguments, &engines, truth.as_ref());
     }
-    let (_, scene, engine) = &engines[0];
-    let publication = Publication { arguments, folder: &arguments.output, scene, engine, truth: truth.as_ref() };
+    let Published { scene, engine, run_time, .. } = &engines[0];
+    let publication = Publication {
+        arguments,
+        folder: &arguments.output,
+        scene,
+        engine,
+        run_time: run_time.as_ref(),
+        truth: truth.as_ref(),
+    };
     let text = match arguments.to {
         Target::Wgsl => publication.kernels(&publication.shown(), &[]),
         Target::Three => publication.one_shader(Program::Three),
@@ -118,25 +130,62 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// An engine, the scene that it is in (a preset may change it), and what it is called.
-type Titled = (String, Scene, Engine);
+/// An engine that is published.
+struct Published {
+    /// What it is called, where that is said.
+    title: String,
+    /// The scene that it is in; a preset may change it.
+    scene: Scene,
+    engine: Engine,
+    run_time: Option<RunTime>,
+}
 
 impl Arguments {
-    fn engines(&self, scene: &Scene) -> Result<Vec<Titled>> {
+    fn engines(&self, scene: &Scene) -> Result<Vec<Published>> {
         if self.preset.is_empty() {
-            return Ok(vec![(String::new(), scene.clone(), self.engine.engine(scene, "graph")?)]);
+            // Once with its warnings.
+            let engine = self.engine.engine(scene, "graph")?;
+            let build = |changes: &[(&str, f64)]| {
+                let mut scene = scene.clone();
+                let mut texts = Vec::new();
+                for (name, value) in changes {
+                    match owner(name) {
+                        (Owner::Scene, name) => scene.set(&format!("{name}={value}"))?,
+                        (_, name) => texts.push(format!("{name}={value}")),
+                    }
+                }
+                let engine = self.engine.with_parameters(&texts).silent(&scene, "graph")?;
+                Ok((scene, engine))
+            };
+            let run_time = self.run_time(scene, &engine, &build)?;
+            return Ok(vec![Published { title: String::new(), scene: scene.clone(), engine, run_time }]);
         }
-        let built = |path: &PathBuf| -> Result<Titled> {
+        let built = |path: &PathBuf| -> Result<Published> {
             let preset = super::engine::preset(path, scene)?;
-            let (scene, engine, _) = preset.build(scene)?;
-            Ok((preset.title, scene, engine))
+            let build = |changes: &[(&str, f64)]| {
+                let mut preset = preset.clone();
+                preset.parameters.extend(changes.iter().map(|(name, value)| ((*name).to_owned(), *value)));
+                let (scene, engine, _) = preset.build(scene)?;
+                Ok((scene, engine))
+            };
+            let (own, engine) = build(&[])?;
+            let run_time = self.run_time(&own, &engine, &build)?;
+            Ok(Published { title: preset.title.clone(), scene: own, engine, run_time })
         };
         self.preset.iter().map(built).collect()
+    }
+
+    /// Parameters of the density that a host changes.
+    fn run_time(&self, scene: &Scene, engine: &Engine, build: Builder<'_>) -> Result<Option<RunTime>> {
+        if self.fixed_density || matches!(self.to, Target::Texture | Target::Vdb) {
+            return Ok(None);
+        }
+        RunTime::find(&Candidate::all(scene, engine)?, engine.density.bounds, build)
     }
 }
 
 /// Bundles of several presets: the first one with the page, the others in folders of their own beneath it.
-fn several(arguments: &Arguments, engines: &[Titled], truth: Option<&Image>) -> Result<ExitCode> {
+fn several(arguments: &Arguments, engines: &[Published], truth: Option<&Image>) -> Result<ExitCode> {
     let mut taken: Vec<String> = Vec::new();
     for path in &arguments.preset {
         let name = path.file_name().unwrap_or_default().to_string_lossy();
@@ -149,16 +198,17 @@ fn several(arguments: &Arguments, engines: &[Titled], truth: Option<&Image>) -> 
         .iter()
         .zip(&taken)
         .enumerate()
-        .map(|(number, ((title, ..), name))| Other {
-            title: title.clone(),
+        .map(|(number, (published, name))| Other {
+            title: published.title.clone(),
             folder: if number == 0 { ".".into() } else { name.clone() },
         })
         .collect();
     let mut shown = None;
     let mut text = String::new();
-    for (other, (title, scene, engine)) in others.iter().zip(engines) {
+    for (other, published) in others.iter().zip(engines) {
         let folder = arguments.output.join(&other.folder);
-        let publication = Publication { arguments, folder: &folder, scene, engine, truth };
+        let Published { title, scene, engine, run_time } = published;
+        let publication = Publication { arguments, folder: &folder, scene, engine, run_time: run_time.as_ref(), truth };
         let shown = shown.get_or_insert_with(|| publication.shown());
         let is_first = other.folder == ".";
         let certified = publication.kernels(shown, if is_first { &others } else { &[] })?;
@@ -177,6 +227,7 @@ struct Publication<'a> {
     folder: &'a Path,
     scene: &'a Scene,
     engine: &'a Engine,
+    run_time: Option<&'a RunTime>,
     truth: Option<&'a Image>,
 }
 
@@ -195,8 +246,8 @@ impl Publication<'_> {
     /// The kernels; with a page where there are presets to choose from, and where it is one alone.
     fn kernels(&self, shown: &Option<DisplayTable>, presets: &[Other]) -> Result<String> {
         let folder = self.folder;
-        let mut bundle =
-            Bundle::new(self.scene, self.engine)?.with_display(self.scene.display.exposure.into(), shown.as_ref());
+        let mut bundle = Bundle::with_parameters(self.scene, self.engine, self.run_time)?
+            .with_display(self.scene.display.exposure.into(), shown.as_ref());
         bundle.manifest.presets = presets.to_vec();
         let has_page = folder == self.arguments.output || !presets.is_empty();
         if !has_page {
@@ -218,7 +269,7 @@ impl Publication<'_> {
 
     fn one_shader(&self, program: Program) -> Result<String> {
         let folder = self.folder;
-        let mut shader = OneShader::new(self.scene, self.engine)?;
+        let mut shader = OneShader::with_parameters(self.scene, self.engine, self.run_time)?;
         if let Some(truth) = self.truth {
             shader = shader.with_truth(truth).map_err(|error| error.with_setting("resolution"))?;
         }

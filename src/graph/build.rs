@@ -69,6 +69,25 @@ impl Program {
         program
     }
 
+    /// The same program with other numbers for its constants that are not 0, in the order in which a linker writes them.
+    ///
+    /// # Panics
+    /// Where there are not as many: a mistake of the caller.
+    pub fn with_constants(&self, numbers: &[f32]) -> Self {
+        let mut program = self.clone();
+        let mut numbers = numbers.iter();
+        let inputs = program.instructions.iter_mut().flat_map(|node| node.inputs.iter_mut());
+        for operand in inputs.chain(program.outputs.iter_mut().flat_map(|output| output.operands.iter_mut())) {
+            if let Operand::Constant(value) = operand
+                && *value != 0.0
+            {
+                *value = *numbers.next().expect("a number for each constant");
+            }
+        }
+        assert!(numbers.next().is_none(), "a constant for each number");
+        program
+    }
+
     /// Adds an instruction, and gives its outputs' components.
     fn push(&mut self, label: &str, node_type: &'static NodeType, mode: Mode, inputs: Vec<Operand>) -> Vec<Operand> {
         let Role::Evaluated(build) = node_type.role else { panic!("{} does not evaluate", node_type.label) };

@@ -99,8 +99,62 @@ pub struct Linker {
     counts: HashMap<&'static str, usize>,
     /// Textures of the programs in the order of their words.
     textures: Vec<TextureHandle>,
-    /// Constants that programs read from a buffer, where they do.
-    numbers: Option<Vec<f32>>,
+    constants: Constants,
+}
+
+/// Where the constants of programs stand; a constant of 0 stays in the text, where it leaves out what it leaves out.
+enum Constants {
+    InText,
+    /// In a buffer, in this order.
+    InBuffer(Vec<f32>),
+    /// Computed from parameters; those that were written so far.
+    OfParameters(ProgramParameters, usize),
+}
+
+/// Parameters in a uniform that constants of a program depend on, affinely.
+#[derive(Debug, Clone, Default)]
+pub struct ProgramParameters {
+    /// Names of the uniform's fields: identifiers that do not end in a digit.
+    pub fields: Vec<String>,
+    /// For each constant that is not 0, in the order of [`Linker::numbers`]: its value where all parameters are 0, and what it grows by with
+    /// fields, by their numbers; none where it depends on nothing.
+    pub constants: Vec<Option<(f64, Vec<(usize, f64)>)>>,
+}
+
+impl ProgramParameters {
+    /// Import path of the uniform: `parameters`, binding 8 of group 0.
+    pub const BINDING: u32 = 8;
+    /// Name of the struct in the linked module.
+    pub const STRUCT: &'static str = "parameters_Parameters";
+
+    /// Bytes of the uniform.
+    pub fn bytes(&self) -> usize {
+        4 * self.fields.len().next_multiple_of(4)
+    }
+
+    fn module(&self) -> String {
+        let mut text = String::from("#define_import_path cloudparity::parameters\nstruct Parameters {\n");
+        for field in &self.fields {
+            line(&mut text, format_args!("    {field}: f32,"));
+        }
+        for number in self.fields.len()..self.bytes() / 4 {
+            let letter = char::from(b'a' + (number % 4) as u8);
+            line(&mut text, format_args!("    padding_{letter}: f32,"));
+        }
+        let binding = Self::BINDING;
+        line(&mut text, format_args!("}}\n@group(0) @binding({binding}) var<uniform> parameters: Parameters;"));
+        text
+    }
+
+    /// A constant as text; none where it depends on no parameter.
+    fn expression(&self, number: usize) -> Option<String> {
+        let (at_zero, slopes) = self.constants.get(number)?.as_ref()?;
+        let mut text = format!("({:?}f", *at_zero as f32);
+        for (field, slope) in slopes {
+            text += &format!(" + {:?}f * parameters.{}", *slope as f32, self.fields[*field]);
+        }
+        Some(text + ")")
+    }
 }
 
 impl Linker {
@@ -118,14 +172,26 @@ impl Linker {
     pub fn with_numbers(program: &Program) -> Result<Self> {
         let mut linker = Self::bare();
         linker.add(NUMBERS.0, NUMBERS.1);
-        linker.numbers = Some(Vec::new());
+        linker.constants = Constants::InBuffer(Vec::new());
         linker.add_program(PROGRAM_PATH, program)?;
         Ok(linker)
     }
 
-    /// The constants in the order of the buffer; none where they are in the text.
+    /// The same, but constants are computed from parameters in a uniform ([`ProgramParameters::module`]).
+    pub fn with_parameters(program: &Program, parameters: &ProgramParameters) -> Result<Self> {
+        let mut linker = Self::bare();
+        linker.add("generated/parameters.wgsl", &parameters.module());
+        linker.constants = Constants::OfParameters(parameters.clone(), 0);
+        linker.add_program(PROGRAM_PATH, program)?;
+        Ok(linker)
+    }
+
+    /// The constants in the order of the buffer; none where they are elsewhere.
     pub fn numbers(&self) -> &[f32] {
-        self.numbers.as_deref().unwrap_or_default()
+        match &self.constants {
+            Constants::InBuffer(numbers) => numbers,
+            Constants::InText | Constants::OfParameters(..) => &[],
+        }
     }
 
     /// Adds another program under an import path of its own, with a function as that of [`Self::new`]. Textures that programs share are
@@ -188,7 +254,7 @@ impl Linker {
             instances: HashMap::new(),
             counts: HashMap::new(),
             textures: Vec::new(),
-            numbers: None,
+            constants: Constants::InText,
         };
         LIGHT.iter().for_each(|(path, source)| linker.add(path, source));
         linker
@@ -327,8 +393,10 @@ impl Linker {
             }
         }
         let mut text = format!("#define_import_path {import_path}\n\n");
-        if self.numbers.is_some() {
-            text.push_str("#import cloudparity::numbers::numbers\n\n");
+        match self.constants {
+            Constants::InText => {}
+            Constants::InBuffer(_) => text.push_str("#import cloudparity::numbers::numbers\n\n"),
+            Constants::OfParameters(..) => text.push_str("#import cloudparity::parameters::parameters\n\n"),
         }
         let attributes: String = (0..program.attributes.len()).map(|number| format!(", a{number}v: vec3f")).collect();
         let expressions: Vec<String> = program
@@ -357,10 +425,14 @@ impl Linker {
     /// One component as WGSL.
     fn scalar(&mut self, operand: &Operand, names: &[String], place: &str) -> Result<String> {
         Ok(match operand {
-            Operand::Constant(value) if value.is_finite() => match &mut self.numbers {
-                Some(numbers) if *value != 0.0 => {
+            Operand::Constant(value) if value.is_finite() => match &mut self.constants {
+                Constants::InBuffer(numbers) if *value != 0.0 => {
                     numbers.push(*value);
                     format!("numbers[{}]", numbers.len() - 1)
+                }
+                Constants::OfParameters(parameters, next) if *value != 0.0 => {
+                    *next += 1;
+                    parameters.expression(*next - 1).unwrap_or_else(|| format!("{value:?}f"))
                 }
                 _ => format!("{value:?}f"),
             },

@@ -112,13 +112,15 @@ def test_the_mouse_goes_around_and_back(page):
 
 def test_every_slider_changes_the_picture(page):
     home = read(page)
-    sliders = page.locator("#numbers input")
-    assert sliders.count() >= 3
-    for number in range(sliders.count()):
-        page.click("#reset")
-        slider = sliders.nth(number)
-        slider.evaluate("(one) => { one.value = one.max; one.dispatchEvent(new Event('input')); }")
-        assert not np.array_equal(drawn(page), home), page.locator("#numbers label").nth(number).inner_text()
+    for group, least in (("#numbers", 3), ("#parameters", 5)):
+        sliders = page.locator(f"{group} input")
+        assert sliders.count() >= least
+        for number in range(sliders.count()):
+            page.click("#reset")
+            # Either end is another value.
+            move = "(one) => { one.value = Number(one.value) === Number(one.max) ? one.min : one.max;"
+            sliders.nth(number).evaluate(move + " one.dispatchEvent(new Event('input')); }")
+            assert not np.array_equal(drawn(page), home), page.locator(f"{group} label").nth(number).inner_text()
     page.click("#reset")
     assert np.array_equal(drawn(page), home)
     assert page.said == []
@@ -229,6 +231,28 @@ def test_colours_are_those_of_the_scenes_view_transform(page):
     # Rounding to bytes, and of the logarithms of a power in f32, some 1e-6 of it.
     assert np.abs(seen(page) - standard).max() <= 0.51
     assert np.abs(standard - wanted).max() > 20, "the two are hardly the same"
+    assert page.said == []
+
+
+def test_a_parameter_of_the_density_is_that_of_another_bundle(page, tmp_path):
+    """Half of Density on the page, and a bundle that is published with it: both are within their certificate's
+    figure and 200 roundings of what is right (the first test)."""
+    import OpenImageIO as oiio
+
+    page.evaluate("() => host.setDensity('density', 0.5)")
+    found = drawn(page)
+    assert page.evaluate("() => host.isHome()") is False, "the truth is not of this density"
+    scene = ROOT / "parity/scenes/procedural-clouds.scene.json"
+    options = ["--resolution", "64x36", "-p", "march_steps=12", "-p", "light_steps=2", "--set", "Density=0.5"]
+    command = [str(built_program()), "publish", str(scene), *options, "--fixed-density", "-o", str(tmp_path)]
+    subprocess.run(command, check=True, capture_output=True, cwd=ROOT)
+    assert "density" not in json.loads((tmp_path / "bundle.json").read_text())
+    ours = np.asarray(oiio.ImageBuf(str(tmp_path / "bundle.exr")).get_pixels())
+    certificate = json.loads((tmp_path / "certificate.json").read_text())
+    bound = 2 * certificate["largest_difference"] + 200 * ULP * certificate["brightest_value"]
+    assert np.abs(found[..., :3] - ours[..., :3]).max() <= bound
+    page.evaluate("() => host.setDensity('density', 0.51)")
+    assert np.abs(drawn(page)[..., :3] - ours[..., :3]).max() > bound
     assert page.said == []
 
 

@@ -144,7 +144,7 @@ impl Pass for Glass {
             self.0
         );
         Box::pin(async move {
-            let module = Linker::bare()?.link("toy/glass.wgsl", &source)?;
+            let module = Linker::bare().link("toy/glass.wgsl", &source)?;
             let kernel = gpu.kernel_async("toy_glass", &module, &[]).await?;
             Ok(Box::new(GlassKernel { gpu, kernel }) as Box<dyn PassKernel + 'a>)
         })

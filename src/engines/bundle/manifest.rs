@@ -1,5 +1,6 @@
 //! What the files of bundles say of themselves.
 
+use super::run_time::Tunable;
 use crate::base::error::{Error, Result};
 use crate::base::files;
 use crate::base::identity::Identity;
@@ -40,6 +41,10 @@ pub struct Manifest {
     /// Bundles that a page offers, itself among them; of other presets for the same scene.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub presets: Vec<Other>,
+    /// Parameters of the density, in the order of the floats of the march's uniform with the role `density`. Who changes one sets the march's
+    /// `everywhere` to 1: which cells may hold something is no longer known.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub density: Vec<Tunable>,
 }
 
 /// From linear colours to those of the screen.
@@ -162,7 +167,8 @@ pub struct Binding {
     pub group: u32,
     /// Its number there.
     pub binding: u32,
-    /// `rays` (64 bytes each), `pixels` (32 bytes each), `colour` (`vec4f` each, from the top-left corner), or `file`.
+    /// `rays` (64 bytes each), `pixels` (32 bytes each), `colour` (`vec4f` each, from the top-left corner), `file`, or `density`: a uniform with
+    /// the parameters of the density, whose content is a file, too.
     pub role: String,
     /// Its content, where the role is `file`.
     #[serde(default, skip_serializing_if = "Option::is_none")]

@@ -16,9 +16,10 @@ use crate::engines::passes::compositing::{self, Background, CompositeUniform};
 use crate::engines::passes::{Channels, frame::Frame};
 use crate::engines::render::EngineRenderer;
 use crate::gpu::{Bindings, ComputeKernel, Gpu, Layout};
-use crate::graph::wgsl::{self, Language};
+use crate::graph::wgsl::{self, Language, ProgramParameters};
 use crate::scene::Scene;
 use crate::scene::image::Image;
+use run_time::RunTime;
 use std::collections::BTreeMap;
 use std::path::Path;
 
@@ -26,6 +27,7 @@ pub mod field;
 pub mod languages;
 pub mod manifest;
 pub mod one_shader;
+pub mod run_time;
 pub mod targets;
 
 pub use manifest::{Binding, CameraFrame, FORMAT, Field, Kernel, Manifest, Origin, Other, Shown};
@@ -33,6 +35,9 @@ use manifest::{Uniform, refuse_passes, truth_of, write_into};
 
 /// The file of the right picture.
 const TRUTH: &str = "truth.bin";
+
+/// Role and file of the parameters of the density.
+const DENSITY: &str = "density";
 
 /// The file of display values.
 const DISPLAY: &str = "display.bin";
@@ -58,10 +63,20 @@ impl Bundle {
     /// The bundle of an engine in a scene: one ray per pixel, samples in the middle of their steps. An error where the engine needs what a
     /// bundle has not: passes over the picture, a domain that is no box, a picture of a world.
     pub fn new(scene: &Scene, engine: &Engine) -> Result<Self> {
+        Self::with_parameters(scene, engine, None)
+    }
+
+    /// The same with parameters of the density that a host changes.
+    pub fn with_parameters(scene: &Scene, engine: &Engine, run_time: Option<&RunTime>) -> Result<Self> {
         refuse_passes(engine)?;
+        let tuned = run_time.map(|run_time| run_time.engine(engine));
+        let engine = tuned.as_ref().unwrap_or(engine);
         let renderer = EngineRenderer::new(scene, engine, None)?;
         let size = scene.image_size();
-        let march = renderer.march_parts(&Form::Kernel)?;
+        let march = renderer.march_parts(&match run_time {
+            Some(run_time) => Form::KernelWithParameters(&run_time.parameters),
+            None => Form::Kernel,
+        })?;
         let background = renderer.constant_background()?;
         let view = ViewUniform::new(renderer.camera(), &engine.container, size)?;
         let kind = background.map_or(Background::None, Background::Constant);
@@ -80,6 +95,9 @@ impl Bundle {
             Content::bytes(0, 6, "shadow-maps", bytemuck::cast_slice(&march.maps)),
         ];
         of_march.push(Content::bytes(1, 0, "textures", &texture::words_of(&march.textures)));
+        if let Some(run_time) = run_time {
+            of_march.push(Content::bytes(0, ProgramParameters::BINDING, DENSITY, &run_time.bytes()));
+        }
         let kernels = [
             kernel("camera", &camera::module()?, Uniform::of(&view), vec![Content::role(1, "rays")])?,
             kernel("march", &march.module, Uniform::of(&march.uniform), of_march)?,
@@ -103,6 +121,7 @@ impl Bundle {
             truth: None,
             display: None,
             presets: Vec::new(),
+            density: run_time.map_or_else(Vec::new, |run_time| run_time.tunables.clone()),
         };
         Ok(Self { manifest, files })
     }
@@ -133,6 +152,22 @@ impl Bundle {
         self.files.insert(TRUTH.into(), floats);
         self.manifest.truth = Some(TRUTH.into());
         Ok(self)
+    }
+
+    /// Changes a parameter of the density, as hosts do while they run. An error where there is none of the field's name.
+    pub fn set_density(&mut self, field: &str, value: f64) -> Result<()> {
+        let missing = || {
+            Error::new(format!("parameter {field}"), "no such field", "one that bundle.json names", "Correct the name.")
+        };
+        let place = self.manifest.density.iter().position(|one| one.field == field).ok_or_else(missing)?;
+        let march = &mut self.manifest.kernels[1];
+        let binding = march.bindings.iter().find(|binding| binding.role == DENSITY).ok_or_else(missing)?;
+        let bytes = binding.file.as_ref().and_then(|file| self.files.get_mut(file)).ok_or_else(missing)?;
+        bytes[4 * place..4 * place + 4].copy_from_slice(&(value as f32).to_le_bytes());
+        // Which cells may hold something is no longer known.
+        let everywhere = march.uniform.iter_mut().find(|one| one.name == "everywhere").ok_or_else(missing)?;
+        everywhere.values = vec![1.0];
+        Ok(())
     }
 
     /// Writes it into a folder, `bundle.json` last.
@@ -181,7 +216,8 @@ impl Bundle {
             self.compiled(gpu, compose, &compositing::LAYOUTS)?,
         ];
         let files = march.bindings.iter().filter_map(|binding| Some((binding, binding.file.as_ref()?)));
-        let upload = |name: &String| gpu.upload(name, &self.files[name], wgpu::BufferUsages::STORAGE);
+        let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::UNIFORM;
+        let upload = |name: &String| gpu.upload(name, &self.files[name], usage);
         let held = files.map(|(binding, name)| ((binding.group, binding.binding), upload(name))).collect();
         Ok(ReadyBundle { bundle: self, gpu, kernels, held })
     }
@@ -243,6 +279,7 @@ impl ReadyBundle<'_> {
                         "rays" => &rays,
                         "pixels" => &pixels,
                         "colour" => &frame.colour,
+                        // A file, or the parameters of the density.
                         role => self.held.get(&(binding.group, binding.binding)).ok_or_else(|| unknown(role))?,
                     };
                     bindings = bindings.bind(binding.group, binding.binding, buffer.as_entire_binding());
@@ -338,7 +375,7 @@ fn kernel(
         let Content { group, binding, role, bytes } = content;
         let (role, file) = match bytes.is_empty() {
             true => (role.to_owned(), None),
-            false => ("file".to_owned(), Some(format!("{role}.bin"))),
+            false => (if role == DENSITY { role } else { "file" }.to_owned(), Some(format!("{role}.bin"))),
         };
         if let Some(file) = &file {
             files.insert(file.clone(), bytes);

@@ -4,6 +4,7 @@
 //! The functions are those of the kernels, linked by `shaders/engines/picture.wgsl`. [`languages`](super::languages) writes them for a program.
 
 use super::manifest::{Field, Origin, Uniform, refuse_passes, truth_of, write_into};
+use super::run_time::{RunTime, Tunable};
 use crate::base::error::{Error, Result};
 use crate::base::files;
 use crate::engines::Engine;
@@ -14,7 +15,7 @@ use crate::engines::passes::compositing::{self, Background, CompositeUniform};
 use crate::engines::render::EngineRenderer;
 use crate::gpu::Gpu;
 use crate::gpu::draw::{Drawing, ReadyDrawing};
-use crate::graph::wgsl::ROW;
+use crate::graph::wgsl::{ProgramParameters, ROW};
 use crate::scene::Scene;
 use crate::scene::image::Image;
 use serde::{Deserialize, Serialize};
@@ -38,6 +39,10 @@ pub struct ShaderManifest {
     pub data: Data,
     /// Pixels that a software adapter draws in some 50 ms: hosts draw so many in one go.
     pub pixels_together: u32,
+    /// Parameters of the density, in the order of the block's fields. Who changes one sets the march's `everywhere` to 1: which cells may hold
+    /// something is no longer known.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub density: Vec<Tunable>,
     /// The right picture of the scene as it is, where there is one: a file of four floats a pixel, from the top-left corner.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub truth: Option<String>,
@@ -46,7 +51,7 @@ pub struct ShaderManifest {
 /// Uniforms that belong together.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Block {
-    /// `view`, `march`, `composite` or `suns`.
+    /// `view`, `march`, `composite`, `suns` or `density`.
     pub name: String,
     /// Its struct in the shader.
     pub kind: String,
@@ -88,7 +93,14 @@ impl OneShader {
     /// Of an engine in a scene: one ray per pixel, samples in the middle of their steps. An error where the engine needs what a bundle has not:
     /// passes over the picture, a domain that is no box, a picture of a world.
     pub fn new(scene: &Scene, engine: &Engine) -> Result<Self> {
+        Self::with_parameters(scene, engine, None)
+    }
+
+    /// The same with parameters of the density that a host changes, in the block `density`.
+    pub fn with_parameters(scene: &Scene, engine: &Engine, run_time: Option<&RunTime>) -> Result<Self> {
         refuse_passes(engine)?;
+        let tuned = run_time.map(|run_time| run_time.engine(engine));
+        let engine = tuned.as_ref().unwrap_or(engine);
         let renderer = EngineRenderer::new(scene, engine, None)?;
         let size = scene.image_size();
         let view = ViewUniform::new(renderer.camera(), &engine.container, size)?;
@@ -100,11 +112,12 @@ impl OneShader {
             around: &[("generated/camera.wgsl", &constants), camera::SOURCE, compositing::SOURCE],
             entry: ("engines/picture.wgsl", include_str!("../../../shaders/engines/picture.wgsl")),
             definitions: &compositing::definitions(engine.compositing, &kind, Channels::default()),
+            parameters: run_time.map(|run_time| &run_time.parameters),
         };
         let march = renderer.march_parts(&form)?;
         let mut data = march.words();
         data.resize(data.len().max(4).next_multiple_of(4 * ROW as usize), 0);
-        let module = march.module.clone();
+        let module = with_own_names(march.module.clone());
         let blocks = [
             ("view", "camera_View", 0, vec![Uniform::of(&view)], false),
             ("march", "march_March", 1, vec![Uniform::of(&march.uniform)], false),
@@ -127,12 +140,25 @@ impl OneShader {
             });
             uniforms.push(elements.into_iter().flat_map(|element| element.bytes).collect());
         }
+        if let Some(run_time) = run_time.filter(|_| is_left(ProgramParameters::BINDING)) {
+            let bytes = run_time.bytes();
+            described.push(Block {
+                name: "density".into(),
+                kind: ProgramParameters::STRUCT.into(),
+                binding: ProgramParameters::BINDING,
+                count: 0,
+                bytes: bytes.len() as u32,
+                elements: vec![run_time.fields()],
+            });
+            uniforms.push(bytes);
+        }
         let manifest = ShaderManifest {
             format: FORMAT.into(),
             origin: Origin::of(scene, engine, &renderer),
             blocks: described,
             data: Data { file: "data.bin".into(), width: ROW, height: (data.len() / (4 * ROW as usize)) as u32 },
             pixels_together: march.rays_together(u32::MAX) as u32,
+            density: run_time.map_or_else(Vec::new, |run_time| run_time.tunables.clone()),
             truth: None,
         };
         Ok(Self { module, manifest, uniforms, data, truth: None })
@@ -215,6 +241,24 @@ impl OneShader {
             Error::new(place, cause.to_string(), "the manifest of a shader", "Publish the scene again.")
         })
     }
+}
+
+/// Functions that hosts call.
+const CALLED: [&str; 2] = ["cloud", "picture"];
+
+/// Renames what has the name of a function that hosts call: a writer would keep the name of the one that comes first.
+fn with_own_names(mut module: naga::Module) -> naga::Module {
+    let mend = |name: &mut String| {
+        if CALLED.contains(&name.as_str()) {
+            name.push_str("_here");
+        }
+    };
+    for (_, function) in module.functions.iter_mut() {
+        function.arguments.iter_mut().filter_map(|one| one.name.as_mut()).for_each(mend);
+        function.local_variables.iter_mut().filter_map(|(_, one)| one.name.as_mut()).for_each(mend);
+        function.named_expressions.values_mut().for_each(mend);
+    }
+    module
 }
 
 /// A shader that can be drawn.

@@ -8,7 +8,7 @@ use crate::engines::march::{Leftover, Marched, RealTimePixel, RealTimeRay, RealT
 use crate::gpu::{Bindings, ComputeKernel, Gpu, Layout, SOFTWARE_LOOPS};
 use crate::graph::Program;
 use crate::graph::constants::{SharedConstants, SharedNumber};
-use crate::graph::wgsl::Linker;
+use crate::graph::wgsl::{Linker, ProgramParameters};
 use crate::media::density::CELLS;
 use crate::media::transfer::Integration;
 use crate::shader_struct;
@@ -77,7 +77,7 @@ shader_struct! {
         shadow_extinction: f32,
         map_from: f32,
         map_size: u32,
-        end_padding: u32,
+        everywhere: u32,
     }
 }
 
@@ -313,6 +313,8 @@ pub(crate) enum Form<'a> {
     Kernel,
     /// A kernel whose programs have their constants in a buffer.
     KernelWithNumbers,
+    /// A kernel whose programs compute theirs from parameters in a uniform.
+    KernelWithParameters(&'a ProgramParameters),
     /// A part of a fragment shader that has all its data in one texture ([`MarchParts::words`]).
     Fragment {
         /// Modules beside the march, and constants of theirs, in dependency order: path and text.
@@ -321,6 +323,8 @@ pub(crate) enum Form<'a> {
         entry: (&'a str, &'a str),
         /// Definitions of the modules around it.
         definitions: &'a [&'static str],
+        /// What constants of its programs are computed from, where they are.
+        parameters: Option<&'a ProgramParameters>,
     },
 }
 
@@ -344,8 +348,13 @@ pub(crate) struct MarchParts {
 
 impl MarchParts {
     /// Of the structs in the kernel's buffers.
-    pub(crate) const LAYOUTS: [Layout; 4] =
-        [Layout::of::<MarchUniform>(), Layout::of::<Ray>(), Layout::of::<Pixel>(), Layout::of::<Sun>()];
+    pub(crate) const LAYOUTS: [Layout; 5] = [
+        Layout::of::<MarchUniform>(),
+        Layout::of::<Ray>(),
+        Layout::of::<Pixel>(),
+        Layout::of::<Sun>(),
+        Layout::unread(ProgramParameters::STRUCT),
+    ];
 
     /// Links the march in a form: what the settings do not ask for is left out.
     pub(crate) fn new(marched: &Marched<'_>, settings: &RealTimeSettings, form: &Form<'_>) -> Result<Self> {
@@ -402,7 +411,10 @@ impl MarchParts {
         define(!marched.terms.is_empty(), "TERMS");
         let mut linker = match form {
             Form::KernelWithNumbers => Linker::with_numbers(density.program())?,
-            Form::Kernel | Form::Fragment { .. } => Linker::new(density.program())?,
+            Form::KernelWithParameters(parameters) | Form::Fragment { parameters: Some(parameters), .. } => {
+                Linker::with_parameters(density.program(), parameters)?
+            }
+            Form::Kernel | Form::Fragment { parameters: None, .. } => Linker::new(density.program())?,
         };
         linker.add_constants(&CONSTANTS);
         match marched.averages {
@@ -511,8 +523,10 @@ impl MarchParts {
             .collect();
         const SOURCE: (&str, &str) = ("engines/march.wgsl", include_str!("../../../shaders/engines/march.wgsl"));
         let module = match *form {
-            Form::Kernel | Form::KernelWithNumbers => linker.link_with(SOURCE.0, SOURCE.1, &definitions)?,
-            Form::Fragment { around, entry, definitions: own } => {
+            Form::Kernel | Form::KernelWithNumbers | Form::KernelWithParameters(_) => {
+                linker.link_with(SOURCE.0, SOURCE.1, &definitions)?
+            }
+            Form::Fragment { around, entry, definitions: own, .. } => {
                 // Behind the textures lie a bit per cell, and the shadow maps.
                 let first: usize = textures.iter().map(|texture| texture.texels().word_count()).sum();
                 let maps = first + cells.len().div_ceil(32);

@@ -88,7 +88,8 @@ export async function open(canvas, folder = ".") {
     }
   }
   const largest = Math.max(width * height * 16, ...[...files.values()].map((content) => content.byteLength));
-  const buffers = Math.max(...bundle.kernels.map((kernel) => kernel.bindings.length));
+  const isStored = (binding) => binding.role !== "density";
+  const buffers = Math.max(...bundle.kernels.map((kernel) => kernel.bindings.filter(isStored).length));
   const wanted = { maxStorageBufferBindingSize: largest, maxBufferSize: largest, maxStorageBuffersPerShaderStage: buffers };
   const requiredLimits = {};
   for (const [name, needed] of Object.entries(wanted)) {
@@ -116,8 +117,9 @@ export async function open(canvas, folder = ".") {
   const table = display.file ? new Uint32Array(await (await get(display.file)).arrayBuffer()) : null;
   const colours = table ? buffer(table.byteLength, STORAGE | COPY_DST) : colour;
   if (table) device.queue.writeBuffer(colours, 0, table);
+  const uniforms = bundle.kernels.flatMap((kernel) => kernel.bindings).filter((one) => one.role === "density").map((one) => one.file);
   for (const [name, content] of files) {
-    roles[name] = buffer(content.byteLength, STORAGE | COPY_DST);
+    roles[name] = buffer(content.byteLength, (uniforms.includes(name) ? UNIFORM : STORAGE) | COPY_DST);
     device.queue.writeBuffer(roles[name], 0, content);
   }
   const kernels = {};
@@ -257,6 +259,16 @@ export async function open(canvas, folder = ".") {
 
   host.get = (kernel, name) => kernels[kernel].fields[name].values;
   host.set = (kernel, name, values) => { kernels[kernel].fields[name].values = [...values]; };
+  // Parameters of the density, by field. Which cells may hold something is not known where one has changed.
+  const density = new Map((bundle.density ?? []).map(({ field, value }) => [field, value]));
+  host.getDensity = (field) => density.get(field);
+  host.setDensity = (field, value) => {
+    if (!density.has(field)) throw new Error(`The bundle has no parameter ${field}; bundle.json says which there are.`);
+    density.set(field, value);
+    uniforms.forEach((name) => device.queue.writeBuffer(roles[name], 0, new Float32Array([...density.values()])));
+    const isOwn = bundle.density.every((one) => density.get(one.field) === one.value);
+    host.set("march", "everywhere", [isOwn ? 0 : 1]);
+  };
   host.original = (kernel, name) =>
     bundle.kernels.find((one) => one.name === kernel).uniform.find((field) => field.name === name).values;
 
@@ -351,6 +363,22 @@ if (canvas) {
       slider.addEventListener("input", () => { write(); show(); });
       label.append(title, shown, slider);
       at("numbers").append(label);
+      start();
+      reset.push(start);
+    }
+    const parameters = host.bundle.density ?? [];
+    at("density").hidden = parameters.length === 0;
+    at("parameters").replaceChildren();
+    for (const { field, title, about, value, range: [low, high] } of parameters) {
+      const label = Object.assign(document.createElement("label"), { title: about });
+      const shown = document.createElement("output");
+      const slider = Object.assign(document.createElement("input"), { type: "range", step: "any", min: low, max: high });
+      const write = (now) => { host.setDensity(field, now); shown.value = Number(now.toPrecision(3)); };
+      // The value itself: what a slider holds is rounded to its range.
+      const start = () => { slider.value = value; write(value); };
+      slider.addEventListener("input", () => { write(Number(slider.value)); show(); });
+      label.append(title, shown, slider);
+      at("parameters").append(label);
       start();
       reset.push(start);
     }

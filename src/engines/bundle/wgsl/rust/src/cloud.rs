@@ -30,6 +30,8 @@ pub struct Cloud {
     steps_together: u32,
     /// Of the camera, the march, compositing.
     kernels: BTreeMap<String, Kernel>,
+    /// Names and values of the parameters of the density.
+    density: Vec<(String, f32)>,
 }
 
 impl Cloud {
@@ -66,7 +68,11 @@ impl Cloud {
                 let content = match binding["file"].as_str() {
                     Some(file) => {
                         let bytes = read(file)?;
-                        let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST;
+                        let kind = match binding["role"] == "density" {
+                            true => wgpu::BufferUsages::UNIFORM,
+                            false => wgpu::BufferUsages::STORAGE,
+                        };
+                        let usage = kind | wgpu::BufferUsages::COPY_DST;
                         let made = buffer(device, bytes.len() as u64, usage);
                         queue.write_buffer(&made, 0, &bytes);
                         Some(made)
@@ -80,11 +86,13 @@ impl Cloud {
             kernels.insert(name, Kernel { pipeline, workgroup, bytes, fields, bindings });
         }
         let side = |index: usize| whole(&manifest["resolution"][index]);
+        let of_density = |one: &Value| (text(&one["field"]), one["value"].as_f64().unwrap_or_default() as f32);
         Ok(Self {
             resolution: [side(0), side(1)],
             rays_together: whole(&manifest["rays_together"]).max(1),
             steps_together: whole(&manifest["steps_together"]).max(1),
             kernels,
+            density: list(&manifest["density"]).iter().map(of_density).collect(),
         })
     }
 
@@ -97,6 +105,29 @@ impl Cloud {
     pub fn number(&mut self, kernel: &str, field: &str) -> Option<&mut Vec<f64>> {
         let fields = &mut self.kernels.get_mut(kernel)?.fields;
         fields.iter_mut().find(|one| one.0 == field).map(|one| &mut one.3)
+    }
+
+    /// Names and values of the parameters of the density; bundle.json says what they are.
+    pub fn density(&self) -> &[(String, f32)] {
+        &self.density
+    }
+
+    /// Changes one of them; an error where there is none of the name.
+    pub fn set_density(&mut self, queue: &wgpu::Queue, name: &str, value: f32) -> Result<(), Failure> {
+        let one = self.density.iter_mut().find(|one| one.0 == name);
+        one.ok_or_else(|| format!("the bundle has no parameter {name}"))?.1 = value;
+        let bytes: Vec<u8> = self.density.iter().flat_map(|one| one.1.to_le_bytes()).collect();
+        let march = self.kernels.get("march").ok_or("bundle.json has no march")?;
+        for (_, _, role, content) in &march.bindings {
+            if let Some(buffer) = content.as_ref().filter(|_| role == "density") {
+                queue.write_buffer(buffer, 0, &bytes);
+            }
+        }
+        // Which cells may hold something is no longer known.
+        if let Some(everywhere) = self.number("march", "everywhere") {
+            *everywhere = vec![1.0];
+        }
+        Ok(())
     }
 
     /// Submits the dispatches that draw the picture into a storage buffer of four floats a pixel, from the top-left corner.
