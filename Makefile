@@ -14,7 +14,7 @@ SCENE := parity/scenes/procedural-clouds.scene.json
 # Newer than the requirements when .venv holds what they name.
 ENVIRONMENT := .venv/requirements.stamp
 
-.PHONY: help setup system demo demo-live test lint bench fuzz build clean
+.PHONY: help setup system demo demo-live web test lint bench fuzz build clean
 
 help: ## list the targets
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/make \1\t\2/p' $(MAKEFILE_LIST) | expand -t 18
@@ -35,6 +35,9 @@ build: setup
 demo: build ## render the cloud, compare it with the committed Cycles reference, write out/demo/index.html and the page out/demo/web
 	$(PROGRAM) publish $(SCENE) --quality medium --resolution 320x180 --film-transparent true --truth parity/reference/procedural-clouds-320x180.exr -o out/demo/web
 	$(PROGRAM) demo -o out/demo
+
+web: build ## the cloud as a page for browsers with WebGPU, out/web; SCENE=FILE takes another scene
+	$(PROGRAM) publish $(SCENE) --quality medium --resolution 640x360 -o out/web
 
 demo-live: build ## the same with a fresh Cycles render as reference (needs bpy; minutes)
 	$(PROGRAM) demo --live -o out/demo

@@ -17,6 +17,7 @@ use cloudparity::engines::defects::Defects;
 use cloudparity::engines::domain::Domain;
 use cloudparity::engines::render::{EngineJitter, EngineRenderer, EngineSettings};
 use cloudparity::gpu::Gpu;
+use cloudparity::graph::wgsl::Language;
 use cloudparity::scene::image::Image;
 use cloudparity::scene::{Projection, Scene};
 use rand::{Rng as _, SeedableRng as _};
@@ -250,7 +251,11 @@ fn check_parameters(model: &str, scene: &Scene, fixed: &[&str], wanted: &[&str],
         shader.write(folder.path(), Program::Hlsl.files(&shader).expect("texts")).expect("written");
         let hlsl =
             ["-D", "-S", "frag", "-e", "main", "-I.", "--aml", "--amb", "-V", "-o", "picture.spv", "picture.hlsl"];
-        for arguments in [&["whole.frag"][..], &hlsl] {
+        // The density alone, as `cloudparity shader --parameters` writes it.
+        let alone = found.shader(Language::Glsl).expect("GLSL");
+        assert!(String::from_utf8_lossy(&alone).contains(&format!("// {} = ", names[0])), "{model}");
+        std::fs::write(folder.path().join("alone.comp"), alone).expect("written");
+        for arguments in [&["whole.frag"][..], &["-V", "-o", "alone.spv", "alone.comp"], &hlsl] {
             let output = glslang(folder.path(), arguments);
             assert!(output.status.success(), "{model}: {}", String::from_utf8_lossy(&output.stdout));
         }

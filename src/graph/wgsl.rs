@@ -608,6 +608,16 @@ pub fn standalone(program: &Program, language: Language) -> Result<Vec<u8>> {
     write(&module, language)
 }
 
+/// The same with constants that are computed from parameters in a uniform, binding 8 of group 0.
+pub fn standalone_with_parameters(
+    program: &Program,
+    parameters: &ProgramParameters,
+    language: Language,
+) -> Result<Vec<u8>> {
+    let linker = Linker::with_parameters(program, parameters)?;
+    write(&linker.link("graph/density_at_points.wgsl", STANDALONE)?, language)
+}
+
 /// Validates with what every WebGPU implementation offers.
 pub fn validate(module: &naga::Module) -> Result<naga::valid::ModuleInfo> {
     let flags = naga::valid::ValidationFlags::all();

@@ -135,6 +135,28 @@ impl RunTime {
         Ok(None)
     }
 
+    /// The density alone as a standalone shader with an entry point that computes it at points, in a language. In a text, what each parameter is
+    /// stands first.
+    pub fn shader(&self, language: Language) -> Result<Vec<u8>> {
+        let shader = wgsl::standalone_with_parameters(&self.program, &self.parameters, language)?;
+        if language == Language::Spirv {
+            return Ok(shader);
+        }
+        let mut head = String::from("// Parameters of the density, in the order of their struct:\n");
+        for Tunable { field, title, about, value, range: [low, high], .. } in &self.tunables {
+            let about =
+                if about.is_empty() { String::new() } else { format!(": {}", about.replace(['\n', '\r'], " ")) };
+            head += &format!("// {field} = {value} ({low} to {high}): {}{about}\n", title.replace(['\n', '\r'], " "));
+        }
+        // A version has to come first in GLSL.
+        let text = String::from_utf8_lossy(&shader);
+        Ok(match text.split_once('\n').filter(|(first, _)| first.starts_with("#version")) {
+            Some((version, rest)) => format!("{version}\n{head}{rest}"),
+            None => head + &text,
+        }
+        .into_bytes())
+    }
+
     /// The engine with the program whose constants are computed.
     pub(super) fn engine(&self, engine: &Engine) -> Engine {
         engine.with_density(engine.density.with_program(Arc::clone(&self.program)))
