@@ -111,14 +111,22 @@ enum Constants {
     OfParameters(ProgramParameters, usize),
 }
 
+/// A constant that follows from parameters in proportion.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Computed {
+    /// Its value where all parameters are 0.
+    pub at_zero: f64,
+    /// What it grows by with parameters, by their numbers.
+    pub slopes: Vec<(usize, f64)>,
+}
+
 /// Parameters in a uniform that constants of a program depend on, affinely.
 #[derive(Debug, Clone, Default)]
 pub struct ProgramParameters {
     /// Names of the uniform's fields: identifiers that do not end in a digit.
     pub fields: Vec<String>,
-    /// For each constant that is not 0, in the order of [`Linker::numbers`]: its value where all parameters are 0, and what it grows by with
-    /// fields, by their numbers; none where it depends on nothing.
-    pub constants: Vec<Option<(f64, Vec<(usize, f64)>)>>,
+    /// For each constant that is not 0, in the order of [`Linker::numbers`]; none where it depends on nothing.
+    pub constants: Vec<Option<Computed>>,
 }
 
 impl ProgramParameters {
@@ -148,7 +156,7 @@ impl ProgramParameters {
 
     /// A constant as text; none where it depends on no parameter.
     fn expression(&self, number: usize) -> Option<String> {
-        let (at_zero, slopes) = self.constants.get(number)?.as_ref()?;
+        let Computed { at_zero, slopes } = self.constants.get(number)?.as_ref()?;
         let mut text = format!("({:?}f", *at_zero as f32);
         for (field, slope) in slopes {
             text += &format!(" + {:?}f * parameters.{}", *slope as f32, self.fields[*field]);
@@ -177,7 +185,7 @@ impl Linker {
         Ok(linker)
     }
 
-    /// The same, but constants are computed from parameters in a uniform ([`ProgramParameters::module`]).
+    /// The same, but constants are computed from parameters in a uniform ([`ProgramParameters`]).
     pub fn with_parameters(program: &Program, parameters: &ProgramParameters) -> Result<Self> {
         let mut linker = Self::bare();
         linker.add("generated/parameters.wgsl", &parameters.module());

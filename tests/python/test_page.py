@@ -120,7 +120,8 @@ def test_every_slider_changes_the_picture(page):
             # Either end is another value.
             move = "(one) => { one.value = Number(one.value) === Number(one.max) ? one.min : one.max;"
             sliders.nth(number).evaluate(move + " one.dispatchEvent(new Event('input')); }")
-            assert not np.array_equal(drawn(page), home), page.locator(f"{group} label").nth(number).inner_text()
+            title = page.locator(f"{group} label").nth(number).inner_text()
+            assert not np.array_equal(drawn(page), home), title
     page.click("#reset")
     assert np.array_equal(drawn(page), home)
     assert page.said == []
@@ -235,8 +236,8 @@ def test_colours_are_those_of_the_scenes_view_transform(page):
 
 
 def test_a_parameter_of_the_density_is_that_of_another_bundle(page, tmp_path):
-    """Half of Density on the page, and a bundle that is published with it: both are within their certificate's
-    figure and 200 roundings of what is right (the first test)."""
+    """Half of Density on the page, and a bundle that is published with it: both are within their
+    certificate's figure and 200 roundings of what is right (the first test)."""
     import OpenImageIO as oiio
 
     page.evaluate("() => host.setDensity('density', 0.5)")
@@ -262,7 +263,8 @@ def test_presets_are_chosen_on_the_page(browser, tmp_path):
     for steps in (4, 12):
         files.append(tmp_path / f"steps-{steps}.preset.json")
         engine = {"density": "graph", "light": "own", "steps": steps, "light_steps": 2}
-        preset = {"format": "cloudparity-preset/1", "title": f"{steps} steps", "engine": engine, "parameters": {}}
+        preset = {"format": "cloudparity-preset/1", "title": f"{steps} steps", "engine": engine}
+        preset["parameters"] = {}
         files[-1].write_text(json.dumps(preset))
     out = tmp_path / "cloud"
     command = [str(built_program()), "publish", str(scene), "--resolution", "32x18", "-o", str(out)]
@@ -271,13 +273,15 @@ def test_presets_are_chosen_on_the_page(browser, tmp_path):
     )
     assert made.stdout.count("double precision") == 2, made.stdout
     assert not (out / "steps-12/index.html").exists() and (out / "steps-12/certificate.json").exists()
-    with served(tmp_path) as root, listening(browser, f"{root}/cloud/", "window.firstPicture", (1100, 700)) as page:
+    size = (1100, 700)
+    with served(tmp_path) as root, listening(browser, f"{root}/cloud/", "window.firstPicture", size) as page:
         titles = page.locator("#presets option").all_inner_texts()
         assert titles == ["4 steps", "12 steps"]
         first = drawn(page)
         page.evaluate("() => { window.before = window.host; }")
         page.select_option("#presets", "steps-12")
-        page.wait_for_function("window.host !== window.before && !document.getElementById('presets').disabled")
+        is_there = "window.host !== window.before && !document.getElementById('presets').disabled"
+        page.wait_for_function(is_there)
         second = drawn(page)
         assert not np.array_equal(first, second)
         certificate = json.loads((out / "steps-12/certificate.json").read_text())

@@ -13,7 +13,7 @@ use crate::engines::render::EngineRenderer;
 use crate::engines::{self, Engine};
 use crate::graph::Program;
 use crate::graph::evaluate::Evaluator;
-use crate::graph::wgsl::{self, Language, ProgramParameters};
+use crate::graph::wgsl::{self, Computed, Language, ProgramParameters};
 use crate::media::density::Density;
 use crate::media::region::Region;
 use crate::scene::Scene;
@@ -187,6 +187,9 @@ const GENERIC: f64 = 0.3;
 const SECOND: f64 = 0.84;
 const SPREAD: f64 = 0.12;
 
+/// A program at some values, and itself.
+type Probed = (Arc<Probe>, Arc<Program>);
+
 /// What a program is at some values.
 #[derive(PartialEq)]
 struct Probe {
@@ -200,7 +203,8 @@ struct Probe {
 struct Search<'a> {
     candidates: &'a [Candidate],
     build: Builder<'a>,
-    known: HashMap<Vec<(usize, u64)>, Option<(Arc<Probe>, Arc<Program>)>>,
+    /// By the values that were asked for; none where they were refused.
+    known: HashMap<Vec<(usize, u64)>, Option<Probed>>,
 }
 
 /// The density of the bundle's picture at places, by its own program.
@@ -234,7 +238,8 @@ impl Reference {
         let largest = self.values.iter().fold(0.0_f32, |most, value| most.max(value.abs()));
         let mut evaluator = Evaluator::new(program)?;
         let found = evaluator.evaluate(&self.places);
-        let is_off = |(found, own): &(&f32, &f32)| !((*found - *own).abs() <= OFF * largest);
+        let is_off =
+            |(found, own): &(&f32, &f32)| (*found - *own).abs() > OFF * largest || found.is_nan() != own.is_nan();
         let off = found.iter().zip(&self.values).filter(is_off).count();
         Ok(off as f64 <= AT_STEPS * PLACES as f64)
     }
@@ -242,7 +247,7 @@ impl Reference {
 
 enum Found {
     /// The probe at the generic values, and what its constants are computed from.
-    Affine(Vec<f64>, Vec<Option<(f64, Vec<(usize, f64)>)>>),
+    Affine(Vec<f64>, Vec<Option<Computed>>),
     /// Without these.
     Without(BTreeSet<usize>),
 }
@@ -260,7 +265,7 @@ impl Search<'_> {
         self.probed(values).map(|(probe, _)| probe)
     }
 
-    fn probed(&mut self, values: &[(usize, f64)]) -> Result<(Arc<Probe>, Arc<Program>)> {
+    fn probed(&mut self, values: &[(usize, f64)]) -> Result<Probed> {
         let key: Vec<(usize, u64)> = values.iter().map(|(number, value)| (*number, value.to_bits())).collect();
         let found = match self.known.get(&key) {
             Some(known) => known.clone(),
@@ -348,7 +353,7 @@ impl Search<'_> {
                 let at_zero = parts
                     .iter()
                     .fold(f64::from(base.numbers[constant]), |sum, (place, slope)| sum - slope * generic[*place].1);
-                Some((at_zero, parts))
+                Some(Computed { at_zero, slopes: parts })
             })
             .collect();
         Ok(Found::Affine(generic.into_iter().map(|(_, value)| value).collect(), constants))
@@ -359,7 +364,7 @@ impl Search<'_> {
         let Found::Affine(generic, constants) = self.affine(left)? else { return Ok(false) };
         let values: Vec<(usize, f64)> = left.iter().copied().zip(generic).collect();
         let (probe, program) = self.probed(&values)?;
-        let own = |(at_zero, slopes): &(f64, Vec<(usize, f64)>)| {
+        let own = |Computed { at_zero, slopes }: &Computed| {
             let sum = slopes.iter().map(|(place, slope)| slope * self.candidates[left[*place]].value).sum::<f64>();
             (at_zero + sum) as f32
         };
@@ -368,12 +373,7 @@ impl Search<'_> {
         reference.is_of(&program.with_constants(&numbers))
     }
 
-    fn run_time(
-        &mut self,
-        left: &[usize],
-        generic: &[f64],
-        constants: Vec<Option<(f64, Vec<(usize, f64)>)>>,
-    ) -> RunTime {
+    fn run_time(&mut self, left: &[usize], generic: &[f64], constants: Vec<Option<Computed>>) -> RunTime {
         let values: Vec<(usize, f64)> = left.iter().copied().zip(generic.iter().copied()).collect();
         let (_, program) = self.probed(&values).expect("it was asked for before");
         let mut fields: Vec<String> = Vec::new();
@@ -405,7 +405,7 @@ impl Probe {
     }
 }
 
-fn of_engine(scene: &Scene, engine: &Engine) -> Result<(Arc<Probe>, Arc<Program>)> {
+fn of_engine(scene: &Scene, engine: &Engine) -> Result<Probed> {
     let program = Arc::clone(engine.density.program());
     // Which cells are empty is no part of the text here.
     let filling = engine.with_density(Density::filling(Arc::clone(&program), engine.density.bounds));
