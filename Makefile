@@ -14,7 +14,7 @@ SCENE := parity/scenes/procedural-clouds.scene.json
 # Newer than the requirements when .venv holds what they name.
 ENVIRONMENT := .venv/requirements.stamp
 
-.PHONY: help setup system demo demo-live web test lint bench fuzz build clean
+.PHONY: help setup system demo demo-live web test lint bench bench-quick fuzz build clean
 
 help: ## list the targets
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/make \1\t\2/p' $(MAKEFILE_LIST) | expand -t 18
@@ -41,6 +41,9 @@ web: build ## the cloud as a page for browsers with WebGPU, out/web; SCENE=FILE 
 
 demo-live: build ## the same with a fresh Cycles render as reference (needs bpy; minutes)
 	$(PROGRAM) demo --live -o out/demo
+
+bench-quick: build ## has anything become slower? minutes, as ratios, beside the committed baseline
+	$(PROGRAM) bench-quick $(SCENE) --baseline parity/bench-baseline.json
 
 # The second takes hours where the cache has no reference of the two heavy scenes.
 bench: build ## speed of the evaluators and of path tracing against Cycles, as ratios on this machine

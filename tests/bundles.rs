@@ -179,7 +179,8 @@ fn check_parameters(model: &str, scene: &Scene, fixed: &[&str], wanted: &[&str],
     let build = |values: &[(&str, f64)]| changed(scene, model, fixed, values);
     let (own, engine) = build(&[]).expect("an engine");
     let candidates = Candidate::all(&own, &engine).expect("candidates");
-    let found = RunTime::find(&candidates, engine.density.bounds, &build).expect("a search").expect("parameters");
+    let found =
+        RunTime::find(&candidates, engine.density.bounds, &build, &|_| ()).expect("a search").expect("parameters");
     let names: Vec<&str> = found.tunables.iter().map(|one| one.field.as_str()).collect();
     println!("{model}: {names:?}");
     for name in wanted {

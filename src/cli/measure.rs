@@ -1,8 +1,8 @@
 //! `cloudparity measure`: experiments.
 
 use super::{
-    bench, bench_bake, bench_compile, bench_nodes, bench_voxels, bounds, compare_models, convergence, demo, modes,
-    parity, probe, sequence, stability, study, time_to_error, tune,
+    bench, bench_bake, bench_compile, bench_nodes, bench_quick, bench_voxels, bounds, compare_models, convergence,
+    demo, modes, parity, probe, sequence, stability, study, time_to_error, tune,
 };
 use crate::base::error::Result;
 use std::process::ExitCode;
@@ -32,6 +32,7 @@ enum What {
     BenchBake(bench_bake::Arguments),
     BenchCompile(bench_compile::Arguments),
     BenchNodes(bench_nodes::Arguments),
+    BenchQuick(bench_quick::Arguments),
     BenchVoxels(Box<bench_voxels::Arguments>),
     Demo(demo::Arguments),
 }
@@ -54,6 +55,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
         What::BenchBake(arguments) => bench_bake::run(arguments),
         What::BenchCompile(arguments) => bench_compile::run(arguments),
         What::BenchNodes(arguments) => bench_nodes::run(arguments),
+        What::BenchQuick(arguments) => bench_quick::run(arguments),
         What::BenchVoxels(arguments) => bench_voxels::run(arguments),
         What::Demo(arguments) => demo::run(arguments),
     }

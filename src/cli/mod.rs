@@ -7,6 +7,7 @@ mod bench;
 mod bench_bake;
 mod bench_compile;
 mod bench_nodes;
+mod bench_quick;
 mod bench_voxels;
 mod bounds;
 mod build;

@@ -180,7 +180,12 @@ impl Arguments {
         if self.fixed_density || matches!(self.to, Target::Texture | Target::Vdb) {
             return Ok(None);
         }
-        RunTime::find(&Candidate::all(scene, engine)?, engine.density.bounds, build)
+        let bar = super::progress_bar(1000);
+        let progress = super::progress_on(&bar);
+        let tell = |part| progress(part, "parameters of the density");
+        let found = RunTime::find(&Candidate::all(scene, engine)?, engine.density.bounds, build, &tell);
+        bar.finish_and_clear();
+        found
     }
 }
 

@@ -59,7 +59,7 @@ fn with_parameters(scene: &Scene, language: wgsl::Language) -> Result<Vec<u8>> {
     let (_, engine) = build(&[])?;
     let mut candidates = Candidate::all(scene, &engine)?;
     candidates.retain(|one| owner(&one.name).0 == Owner::Scene);
-    let found = RunTime::find(&candidates, engine.density.bounds, &build)?.ok_or_else(|| {
+    let found = RunTime::find(&candidates, engine.density.bounds, &build, &|_| ())?.ok_or_else(|| {
         Error::new(
             "--parameters",
             "no number of the material that the density's constants follow from in proportion",

@@ -147,7 +147,8 @@ pub fn read(path: &Path) -> Result<Value> {
             path.display().to_string(),
             found,
             format!("a certificate, format {FORMAT}"),
-            "Give the certificate.json that a report wrote.",
+            "Give the certificate.json that a report wrote. Those of bundles are checked by cloudparity diff: its figures of bundle.exr and \
+             double-precision.exr, beside it, are theirs.",
         )
     };
     let value: Value = serde_json::from_str(&text).map_err(|cause| wrong(format!("no JSON ({cause})")))?;

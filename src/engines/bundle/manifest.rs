@@ -1,6 +1,5 @@
 //! What the files of bundles say of themselves.
 
-use super::run_time::Tunable;
 use crate::base::error::{Error, Result};
 use crate::base::files;
 use crate::base::identity::Identity;
@@ -59,6 +58,23 @@ pub struct Shown {
     pub file: Option<String>,
     /// Colours along each axis of the table, at (e^(t s) - 1) / 4096 with t = ln(1 + 4096 * 64) and s from 0 to 1; 0 without one.
     pub side: u32,
+}
+
+/// A parameter of a bundle.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Tunable {
+    /// The field of the uniform.
+    pub field: String,
+    /// Its name in presets: `scene.NAME` or `density.NAME`.
+    pub name: String,
+    /// What readers call it.
+    pub title: String,
+    /// What it is.
+    pub about: String,
+    /// Its value in the bundle's picture.
+    pub value: f64,
+    /// What makes sense, low and high. The shader takes any number that Blender or the system takes.
+    pub range: [f64; 2],
 }
 
 /// A bundle beside others.

@@ -3,8 +3,8 @@
 //!
 //! The functions are those of the kernels, linked by `shaders/engines/picture.wgsl`. [`languages`](super::languages) writes them for a program.
 
-use super::manifest::{Field, Origin, Uniform, refuse_passes, truth_of, write_into};
-use super::run_time::{RunTime, Tunable};
+use super::manifest::{Field, Origin, Tunable, Uniform, refuse_passes, truth_of, write_into};
+use super::run_time::RunTime;
 use crate::base::error::{Error, Result};
 use crate::base::files;
 use crate::engines::Engine;

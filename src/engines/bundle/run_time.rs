@@ -5,7 +5,7 @@
 //! the engine is put together for several values of each parameter, and where nothing but numbers of its program changes, in proportion, also
 //! when others change at once, the parameter is one of the bundle's. Others (octaves, what is baked into textures) are constants of its text.
 
-use super::manifest::Field;
+use super::manifest::{Field, Tunable};
 use crate::base::error::{Error, Result};
 use crate::base::texture::TextureHandle;
 use crate::engines::march::gpu::Form;
@@ -20,7 +20,6 @@ use crate::scene::Scene;
 use glam::DVec3;
 use rand::{Rng as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
-use serde::{Deserialize, Serialize};
 use std::collections::{BTreeSet, HashMap};
 use std::sync::Arc;
 
@@ -67,23 +66,6 @@ impl Candidate {
     }
 }
 
-/// A parameter of a bundle.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Tunable {
-    /// The field of the uniform.
-    pub field: String,
-    /// Its name in presets: `scene.NAME` or `density.NAME`.
-    pub name: String,
-    /// What readers call it.
-    pub title: String,
-    /// What it is.
-    pub about: String,
-    /// Its value in the bundle's picture.
-    pub value: f64,
-    /// What makes sense, low and high. The shader takes any number that Blender or the system takes.
-    pub range: [f64; 2],
-}
-
 /// What a bundle needs for its parameters.
 pub struct RunTime {
     /// The parameters, in the order of the uniform's fields.
@@ -103,16 +85,24 @@ const ROUNDINGS: f64 = 64.0;
 const ROUNDS: usize = 8;
 
 impl RunTime {
-    /// Finds the parameters; none where there are none. `bounds` is the box of the density in its frame.
-    pub fn find(candidates: &[Candidate], bounds: Region, build: Builder<'_>) -> Result<Option<Self>> {
+    /// Finds the parameters; none where there are none. `bounds` is the box of the density in its frame. `progress` hears the part that is done; an
+    /// engine that bakes textures takes its time.
+    pub fn find(
+        candidates: &[Candidate],
+        bounds: Region,
+        build: Builder<'_>,
+        progress: &dyn Fn(f64),
+    ) -> Result<Option<Self>> {
         let mut search = Search { candidates, build, known: HashMap::new() };
-        let (own, program) = search.probed(&[])?;
+        // What a march on an adapter has not is said by what is written next.
+        let Ok((own, program)) = search.probed(&[]) else { return Ok(None) };
         if own.numbers.is_empty() {
             return Ok(None);
         }
         let reference = Reference::new(&program, bounds)?;
         let mut left = Vec::new();
         for number in 0..candidates.len() {
+            progress(number as f64 / candidates.len() as f64);
             let value = search.at(number, GENERIC);
             let probe = search.probe(&[(number, value)]);
             let is_of_program =
@@ -246,7 +236,7 @@ impl Reference {
 }
 
 enum Found {
-    /// The probe at the generic values, and what its constants are computed from.
+    /// The generic values, and what constants of the program there are computed from.
     Affine(Vec<f64>, Vec<Option<Computed>>),
     /// Without these.
     Without(BTreeSet<usize>),
@@ -417,11 +407,35 @@ fn of_engine(scene: &Scene, engine: &Engine) -> Result<Probed> {
     Ok((Arc::new(Probe { text, numbers: parts.numbers, rest, textures: parts.textures }), program))
 }
 
-/// A name as a field: letters, digits and underscores, and no digit last.
+/// A name as a field: letters, digits and underscores, no digit last, and no word of a language.
 fn field_of(title: &str) -> String {
     let plain: String =
         title.chars().map(|c| if c.is_ascii_alphanumeric() { c.to_ascii_lowercase() } else { '_' }).collect();
     let plain = plain.trim_matches('_').to_owned();
     let plain = if plain.starts_with(|c: char| c.is_ascii_alphabetic()) { plain } else { format!("of_{plain}") };
-    if plain.ends_with(|c: char| c.is_ascii_digit()) { plain + "_" } else { plain }
+    let is_word = naga::keywords::wgsl::RESERVED.contains(&plain.as_str());
+    // The composer keeps two underscores for itself.
+    let plain = plain.split('_').filter(|part| !part.is_empty()).collect::<Vec<_>>().join("_");
+    if is_word || plain.ends_with(|c: char| c.is_ascii_digit()) { plain + "_value" } else { plain }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_are_fields() {
+        for (title, field) in [
+            ("Large Noise/Factor", "large_noise_factor"),
+            ("Octave 2", "octave_2_value"),
+            ("active", "active_value"),
+            ("  3D  ", "of_3d"),
+            ("Dichte (außen)", "dichte_au_en"),
+            ("A__b", "a_b"),
+        ] {
+            assert_eq!(field_of(title), field);
+            let text = format!("struct S {{ {field}: f32 }}");
+            naga::front::wgsl::parse_str(&text).expect("WGSL takes it");
+        }
+    }
 }

@@ -8,6 +8,7 @@
 pub mod compile_times;
 pub mod leaving_out;
 pub mod perlin_fbm;
+pub mod quick;
 pub mod time_to_error;
 pub mod voxels;
 
