@@ -269,9 +269,12 @@ impl Gpu {
     fn module(&self, label: &str, module: &naga::Module) -> wgpu::ShaderModule {
         let mut module = module.clone();
         if self.adapter.compiles_uniforms() {
-            // The layout of a storage buffer may be that of a uniform one.
+            // The layout of a storage buffer may be that of a uniform one. Tables, which are read at places that are computed, are no constants for the
+            // driver; it reads them from uniforms in half the time.
+            let types = &module.types;
             for (_, variable) in module.global_variables.iter_mut() {
-                if variable.space == naga::AddressSpace::Uniform {
+                let is_table = matches!(types[variable.ty].inner, naga::TypeInner::Array { .. });
+                if variable.space == naga::AddressSpace::Uniform && !is_table {
                     variable.space = naga::AddressSpace::Storage { access: naga::StorageAccess::LOAD };
                 }
             }

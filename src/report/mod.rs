@@ -9,6 +9,7 @@ mod document;
 pub mod inputs;
 mod measured;
 mod sections;
+pub mod settings;
 pub mod summary;
 mod table;
 mod tables;

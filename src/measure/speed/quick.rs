@@ -137,10 +137,10 @@ impl Baseline {
     pub fn of(rounds: &[Vec<Row>], scene: &Scene, adapter: Option<String>) -> Result<Self> {
         if rounds.len() < 2 {
             return Err(Error::new(
-                "--rounds",
+                "the rounds of a baseline",
                 rounds.len().to_string(),
                 "at least 2: one round says nothing of the next",
-                "Correct the option.",
+                "Measure more rounds.",
             ));
         }
         let count = rounds.len() as f64;
@@ -164,11 +164,11 @@ impl Baseline {
     /// Reads a baseline of a scene.
     pub fn load(path: &Path, scene: &Scene) -> Result<Self> {
         let found: Self = read_record(path)?.ok_or_else(|| {
-            Error::new(path.display().to_string(), "no file", "a baseline", "Write one: --write-baseline FILE.")
+            Error::new(path.display().to_string(), "no file", "a baseline", "Write a baseline first.")
         })?;
         let wrong = |name: &str, found: &str, expected: &str| {
             let place = format!("{}, $.{name}", path.display());
-            Err(Error::new(place, found, expected, "Write another baseline: --write-baseline FILE."))
+            Err(Error::new(place, found, expected, "Write another baseline."))
         };
         if found.format != FORMAT {
             return wrong("format", &found.format, FORMAT);
@@ -352,10 +352,15 @@ pub fn run(scene: &Scene, settings: &Settings<'_>, progress: Progress<'_>) -> Re
     if let Some((name, part)) = settings.planted {
         if !all.iter().any(|workload| workload.what == name) {
             let known: Vec<&str> = all.iter().map(|workload| workload.what).collect();
-            return Err(Error::new("--plant", format!("\"{name}\""), known.join("; "), "Correct the name."));
+            return Err(Error::new(
+                "the planted workload",
+                format!("\"{name}\""),
+                known.join("; "),
+                "Correct the name.",
+            ));
         }
         if !(0.0..=MOST - 1.0).contains(&part) {
-            return Err(Error::new("--plant", part.to_string(), "0 to 0.5", "Correct the number."));
+            return Err(Error::new("the planted part", part.to_string(), "0 to 0.5", "Correct the number."));
         }
     }
     let count = all.len();

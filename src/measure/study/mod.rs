@@ -14,7 +14,6 @@ pub mod file;
 pub mod pareto_front;
 mod results;
 mod running;
-pub mod settings;
 mod verification;
 
 pub use results::{FIGURES, Group, Measured, Results};
