@@ -1,7 +1,7 @@
 //! A scene-linear picture as Blender shows it: a PNG through Blender's own colour management.
 
 use crate::base::display_table::DisplayTable;
-use crate::base::error::{Error, Result};
+use crate::base::error::Result;
 use crate::base::files;
 use crate::bridge;
 use crate::bridge::CyclesKernel;
@@ -70,9 +70,7 @@ pub(super) fn table(display: &Display, side: usize) -> Result<Option<DisplayTabl
     if (view_transform.as_str(), look.as_str(), *gamma) == ("Standard", "None", 1.0) {
         return Ok(None);
     }
-    let folder = tempfile::tempdir().map_err(|cause| {
-        Error::new("temporary folder", cause.to_string(), "a folder that can be made", "Check the free space.")
-    })?;
+    let folder = super::temporary_folder()?;
     let values = folder.path().join("values.npy");
     let request = json!({
         "op": "cube", "axis": DisplayTable::axis(side), "values": values, "view": view_transform, "look": look, "gamma": gamma,

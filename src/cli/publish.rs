@@ -91,22 +91,16 @@ pub(super) struct Arguments {
 pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
     let scene = arguments.scene.load()?;
     arguments.engine.refuse_for_views(!arguments.preset.is_empty())?;
-    let engines = arguments.engines(&scene)?;
-    let truth = match arguments.truth.as_slice() {
-        [] => None,
-        paths => {
-            let pictures: Vec<Image> = paths.iter().map(|path| Image::read_exr(path)).collect::<Result<_>>()?;
-            Some(Image::mean_of(&pictures)?)
-        }
-    };
-    if engines.len() > 1 && arguments.to != Target::Wgsl {
+    if arguments.preset.len() > 1 && arguments.to != Target::Wgsl {
         return Err(Error::new(
             "--preset",
-            format!("{} presets", engines.len()),
+            format!("{} presets", arguments.preset.len()),
             "one preset: only the page of wgsl has a choice of several",
             "Publish each into a folder of its own.",
         ));
     }
+    let engines = arguments.engines(&scene)?;
+    let truth = Truth::read(&arguments.truth)?;
     if engines.len() > 1 {
         return several(arguments, &engines, truth.as_ref());
     }
@@ -190,7 +184,7 @@ impl Arguments {
 }
 
 /// Bundles of several presets: the first one with the page, the others in folders of their own beneath it.
-fn several(arguments: &Arguments, engines: &[Published], truth: Option<&Image>) -> Result<ExitCode> {
+fn several(arguments: &Arguments, engines: &[Published], truth: Option<&Truth>) -> Result<ExitCode> {
     let mut taken: Vec<String> = Vec::new();
     for path in &arguments.preset {
         let name = path.file_name().unwrap_or_default().to_string_lossy();
@@ -226,6 +220,23 @@ fn several(arguments: &Arguments, engines: &[Published], truth: Option<&Image>) 
 /// Colours along each axis of the table of the view transform in a page: half a megabyte.
 const COLOURS: usize = 49;
 
+/// Pictures that are right.
+struct Truth {
+    replicas: Vec<Image>,
+    mean: Image,
+}
+
+impl Truth {
+    fn read(paths: &[PathBuf]) -> Result<Option<Self>> {
+        if paths.is_empty() {
+            return Ok(None);
+        }
+        let replicas: Vec<Image> = paths.iter().map(|path| Image::read_exr(path)).collect::<Result<_>>()?;
+        let mean = Image::mean_of(&replicas)?;
+        Ok(Some(Self { replicas, mean }))
+    }
+}
+
 /// What is published.
 struct Publication<'a> {
     arguments: &'a Arguments,
@@ -233,7 +244,7 @@ struct Publication<'a> {
     scene: &'a Scene,
     engine: &'a Engine,
     run_time: Option<&'a RunTime>,
-    truth: Option<&'a Image>,
+    truth: Option<&'a Truth>,
 }
 
 /// A picture, and the milliseconds that it took.
@@ -254,12 +265,12 @@ impl Publication<'_> {
         let mut bundle = Bundle::with_parameters(self.scene, self.engine, self.run_time)?
             .with_display(self.scene.display.exposure.into(), shown.as_ref());
         bundle.manifest.presets = presets.to_vec();
-        let has_page = folder == self.arguments.output || !presets.is_empty();
+        let has_page = folder == self.arguments.output;
         if !has_page {
             bundle = bundle.without_hosts();
         }
         if let Some(truth) = self.truth {
-            bundle = bundle.with_truth(truth).map_err(|error| error.with_setting("resolution"))?;
+            bundle = bundle.with_truth(&truth.mean).map_err(|error| error.with_setting("resolution"))?;
         }
         bundle.write(folder)?;
         // From the files, as everybody else reads them.
@@ -276,7 +287,7 @@ impl Publication<'_> {
         let folder = self.folder;
         let mut shader = OneShader::with_parameters(self.scene, self.engine, self.run_time)?;
         if let Some(truth) = self.truth {
-            shader = shader.with_truth(truth).map_err(|error| error.with_setting("resolution"))?;
+            shader = shader.with_truth(&truth.mean).map_err(|error| error.with_setting("resolution"))?;
         }
         shader.write(folder, program.files(&shader)?)?;
         let drawn = self.on_adapter(|gpu| {
@@ -397,19 +408,15 @@ impl Publication<'_> {
         let colour = found.colour.ok_or_else(|| uncompared(&found.reasons))?;
         into["largest_difference"] = colour.max_error.into();
         into["root_mean_square_difference"] = colour.rms_error.into();
-        let truth = &self.arguments.truth;
-        if !truth.is_empty() {
-            let found = compared(vec![ours.to_owned()], truth.clone())?;
+        if let Some(Truth { replicas, .. }) = self.truth {
+            let found = compared(vec![ours.to_owned()], self.arguments.truth.clone())?;
             let error = found.relmse.ok_or_else(|| uncompared(&found.reasons))?;
-            into["truth_replicas"] = truth.len().into();
+            into["truth_replicas"] = replicas.len().into();
             into["truth_relmse"] = error.pixel.into();
             into["truth_relmse_of_noise"] = error.noise_pixel.into();
             // Fewer say nothing of their own noise: the certificate says so by null.
-            into["truth_errors_without_noise"] = match truth.len() >= errors::FEWEST_REPLICAS {
-                true => {
-                    let replicas: Vec<Image> = truth.iter().map(|path| Image::read_exr(path)).collect::<Result<_>>()?;
-                    json!(errors::measure(&Image::read_exr(ours)?, &replicas)?)
-                }
+            into["truth_errors_without_noise"] = match replicas.len() >= errors::FEWEST_REPLICAS {
+                true => json!(errors::measure(&Image::read_exr(ours)?, replicas)?),
                 false => Value::Null,
             };
         }

@@ -277,9 +277,7 @@ impl Source for Viewed {
     }
 
     fn flip(&self, ours: &Image, truth: &Image) -> Result<Option<f64>> {
-        let folder = tempfile::tempdir().map_err(|cause| {
-            Error::new("temporary folder", cause.to_string(), "a folder that can be made", "Check the free space.")
-        })?;
+        let folder = super::temporary_folder()?;
         let [one, other] = ["ours.exr", "truth.exr"].map(|name| folder.path().join(name));
         ours.write_exr(&one, false)?;
         truth.write_exr(&other, false)?;

@@ -108,7 +108,10 @@ impl RunTime {
             let is_of_program =
                 probe.is_ok_and(|probe| probe.rest == own.rest && probe.textures == own.textures && *probe != *own);
             // Alone, so that one that means something else at its own value, such as a radius of 0, is not blamed on others.
-            if is_of_program && search.is_met(&[number], &reference)? {
+            if is_of_program
+                && let Found::Affine(values, constants) = search.affine(&[number])?
+                && search.is_met(&[number], &values, &constants, &reference)?
+            {
                 left.push(number);
             }
         }
@@ -118,8 +121,10 @@ impl RunTime {
             }
             match search.affine(&left)? {
                 Found::Without(wrong) => left.retain(|number| !wrong.contains(number)),
-                Found::Affine(..) if !search.is_met(&left, &reference)? => return Ok(None),
-                Found::Affine(base, constants) => return Ok(Some(search.run_time(&left, &base, constants))),
+                Found::Affine(values, constants) => {
+                    let is_met = search.is_met(&left, &values, &constants, &reference)?;
+                    return Ok(is_met.then(|| search.run_time(&left, &values, constants)));
+                }
             }
         }
         Ok(None)
@@ -350,15 +355,20 @@ impl Search<'_> {
     }
 
     /// Whether the program whose constants are computed is the bundle's own at its own values.
-    fn is_met(&mut self, left: &[usize], reference: &Reference) -> Result<bool> {
-        let Found::Affine(generic, constants) = self.affine(left)? else { return Ok(false) };
-        let values: Vec<(usize, f64)> = left.iter().copied().zip(generic).collect();
+    fn is_met(
+        &mut self,
+        left: &[usize],
+        generic: &[f64],
+        constants: &[Option<Computed>],
+        reference: &Reference,
+    ) -> Result<bool> {
+        let values: Vec<(usize, f64)> = left.iter().copied().zip(generic.iter().copied()).collect();
         let (probe, program) = self.probed(&values)?;
         let own = |Computed { at_zero, slopes }: &Computed| {
             let sum = slopes.iter().map(|(place, slope)| slope * self.candidates[left[*place]].value).sum::<f64>();
             (at_zero + sum) as f32
         };
-        let computed = probe.numbers.iter().zip(&constants);
+        let computed = probe.numbers.iter().zip(constants);
         let numbers: Vec<f32> = computed.map(|(&number, computed)| computed.as_ref().map_or(number, own)).collect();
         reference.is_of(&program.with_constants(&numbers))
     }

@@ -14,6 +14,7 @@ use crate::graph::wgsl::{self, Linker};
 use crate::integrators::{march, path};
 use crate::measure::experiment;
 use crate::measure::experiment::{Desk, Done, Experiment};
+use crate::measure::speed::median;
 use crate::media::medium::Medium;
 use crate::scene::Scene;
 use serde::{Deserialize, Serialize};
@@ -206,11 +207,6 @@ impl Once {
 
 fn milliseconds(begin: Instant) -> f64 {
     begin.elapsed().as_secs_f64() * 1e3
-}
-
-fn median(mut sorted: Vec<f64>) -> f64 {
-    sorted.sort_by(f64::total_cmp);
-    sorted.get(sorted.len() / 2).copied().unwrap_or(0.0)
 }
 
 /// A number that no run before had, most probably.

@@ -187,6 +187,12 @@ fn workloads(scene: &Scene, program: &Program, count: usize) -> Result<Vec<Workl
     Ok(all)
 }
 
+/// The middle one; 0 of none.
+fn median(mut sorted: Vec<f64>) -> f64 {
+    sorted.sort_by(f64::total_cmp);
+    sorted.get(sorted.len() / 2).copied().unwrap_or(0.0)
+}
+
 /// Points per second by the slope between a fifth of the points and all of them; median of the
 /// repeats.
 fn slope(count: usize, repeats: usize, mut evaluate: impl FnMut(usize) -> Result<()>) -> Result<f64> {
@@ -205,9 +211,8 @@ fn slope(count: usize, repeats: usize, mut evaluate: impl FnMut(usize) -> Result
     rate(count - few, seconds)
 }
 
-fn rate(points: usize, mut seconds: Vec<f64>) -> Result<f64> {
-    seconds.sort_by(f64::total_cmp);
-    let median = seconds[seconds.len() / 2];
+fn rate(points: usize, seconds: Vec<f64>) -> Result<f64> {
+    let median = median(seconds);
     if median <= 0.0 {
         return Err(Error::new(
             "benchmark",

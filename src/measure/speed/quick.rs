@@ -19,7 +19,7 @@ use crate::graph::Program;
 use crate::graph::bounds::Bounds3;
 use crate::graph::evaluate::Points;
 use crate::integrators::path::PathSettings;
-use crate::measure::speed::workloads;
+use crate::measure::speed::{median, workloads};
 use crate::measure::timing;
 use crate::scene::Scene;
 use cpu_time::ProcessTime;
@@ -241,7 +241,8 @@ struct Materials<'a> {
     program: Program,
     points: Vec<(&'static str, Vec<[f32; 3]>)>,
     boxes: Vec<Bounds3>,
-    engines: Vec<(&'static str, Engine)>,
+    /// Names of their frames on the CPU and on the adapter.
+    engines: Vec<([&'static str; 2], Engine)>,
     kernel: Option<FieldKernel<'a>>,
 }
 
@@ -270,10 +271,10 @@ impl<'a> Materials<'a> {
             model.engine(&scene, &model.values(quality, &[])?, &Defects::NONE, 0.0)
         };
         let engines = vec![
-            ("exact density", engine("graph", None)?),
-            ("cached density", engine("graph", Some("medium"))?),
-            ("perlin-fbm", engine("perlin-fbm", None)?),
-            ("skill", engine("skill", None)?),
+            (["frame, exact density", "WGSL, frame, exact density"], engine("graph", None)?),
+            (["frame, cached density", "WGSL, frame, cached density"], engine("graph", Some("medium"))?),
+            (["frame, perlin-fbm", "WGSL, frame, perlin-fbm"], engine("perlin-fbm", None)?),
+            (["frame, skill", "WGSL, frame, skill"], engine("skill", None)?),
         ];
         let kernel = gpu.map(|gpu| gpu.field(&program)).transpose()?;
         Ok(Self { scene, program, points, boxes, engines, kernel })
@@ -287,8 +288,8 @@ impl<'a> Materials<'a> {
         }
         add("bounds", Box::new(|part| self.program.bounds_many(some(&self.boxes, part)).map(drop)));
         add("path tracing", Box::new(|part| self.path(part)));
-        for (name, engine) in &self.engines {
-            add(frame(name, false), Box::new(move |part| self.frame(engine, None, part)));
+        for ([name, _], engine) in &self.engines {
+            add(name, Box::new(move |part| self.frame(engine, None, part)));
         }
         // Another adapter's clock is not the yardstick's.
         let Some(gpu) = gpu.filter(|gpu| gpu.adapter().is_software()) else { return all };
@@ -296,8 +297,8 @@ impl<'a> Materials<'a> {
             let (_, points) = &self.points[0];
             add("WGSL, field", Box::new(|part| kernel.evaluate(Points::new(some(points, part))).map(drop)));
         }
-        for (name, engine) in &self.engines {
-            add(frame(name, true), Box::new(move |part| self.frame(engine, Some(gpu), part)));
+        for ([_, name], engine) in &self.engines {
+            add(name, Box::new(move |part| self.frame(engine, Some(gpu), part)));
         }
         all
     }
@@ -320,19 +321,6 @@ impl<'a> Materials<'a> {
         let scene = self.sized(TRACED, part);
         let settings = PathSettings { samples: SAMPLES, ..PathSettings::default() };
         timing::timed_picture(&scene, &settings).map(drop)
-    }
-}
-
-fn frame(name: &str, is_on_adapter: bool) -> &'static str {
-    match (name, is_on_adapter) {
-        ("exact density", false) => "frame, exact density",
-        ("cached density", false) => "frame, cached density",
-        ("perlin-fbm", false) => "frame, perlin-fbm",
-        ("skill", false) => "frame, skill",
-        ("exact density", true) => "WGSL, frame, exact density",
-        ("cached density", true) => "WGSL, frame, cached density",
-        ("perlin-fbm", true) => "WGSL, frame, perlin-fbm",
-        _ => "WGSL, frame, skill",
     }
 }
 
@@ -389,11 +377,6 @@ pub fn run(scene: &Scene, settings: &Settings<'_>, progress: Progress<'_>) -> Re
         rows.push(Row { what: what.into(), seconds, ratio, standard_error });
     }
     Ok(rows)
-}
-
-fn median(mut values: Vec<f64>) -> f64 {
-    values.sort_by(f64::total_cmp);
-    values[values.len() / 2]
 }
 
 #[cfg(test)]
