@@ -3,6 +3,7 @@
 //! dimension, in [`line`].
 
 mod cells;
+mod distances;
 mod line;
 
 use crate::nodes::lanes::{self, each};
@@ -230,6 +231,9 @@ fn run_vectorized<S: Simd, const N: usize>(
     outputs: &mut [&mut [f32]],
     redone: &mut Vec<usize>,
 ) {
+    if N >= 3 && plan.feature == Feature::F1 && !plan.search.color && !plan.search.position {
+        return distances::run::<S, N>(simd, plan, inputs, outputs);
+    }
     let width = S::f32s::LEN;
     let count = outputs[0].len();
     for start in (0..count).step_by(width) {

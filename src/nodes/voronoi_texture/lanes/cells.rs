@@ -30,7 +30,7 @@ const SMALLEST_CULLED_SMOOTHNESS: f32 = 1.0e-30;
 const WIDE_OFFSETS: [f32; 5] = [-2.0, -1.0, 0.0, 1.0, 2.0];
 
 /// Per axis the number of one of the cells' kinds; axes beyond the dimensions are 0.
-type Kinds = [u8; 4];
+pub(super) type Kinds = [u8; 4];
 
 /// Every combination of `kinds` kinds per axis, first axis fastest, for 2, 3 and 4 dimensions.
 fn combinations(kinds: u32) -> [Vec<Kinds>; 3] {
@@ -41,7 +41,7 @@ fn combinations(kinds: u32) -> [Vec<Kinds>; 3] {
 }
 
 /// Cells by kind per axis (0 own, 1 near, 2 far), likely nearest first.
-fn visiting_order<const N: usize>() -> &'static [Kinds] {
+pub(super) fn visiting_order<const N: usize>() -> &'static [Kinds] {
     static ORDERS: OnceLock<[Vec<Kinds>; 3]> = OnceLock::new();
     let orders = ORDERS.get_or_init(|| {
         combinations(3).map(|mut cells| {
@@ -68,12 +68,12 @@ fn linear_hash<S: Simd>(floor: S::f32s) -> S::i32s {
 /// Per kind of neighbour along one axis (own, near, far): the offset of the cell, the linear part of
 /// its hash, and the least magnitude (as it enters what is compared) of an offset to its point.
 #[derive(Clone, Copy)]
-struct Axis<S: Simd> {
-    offset: [S::f32s; 3],
-    hash: [S::i32s; 3],
-    least: [S::f32s; 3],
+pub(super) struct Axis<S: Simd> {
+    pub(super) offset: [S::f32s; 3],
+    pub(super) hash: [S::i32s; 3],
+    pub(super) least: [S::f32s; 3],
     /// The place from which distances are measured.
-    place: S::f32s,
+    pub(super) place: S::f32s,
 }
 
 impl<S: Simd> Axis<S> {
@@ -100,7 +100,12 @@ impl<S: Simd> Axis<S> {
 
 /// The neighbourhood of the coordinates.
 #[inline(always)]
-fn axes<S: Simd, const N: usize>(simd: S, floor: [S::f32s; N], x: [S::f32s; N], measure: Measure) -> [Axis<S>; N] {
+pub(super) fn axes<S: Simd, const N: usize>(
+    simd: S,
+    floor: [S::f32s; N],
+    x: [S::f32s; N],
+    measure: Measure,
+) -> [Axis<S>; N] {
     let zero = S::f32s::splat(simd, 0.0);
     each(
         #[inline(always)]
@@ -110,7 +115,7 @@ fn axes<S: Simd, const N: usize>(simd: S, floor: [S::f32s; N], x: [S::f32s; N], 
 
 /// Joins the parts of the axes in the kernel's association.
 #[inline(always)]
-fn join<S: Simd, const N: usize>(measure: Measure, v: [S::f32s; N]) -> S::f32s {
+pub(super) fn join<S: Simd, const N: usize>(measure: Measure, v: [S::f32s; N]) -> S::f32s {
     #[inline(always)]
     fn with<V: Copy, const N: usize>(add: impl Fn(V, V) -> V, v: [V; N]) -> V {
         match N {
@@ -157,13 +162,13 @@ fn least_part<S: Simd>(simd: S, measure: Measure, magnitude: S::f32s) -> S::f32s
 
 /// What orders offsets as the distance does: without the root.
 #[inline(always)]
-fn compared<S: Simd, const N: usize>(simd: S, measure: Measure, v: [S::f32s; N]) -> S::f32s {
+pub(super) fn compared<S: Simd, const N: usize>(simd: S, measure: Measure, v: [S::f32s; N]) -> S::f32s {
     join::<S, N>(measure, each(|axis| part(simd, measure, v[axis])))
 }
 
 /// The distance that belongs to what was compared.
 #[inline(always)]
-fn distance_of<S: Simd>(simd: S, measure: Measure, compared: S::f32s) -> S::f32s {
+pub(super) fn distance_of<S: Simd>(simd: S, measure: Measure, compared: S::f32s) -> S::f32s {
     match measure.metric {
         Metric::Euclidean => compared.sqrt(),
         Metric::Minkowski => powered(simd, compared, 1.0 / measure.exponent),
@@ -188,13 +193,13 @@ fn limit<S: Simd>(simd: S, measure: Measure, distance: S::f32s) -> S::f32s {
 
 /// Least value of what is compared for any point of a cell.
 #[inline(always)]
-fn least<S: Simd, const N: usize>(axes: &[Axis<S>; N], measure: Measure, cell: &Kinds) -> S::f32s {
+pub(super) fn least<S: Simd, const N: usize>(axes: &[Axis<S>; N], measure: Measure, cell: &Kinds) -> S::f32s {
     join::<S, N>(measure, each(|axis| axes[axis].least[usize::from(cell[axis])]))
 }
 
 /// Offset from the place to the point of a cell.
 #[inline(always)]
-fn offset_to<S: Simd, const N: usize>(axes: &[Axis<S>; N], randomness: f32, cell: &Kinds) -> [S::f32s; N] {
+pub(super) fn offset_to<S: Simd, const N: usize>(axes: &[Axis<S>; N], randomness: f32, cell: &Kinds) -> [S::f32s; N] {
     let kind = |axis: usize| usize::from(cell[axis]);
     let values = hash_values::<S, N>(each(|axis| axes[axis].hash[kind(axis)]));
     each(|axis| (axes[axis].offset[kind(axis)] + values[axis] * randomness) - axes[axis].place)
@@ -549,7 +554,7 @@ fn hash_values<S: Simd, const N: usize>(linear: [S::i32s; N]) -> [S::f32s; N] {
 
 /// The rounds of [`crate::nodes::hash::pcg`] after its linear part.
 #[inline(always)]
-fn hash<S: Simd, const N: usize>(mut v: [S::i32s; N]) -> [S::i32s; N] {
+pub(super) fn hash<S: Simd, const N: usize>(mut v: [S::i32s; N]) -> [S::i32s; N] {
     round::<S, N>(&mut v);
     v = each(|axis| v[axis] ^ (v[axis] >> 16));
     round::<S, N>(&mut v);

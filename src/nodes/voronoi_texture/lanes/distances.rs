@@ -1,0 +1,321 @@
+//! Distances to the nearest point (F1 without colour and position) in 3 and 4 dimensions, for many places at once; the
+//! same bits as the full scan.
+//!
+//! Lanes at unrelated places agree on few cells: the 16 lanes of a vector visit 40 of the 81 cells of 4D together, each
+//! of them needs 18. Therefore the search has three parts. All lanes visit the own and near cells of every axis, which
+//! are nearly always needed (14 of 16). What is still needed of the cells that are far along one axis, and then of those
+//! that are far along several, is done for the places that need it, packed densely into vectors of their own. A cell is
+//! left out for the reason that [`super::cells`] gives, place by place.
+
+use crate::nodes::Column;
+use crate::nodes::lanes;
+use crate::nodes::voronoi_texture::Metric;
+use crate::nodes::voronoi_texture::lanes::cells::{Axis, Kinds, axes, compared, distance_of, hash, least, offset_to};
+use crate::nodes::voronoi_texture::lanes::{Octave, Plan, Search, blended, cells, each};
+use fearless_simd::prelude::*;
+
+/// Places that are searched together. A power of two, and a multiple of every vector's width.
+const BATCH: usize = 512;
+
+/// What is known of a batch in one octave.
+struct Places<const N: usize> {
+    coordinates: [[f32; BATCH]; N],
+    /// Per axis the least value of what is compared for cells on the far side.
+    far: [[f32; BATCH]; N],
+    /// The smallest value of what is compared so far.
+    best: [f32; BATCH],
+}
+
+/// Sums the octaves at all places.
+#[inline(always)]
+pub(super) fn run<S: Simd, const N: usize>(
+    simd: S,
+    plan: &Plan,
+    inputs: &[Column<'_, f32>],
+    outputs: &mut [&mut [f32]],
+) {
+    let search = plan.search;
+    if search.measure.metric == Metric::Euclidean && search.randomness == 1.0 {
+        run_as::<S, N, true>(simd, plan, inputs, outputs[0]);
+    } else {
+        run_as::<S, N, false>(simd, plan, inputs, outputs[0]);
+    }
+}
+
+/// `PLAIN`: Euclidean distances with a randomness of 1.
+#[inline(always)]
+fn run_as<S: Simd, const N: usize, const PLAIN: bool>(
+    simd: S,
+    plan: &Plan,
+    inputs: &[Column<'_, f32>],
+    output: &mut [f32],
+) {
+    let mut places = Places { coordinates: [[0.0; BATCH]; N], far: [[0.0; BATCH]; N], best: [0.0; BATCH] };
+    for (batch, sums) in output.chunks_mut(BATCH).enumerate() {
+        let columns: [&[f32]; N] = each(
+            #[inline(always)]
+            |axis| &inputs[axis].values[batch * BATCH..][..sums.len()],
+        );
+        sums.fill(0.0);
+        for octave in &plan.octaves {
+            search_near::<S, N, PLAIN>(simd, plan, &columns, octave, &mut places);
+            search_far::<S, N, PLAIN>(simd, plan.search, sums.len(), &mut places);
+            for start in (0..sums.len()).step_by(S::f32s::LEN) {
+                let group = &mut sums[start..];
+                let used = group.len().min(S::f32s::LEN);
+                let best = S::f32s::from_slice(simd, &places.best[start..start + S::f32s::LEN]);
+                let found = distance_of::<S>(simd, plan.search.measure, best);
+                let sum = lanes::load::<S>(simd, &group[..used]);
+                let next = if plan.single { found } else { blended::<S>(sum, sum + found * octave.amplitude, octave) };
+                lanes::store::<S>(next, &mut group[..used]);
+            }
+        }
+        if let Some(divisor) = plan.distance_divisor {
+            sums.iter_mut().for_each(|sum| *sum /= divisor);
+        }
+    }
+}
+
+/// Searches the own and near cells of all places.
+#[inline(always)]
+fn search_near<S: Simd, const N: usize, const PLAIN: bool>(
+    simd: S,
+    plan: &Plan,
+    columns: &[&[f32]; N],
+    octave: &Octave,
+    places: &mut Places<N>,
+) {
+    // A function of its own, compiled with the instructions of the lanes.
+    simd.vectorize(
+        #[inline(always)]
+        || {
+            let (width, count) = (S::f32s::LEN, columns[0].len());
+            for start in (0..count).step_by(width) {
+                let used = width.min(count - start);
+                let x: [S::f32s; N] = each(
+                    #[inline(always)]
+                    |axis| lanes::load::<S>(simd, &columns[axis][start..start + used]) * plan.scale * octave.scale,
+                );
+                let axes = around(simd, x, plan.search);
+                let best = S::f32s::splat(simd, f32::MAX);
+                search_block::<S, N, PLAIN, N>(simd, &axes, plan.search, best)
+                    .store_slice(&mut places.best[start..start + width]);
+                for axis in 0..N {
+                    x[axis].store_slice(&mut places.coordinates[axis][start..start + width]);
+                    axes[axis].least[2].store_slice(&mut places.far[axis][start..start + width]);
+                }
+            }
+        },
+    );
+}
+
+#[inline(always)]
+fn around<S: Simd, const N: usize>(simd: S, x: [S::f32s; N], search: Search) -> [Axis<S>; N] {
+    axes(
+        simd,
+        each(
+            #[inline(always)]
+            |axis| x[axis].floor(),
+        ),
+        x,
+        search.measure,
+    )
+}
+
+/// Searches the other cells, where they may matter.
+#[inline(always)]
+fn search_far<S: Simd, const N: usize, const PLAIN: bool>(
+    simd: S,
+    search: Search,
+    count: usize,
+    places: &mut Places<N>,
+) {
+    search_far_along::<S, N, PLAIN, 0>(simd, search, count, places);
+    search_far_along::<S, N, PLAIN, 1>(simd, search, count, places);
+    search_far_along::<S, N, PLAIN, 2>(simd, search, count, places);
+    if N == 4 {
+        search_far_along::<S, N, PLAIN, 3>(simd, search, count, places);
+    }
+    search_where(
+        simd,
+        count,
+        search,
+        places,
+        #[inline(always)]
+        |far, best| {
+            // Of the cells that are far along several axes, one that is far along two has the least bound.
+            let mut needed = S::mask32s::splat(simd, false);
+            for first in 0..N {
+                for second in 0..first {
+                    let part = |axis: usize| {
+                        if axis == first || axis == second { far[axis] } else { S::f32s::splat(simd, 0.0) }
+                    };
+                    needed |= cells::join::<S, N>(search.measure, each(part)).simd_lt(best);
+                }
+            }
+            needed
+        },
+        #[inline(always)]
+        |axes, best| search_corners::<S, N>(simd, axes, search, best),
+    );
+}
+
+/// Searches the cells that are far along one axis, where they may matter.
+#[inline(always)]
+fn search_far_along<S: Simd, const N: usize, const PLAIN: bool, const AXIS: usize>(
+    simd: S,
+    search: Search,
+    count: usize,
+    places: &mut Places<N>,
+) {
+    search_where(
+        simd,
+        count,
+        search,
+        places,
+        #[inline(always)]
+        |far, best| far[AXIS].simd_lt(best),
+        #[inline(always)]
+        |axes, best| search_block::<S, N, PLAIN, AXIS>(simd, axes, search, best),
+    );
+}
+
+/// Searches cells with `visit` for the places that `is_needed` asks for.
+#[inline(always)]
+fn search_where<S: Simd, const N: usize>(
+    simd: S,
+    count: usize,
+    search: Search,
+    places: &mut Places<N>,
+    is_needed: impl Fn(&[S::f32s; N], S::f32s) -> S::mask32s,
+    visit: impl Fn(&[Axis<S>; N], S::f32s) -> S::f32s,
+) {
+    simd.vectorize(
+        #[inline(always)]
+        || {
+            let width = S::f32s::LEN;
+            let mut needing = [0_usize; BATCH];
+            let mut number = 0;
+            for start in (0..count).step_by(width) {
+                let far: [S::f32s; N] = each(
+                    #[inline(always)]
+                    |axis| S::f32s::from_slice(simd, &places.far[axis][start..start + width]),
+                );
+                let best = S::f32s::from_slice(simd, &places.best[start..start + width]);
+                for lane in lanes::marked::<S>(is_needed(&far, best), true, width.min(count - start)) {
+                    needing[number % BATCH] = start + lane;
+                    number += 1;
+                }
+            }
+            for group in needing[..number].chunks(width) {
+                // The lanes that are left repeat the first place.
+                let place = |lane: usize| *group.get(lane).unwrap_or(&group[0]) % BATCH;
+                let mut gathered = [0.0; lanes::MOST];
+                let mut gather = |from: &[f32; BATCH]| {
+                    for lane in 0..width {
+                        gathered[lane] = from[place(lane)];
+                    }
+                    S::f32s::from_slice(simd, &gathered[..width])
+                };
+                let mut x = [S::f32s::splat(simd, 0.0); N];
+                for axis in 0..N {
+                    x[axis] = gather(&places.coordinates[axis]);
+                }
+                let best = gather(&places.best);
+                visit(&around(simd, x, search), best).store_slice(&mut gathered[..width]);
+                for (&place, &best) in group.iter().zip(&gathered) {
+                    places.best[place % BATCH] = best;
+                }
+            }
+        },
+    );
+}
+
+/// The smaller of `best` and the values of the cells that are far along the axis `FAR`, own and near along the others;
+/// without such an axis (`FAR == N`) those of all own and near cells.
+#[inline(always)]
+fn search_block<S: Simd, const N: usize, const PLAIN: bool, const FAR: usize>(
+    simd: S,
+    axes: &[Axis<S>; N],
+    search: Search,
+    mut best: S::f32s,
+) -> S::f32s {
+    // Written out: cells that share parts of the hash share its first products. Kinds of the last axis vary slowest.
+    kinds::<FAR>(
+        if N == 4 { 3 } else { usize::MAX },
+        #[inline(always)]
+        |w| {
+            kinds::<FAR>(
+                1,
+                #[inline(always)]
+                |y| {
+                    kinds::<FAR>(
+                        0,
+                        #[inline(always)]
+                        |x| {
+                            kinds::<FAR>(
+                                2,
+                                #[inline(always)]
+                                |z| best = best.min(value::<S, N, PLAIN>(simd, axes, search, [x, y, z, w])),
+                            );
+                        },
+                    );
+                },
+            );
+        },
+    );
+    best
+}
+
+/// Calls `each` with the kinds of an axis that a block has.
+#[inline(always)]
+fn kinds<const FAR: usize>(axis: usize, mut each: impl FnMut(u8)) {
+    if axis == FAR {
+        each(2);
+    } else {
+        each(0);
+        if axis != usize::MAX {
+            each(1);
+        }
+    }
+}
+
+/// What is compared for the point of a cell.
+#[inline(always)]
+fn value<S: Simd, const N: usize, const PLAIN: bool>(
+    simd: S,
+    axes: &[Axis<S>; N],
+    search: Search,
+    cell: Kinds,
+) -> S::f32s {
+    if !PLAIN {
+        return compared::<S, N>(simd, search.measure, offset_to(axes, search.randomness, &cell));
+    }
+    let kind = |axis: usize| usize::from(cell[axis]);
+    let bits = hash::<S, N>(each(
+        #[inline(always)]
+        |axis| axes[axis].hash[kind(axis)],
+    ));
+    let squares = each(
+        #[inline(always)]
+        |axis| {
+            // The product with 2^-31 is exact, so that fusing it with the sum changes no bit.
+            let point = S::f32s::float_from(bits[axis]).mul_add(1.0 / 2_147_483_648.0, axes[axis].offset[kind(axis)]);
+            let offset = point - axes[axis].place;
+            offset * offset
+        },
+    );
+    cells::join::<S, N>(search.measure, squares)
+}
+
+/// The smaller of `best` and the values of the cells that are far along several axes.
+#[inline(always)]
+fn search_corners<S: Simd, const N: usize>(simd: S, axes: &[Axis<S>; N], search: Search, mut best: S::f32s) -> S::f32s {
+    for cell in cells::visiting_order::<N>() {
+        let is_corner = cell.iter().filter(|&&kind| kind == 2).count() > 1;
+        if is_corner && least(axes, search.measure, cell).simd_lt(best).any_true() {
+            best = best.min(compared::<S, N>(simd, search.measure, offset_to(axes, search.randomness, cell)));
+        }
+    }
+    best
+}
