@@ -202,9 +202,11 @@ fn search_where<S: Simd, const N: usize>(
                     |axis| S::f32s::from_slice(simd, &places.far[axis][start..start + width]),
                 );
                 let best = S::f32s::from_slice(simd, &places.best[start..start + width]);
-                for lane in lanes::marked::<S>(is_needed(&far, best), true, width.min(count - start)) {
+                let needed = is_needed(&far, best).to_bitmask();
+                // Written without a branch, which would be a guess: every place is put down, those that count stay.
+                for lane in 0..width.min(count - start) {
                     needing[number % BATCH] = start + lane;
-                    number += 1;
+                    number += (needed >> lane & 1) as usize;
                 }
             }
             for group in needing[..number].chunks(width) {
