@@ -198,6 +198,8 @@ pub struct Crossing {
 pub struct Walk {
     origin: DVec3,
     direction: DVec3,
+    /// Metres per cell along each axis; NaN along those on which the ray does not move.
+    inverse: DVec3,
     cell: [i32; 3],
     /// Metres from the ray's origin.
     pub distance: f64,
@@ -265,6 +267,7 @@ impl Majorants {
             }
             pending = tree.divide(wanted.into_iter().map(|(_, node)| node), level, &enclose)?;
         }
+        tree.merge_empty();
         tree.make_table();
         tree.rates = tree.minorants.iter().zip(&tree.majorants).map(|(&low, &high)| Rates::proven(low, high)).collect();
         Ok(tree)
@@ -406,6 +409,20 @@ impl Majorants {
         self.minorants[node] = self.minorants[node].max(interval.low).min(self.majorants[node]);
     }
 
+    /// Makes leaves of nodes whose children are all empty leaves: bounds of parts are tighter than those of the whole, and a
+    /// ray crosses one leaf faster than several.
+    fn merge_empty(&mut self) {
+        // Children stand behind their parents.
+        for node in (0..self.children.len()).rev() {
+            let first = self.children[node] as usize;
+            let is_empty = |child: usize| self.children[child] == 0 && self.majorants[child] == 0.0;
+            if first != 0 && (first..first + 8).all(is_empty) {
+                self.children[node] = 0;
+                (self.minorants[node], self.majorants[node]) = (0.0, 0.0);
+            }
+        }
+    }
+
     /// Notes which node, at level [`TABLE_LEVEL`] or above, lies over each cell of the table.
     fn make_table(&mut self) {
         let side = 1_i32 << TABLE_LEVEL;
@@ -478,7 +495,7 @@ impl Majorants {
 
     /// Number of leaves.
     pub fn leaves(&self) -> usize {
-        self.children.iter().filter(|&&child| child == 0).count()
+        self.all_leaves().len()
     }
 
     /// A ray of the object's frame, its direction per metre of world space, between two distances;
@@ -492,7 +509,15 @@ impl Majorants {
         }
         let origin = (origin - self.low) / self.size * FINEST;
         let direction = direction / self.size * FINEST;
-        Some(Walk { origin, direction, cell: self.cell_of(origin + direction * from), distance: from, end: to })
+        let inverse = DVec3::select(direction.cmpeq(DVec3::ZERO), DVec3::NAN, direction.recip());
+        Some(Walk {
+            origin,
+            direction,
+            inverse,
+            cell: self.cell_of(origin + direction * from),
+            distance: from,
+            end: to,
+        })
     }
 
     /// The leaf where the ray is.
@@ -504,16 +529,12 @@ impl Majorants {
         let mut exit = f64::INFINITY;
         let mut axis = 0;
         for candidate in 0..3 {
-            let direction = walk.direction[candidate];
-            if direction == 0.0 {
-                continue;
-            }
-            let face = if direction > 0.0 { base[candidate] + span } else { base[candidate] };
-            let distance = (f64::from(face) - walk.origin[candidate]) / direction;
-            if distance < exit {
-                exit = distance;
-                axis = candidate;
-            }
+            let face = base[candidate] + span * i32::from(walk.direction[candidate] > 0.0);
+            let distance = (f64::from(face) - walk.origin[candidate]) * walk.inverse[candidate];
+            // Not where the distance is NaN.
+            let is_nearer = distance < exit;
+            exit = if is_nearer { distance } else { exit };
+            axis = if is_nearer { candidate } else { axis };
         }
         Crossing {
             majorant: f64::from(self.majorants[leaf]),
