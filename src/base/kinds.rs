@@ -23,6 +23,8 @@ pub enum FileKind {
     Study,
     /// `*.sequence.toml`.
     Sequence,
+    /// `*.attribution.toml`.
+    Attribution,
     /// `*.tune.toml`.
     Tuning,
     /// `*.preset.json`.
@@ -52,6 +54,7 @@ impl FileKind {
             (".scene.json", Self::Scene),
             (".study.toml", Self::Study),
             (".sequence.toml", Self::Sequence),
+            (".attribution.toml", Self::Attribution),
             (".tune.toml", Self::Tuning),
             (".preset.json", Self::Preset),
             (".blend", Self::Blend),
@@ -71,6 +74,7 @@ impl FileKind {
             Self::Scene => "a scene file (*.scene.json)",
             Self::Study => "a study file (*.study.toml)",
             Self::Sequence => "a sequence file (*.sequence.toml)",
+            Self::Attribution => "an attribution file (*.attribution.toml)",
             Self::Tuning => "a tuning file (*.tune.toml)",
             Self::Preset => "a preset (*.preset.json)",
             Self::Folder => "a folder",
@@ -94,6 +98,7 @@ impl FileKind {
             Self::Scene => format!("A scene is rendered by cloudparity render {path} -o PICTURE.exr"),
             Self::Study => format!("A study is run by cloudparity study {path} -o FOLDER"),
             Self::Sequence => format!("A sequence is run by cloudparity measure sequence {path} -o FOLDER"),
+            Self::Attribution => format!("An attribution is run by cloudparity measure attribution {path} -o FOLDER"),
             Self::Tuning => format!("A tuning is run by cloudparity tune {path} -o FOLDER"),
             Self::Preset => {
                 "A preset is rendered by cloudparity render, beside a scene; name the other file here".into()

@@ -38,6 +38,7 @@ macro_rules! scripts {
 /// Every script and module of `blend/` that the program runs, by file name.
 pub const SCRIPTS: &[(&str, &str)] = scripts!(
     "animation_reader.py",
+    "attribution_plot.py",
     "blender_file.py",
     "build_scene.py",
     "compare_images.py",

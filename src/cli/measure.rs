@@ -1,7 +1,7 @@
 //! `cloudparity measure`: experiments.
 
 use super::{
-    bench, bench_bake, bench_compile, bench_nodes, bench_quick, bench_voxels, bounds, compare_models, convergence,
+    attribution, bench, bench_bake, bench_compile, bench_nodes, bench_quick, bench_voxels, bounds, compare_models, convergence,
     demo, modes, parity, probe, sequence, stability, study, time_to_error, tune,
 };
 use crate::base::error::Result;
@@ -17,6 +17,7 @@ pub(super) struct Arguments {
 #[derive(clap::Subcommand)]
 enum What {
     Study(study::Arguments),
+    Attribution(attribution::Arguments),
     Recommend(study::RecommendArguments),
     Sequence(sequence::Arguments),
     Tune(tune::Arguments),
@@ -40,6 +41,7 @@ enum What {
 pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
     match &arguments.what {
         What::Study(arguments) => study::run(arguments),
+        What::Attribution(arguments) => attribution::run(arguments),
         What::Recommend(arguments) => study::recommend(arguments),
         What::Sequence(arguments) => sequence::run(arguments),
         What::Tune(arguments) => tune::run(arguments),

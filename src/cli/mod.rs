@@ -3,6 +3,7 @@
 //! Data goes to stdout, progress and warnings to stderr. Exit status 0: done, or both sides agree;
 //! 1: they differ; 2: the command could not do its work.
 
+mod attribution;
 mod bench;
 mod bench_bake;
 mod bench_compile;

@@ -28,6 +28,8 @@ use crate::scene::{LightKind, Scene};
 use crate::view::camera::Camera;
 use crate::view::environment::Environment;
 use crate::view::lights::{Source, delta_lights, world_radiance};
+use crate::view::film::Warp;
+use crate::view::sampler::Sampler;
 use crate::view::{blue_noise, film, jitter_table, memory};
 use glam::DVec2;
 use serde::{Deserialize, Serialize};
@@ -37,6 +39,9 @@ use std::time::Instant;
 
 /// Pixels that are marched between two reports.
 const PIXELS: usize = 1 << 14;
+
+/// Rays that are marched together at most on the CPU, but for those of one pixel.
+const MOST_RAYS: usize = 1 << 20;
 
 /// Memory that a picture takes at most while it is made, per pixel: rays, their results, the pixel and its channels for the file.
 const BYTES_PER_PIXEL: u64 = 256;
@@ -106,6 +111,16 @@ pub struct EngineRenderer<'a> {
     /// Shadow maps of the suns, where the light reads them.
     maps: Vec<ShadowMap>,
     adapter: Option<(&'a Gpu, MarchKernel<'a>)>,
+}
+
+/// Rays of a pixel that its filter draws, instead of one for each stratum: those of path tracing with the same seed and as many samples, so that
+/// the noise of where they pass goes out of a difference. The places in their steps are drawn, too.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Drawn {
+    /// The seed.
+    pub seed: u32,
+    /// Rays of a pixel.
+    pub rays: u32,
 }
 
 /// What stands behind the cloud.
@@ -222,6 +237,21 @@ impl<'a> EngineRenderer<'a> {
         pixels.flat_map(|pixel| (0..strata * strata).map(move |part| (pixel, part))).map(ray).collect()
     }
 
+    /// Rays that the pixel filter draws.
+    fn drawn_rays(&self, drawn: Drawn, pixels: Range<usize>) -> Vec<RealTimeRay> {
+        let [width, height] = self.scene.image_size().map(|side| side as usize);
+        let warp = Warp::new(self.scene.film.pixel_filter, f64::from(self.scene.film.filter_width));
+        let per_pixel = drawn.rays as usize;
+        let ray = |(pixel, part): (usize, usize)| {
+            let (column, line) = (pixel % width, height - 1 - pixel / width);
+            // Path tracing takes the third for its first flight.
+            let [across, up, _, jitter] = Sampler::new(pixel as u32, part as u32, drawn.seed).camera();
+            let at = |place: usize, quantile: f64| place as f64 + 0.5 + warp.offset(quantile);
+            self.ray(DVec2::new(at(column, across), at(line, up)), jitter).0
+        };
+        pixels.flat_map(|pixel| (0..per_pixel).map(move |part| (pixel, part))).map(ray).collect()
+    }
+
     /// What passes know.
     pub(crate) fn view(&self) -> View<'_> {
         let container = &self.engine.container;
@@ -244,7 +274,11 @@ impl<'a> EngineRenderer<'a> {
                 let frame = self.frame_async(settings, progress).await?;
                 frame.read_back_async(gpu).await
             })??,
-            None => self.picture_on_cores(&plan, settings, progress)?,
+            None => {
+                let mut image = self.composed(settings, None, progress)?;
+                self.finish(&mut image, settings)?;
+                image
+            }
         };
         if !plan.keeps_transmittance {
             image.transmittance = None;
@@ -253,17 +287,24 @@ impl<'a> EngineRenderer<'a> {
         Ok(image)
     }
 
-    fn picture_on_cores(&self, plan: &Plan, settings: &EngineSettings, progress: Progress<'_>) -> Result<Image> {
+    /// A picture before its passes, made on all cores, with the channels that these read. Its rays pass through the strata of the pixel filter; or
+    /// they are drawn.
+    pub(crate) fn composed(&self, settings: &EngineSettings, drawn: Option<Drawn>, progress: Progress<'_>) -> Result<Image> {
         let Self { scene, engine, background, .. } = self;
+        let plan = &self.plan(settings);
         let marched = self.marched()?;
         let [width, height] = scene.image_size().map(|side| side as usize);
         let mut image = Image::new(width, height);
         image.transmittance = plan.channels.transmittance.then(|| vec![[1.0; 3]; width * height]);
-        let per_pixel = plan.offsets.len().pow(2);
+        let per_pixel = drawn.map_or_else(|| plan.offsets.len().pow(2), |drawn| drawn.rays as usize);
         let exposure = f64::from(scene.film.exposure);
-        for first in (0..image.pixels.len()).step_by(PIXELS) {
-            let pixels = first..image.pixels.len().min(first + PIXELS);
-            let rays = self.rays(plan, settings, pixels.clone());
+        let together = (MOST_RAYS / per_pixel).clamp(1, PIXELS);
+        for first in (0..image.pixels.len()).step_by(together) {
+            let pixels = first..image.pixels.len().min(first + together);
+            let rays = match drawn {
+                Some(drawn) => self.drawn_rays(drawn, pixels.clone()),
+                None => self.rays(plan, settings, pixels.clone()),
+            };
             let found = marched.march(&engine.march, &rays)?;
             for ((pixel, parts), rays) in pixels.zip(found.chunks_exact(per_pixel)).zip(rays.chunks_exact(per_pixel)) {
                 let behind = (!scene.film.transparent).then(|| background.behind(rays));
@@ -272,11 +313,15 @@ impl<'a> EngineRenderer<'a> {
                     transmittance[pixel] = mean_transmittance(parts);
                 }
             }
-            progress((first + PIXELS).min(image.pixels.len()) as f64 / image.pixels.len() as f64, "view rays");
+            progress((first + together).min(image.pixels.len()) as f64 / image.pixels.len() as f64, "view rays");
         }
-        let view = self.view();
-        plan.passes.iter().try_for_each(|pass| pass.run(&mut image, &view))?;
         Ok(image)
+    }
+
+    /// Runs the passes of a picture on all cores.
+    pub(crate) fn finish(&self, image: &mut Image, settings: &EngineSettings) -> Result<()> {
+        let view = self.view();
+        self.plan(settings).passes.iter().try_for_each(|pass| pass.run(image, &view))
     }
 
     /// What rays through raster positions find on all cores, in pixels from the bottom-left corner, without passes: for frames of a sequence

@@ -19,6 +19,7 @@ pub mod toml_files;
 pub mod truth;
 pub mod voxels;
 
+pub mod attribution;
 pub mod convergence;
 pub mod densities;
 pub mod fields;

@@ -68,7 +68,7 @@ fn check(picture: &Image, truth: &[Image]) -> Result<()> {
 /// Measures a picture against replicas of the truth.
 pub fn measure(picture: &Image, truth: &[Image]) -> Result<Errors> {
     check(picture, truth)?;
-    let [relmse, mean_square, bias] = jackknife(truth, |truth| figures(picture, truth));
+    let [relmse, mean_square, bias] = jackknife(truth.len(), |replicas| figures(picture, truth, replicas));
     let root = mean_square.value.max(0.0).sqrt();
     // d sqrt(x) = dx / (2 sqrt(x)); near 0 the root of the uncertainty itself.
     let rms_error = (mean_square.standard_error / (2.0 * root)).min(mean_square.standard_error.sqrt());
@@ -80,26 +80,55 @@ pub fn measure(picture: &Image, truth: &[Image]) -> Result<Errors> {
 pub fn relmse_change(picture: &Image, other: &Image, truth: &[Image]) -> Result<Uncertain> {
     check(other, truth)?;
     check(picture, truth)?;
-    let [change] = jackknife(truth, |truth| [figures(picture, truth)[0] - figures(other, truth)[0]]);
+    let relative = |picture: &Image, replicas: &[usize]| figures(picture, truth, replicas)[0];
+    let [change] = jackknife(truth.len(), |replicas| [relative(picture, replicas) - relative(other, replicas)]);
     Ok(change)
 }
 
+/// relMSE of a picture that has replicas itself, each with noise of its own or in common with the same replica of the truth: of all of them, and
+/// then with each left out ([`from_left_out`]). Neither's noise is in it.
+///
+/// `differences` are the picture minus the truth, replica by replica, three numbers per pixel.
+pub fn relmse_of_differences(differences: &[Vec<f64>], truth: &[Image]) -> Result<Vec<f64>> {
+    if let Some(first) = truth.first() {
+        check(first, truth)?;
+    }
+    let numbers = truth.first().map_or(0, |image| 3 * image.pixels.len());
+    if differences.len() != truth.len() || differences.iter().any(|one| one.len() != numbers) || truth.is_empty() {
+        return Err(Error::new(
+            "the replicas of a picture",
+            format!("{} of them", differences.len()),
+            format!("one for each of the {} of the truth, of its size", truth.len()),
+            "Make them together.",
+        ));
+    }
+    let difference = |replica: usize, index: usize| differences[replica][index];
+    let all: Vec<usize> = (0..truth.len()).collect();
+    let lists = std::iter::once(all.clone()).chain(all.iter().map(|&left| without(truth.len(), left)));
+    Ok(lists.map(|replicas| relative(&difference, truth, &replicas, numbers)).collect())
+}
+
+/// A figure of all replicas and its standard error, from that figure and those with each replica left out.
+pub fn from_left_out(figures: &[f64]) -> Uncertain {
+    let without = &figures[1..];
+    let count = without.len() as f64;
+    let mean = without.iter().sum::<f64>() / count;
+    let spread: f64 = without.iter().map(|one| (one - mean).powi(2)).sum();
+    Uncertain { value: figures[0], standard_error: ((count - 1.0) / count * spread).sqrt() }
+}
+
+/// All replicas but one.
+fn without(count: usize, left: usize) -> Vec<usize> {
+    (0..count).filter(|&replica| replica != left).collect()
+}
+
 /// Figures of all replicas, with standard errors from leaving out each.
-fn jackknife<const N: usize>(truth: &[Image], figures: impl Fn(&[&Image]) -> [f64; N]) -> [Uncertain; N] {
-    let all = figures(&truth.iter().collect::<Vec<_>>());
-    let without: Vec<[f64; N]> = (0..truth.len())
-        .map(|left| {
-            let rest: Vec<&Image> =
-                truth.iter().enumerate().filter(|(index, _)| *index != left).map(|(_, replica)| replica).collect();
-            figures(&rest)
-        })
+fn jackknife<const N: usize>(count: usize, figures: impl Fn(&[usize]) -> [f64; N]) -> [Uncertain; N] {
+    let all: Vec<usize> = (0..count).collect();
+    let found: Vec<[f64; N]> = std::iter::once(figures(&all))
+        .chain(all.iter().map(|&left| figures(&without(count, left))))
         .collect();
-    let count = truth.len() as f64;
-    std::array::from_fn(|figure| {
-        let mean = without.iter().map(|one| one[figure]).sum::<f64>() / count;
-        let spread: f64 = without.iter().map(|one| (one[figure] - mean).powi(2)).sum();
-        Uncertain { value: all[figure], standard_error: ((count - 1.0) / count * spread).sqrt() }
-    })
+    std::array::from_fn(|figure| from_left_out(&found.iter().map(|one| one[figure]).collect::<Vec<_>>()))
 }
 
 /// Means over replicas and the variances of these, per pixel and colour channel.
@@ -111,23 +140,23 @@ struct Moments {
 }
 
 impl Moments {
-    fn of<'a>(replicas: impl Iterator<Item = &'a Image> + Clone) -> Self {
-        let count = replicas.clone().count() as f64;
-        let numbers = replicas.clone().next().map_or(0, |image| 3 * image.pixels.len());
+    /// Of some replicas, by their numbers.
+    fn of(value: &impl Fn(usize, usize) -> f64, replicas: &[usize], numbers: usize) -> Self {
+        let count = replicas.len() as f64;
         let (mut means, mut squares) = (vec![0.0; numbers], vec![0.0; numbers]);
-        for image in replicas.clone() {
-            (0..numbers).for_each(|index| means[index] += value(image, index) / count);
+        for &replica in replicas {
+            (0..numbers).for_each(|index| means[index] += value(replica, index) / count);
         }
-        for image in replicas {
-            (0..numbers).for_each(|index| squares[index] += (value(image, index) - means[index]).powi(2));
+        for &replica in replicas {
+            (0..numbers).for_each(|index| squares[index] += (value(replica, index) - means[index]).powi(2));
         }
         let mean = means.iter().sum::<f64>() / numbers as f64;
         Self { means, variances: squares.into_iter().map(|square| square / (count * (count - 1.0))).collect(), mean }
     }
 
-    /// (o - m)^2 - v.
-    fn excess(&self, picture: &Image, index: usize) -> f64 {
-        (value(picture, index) - self.means[index]).powi(2) - self.variances[index]
+    /// The mean's square without its noise: m^2 - v.
+    fn square(&self, index: usize) -> f64 {
+        self.means[index].powi(2) - self.variances[index]
     }
 }
 
@@ -135,23 +164,38 @@ fn value(image: &Image, index: usize) -> f64 {
     f64::from(image.pixels[index / 3][index % 3])
 }
 
-/// relMSE, mean square and bias.
-fn figures(picture: &Image, truth: &[&Image]) -> [f64; 3] {
-    let all = Moments::of(truth.iter().copied());
-    let halves = [0, 1].map(|first| Moments::of(truth.iter().copied().skip(first).step_by(2)));
-    let numbers = all.means.len();
-    let (mut relative, mut square, mut sum) = (0.0, 0.0, 0.0);
-    for index in 0..numbers {
-        square += all.excess(picture, index);
-        sum += value(picture, index);
-        for (numerator, denominator) in [(&halves[0], &halves[1]), (&halves[1], &halves[0])] {
-            let scale = denominator.means[index].powi(2) + (EPSILON * denominator.mean).powi(2);
-            relative += numerator.excess(picture, index) / (2.0 * scale.max(f64::MIN_POSITIVE));
+/// relMSE of some replicas of differences from the truth.
+fn relative(
+    difference: &impl Fn(usize, usize) -> f64,
+    truth: &[Image],
+    replicas: &[usize],
+    numbers: usize,
+) -> f64 {
+    let halves = [0, 1].map(|first| replicas.iter().copied().skip(first).step_by(2).collect::<Vec<usize>>());
+    let numerators = halves.each_ref().map(|half| Moments::of(difference, half, numbers));
+    let denominators = halves.map(|half| Moments::of(&|replica, index| value(&truth[replica], index), &half, numbers));
+    let mut sum = 0.0;
+    for (numerator, denominator) in numerators.iter().zip(denominators.iter().rev()) {
+        let least = (EPSILON * denominator.mean).powi(2);
+        for index in 0..numbers {
+            let scale = denominator.means[index].powi(2) + least;
+            sum += numerator.square(index) / (2.0 * scale.max(f64::MIN_POSITIVE));
         }
     }
-    let numbers = numbers as f64;
-    let bias = if all.mean == 0.0 { 0.0 } else { sum / numbers / all.mean - 1.0 };
-    [relative / numbers, square / numbers, bias]
+    sum / numbers as f64
+}
+
+/// relMSE, mean square and bias, by some replicas.
+fn figures(picture: &Image, truth: &[Image], replicas: &[usize]) -> [f64; 3] {
+    let numbers = 3 * picture.pixels.len();
+    let difference = |replica: usize, index: usize| value(picture, index) - value(&truth[replica], index);
+    let all = Moments::of(&difference, replicas, numbers);
+    let square = (0..numbers).map(|index| all.square(index)).sum::<f64>() / numbers as f64;
+    let count = (numbers * replicas.len()) as f64;
+    let truths = replicas.iter().flat_map(|&replica| (0..numbers).map(move |index| value(&truth[replica], index)));
+    let mean = truths.sum::<f64>() / count;
+    let bias = if mean == 0.0 { 0.0 } else { all.mean / mean };
+    [relative(&difference, truth, replicas, numbers), square, bias]
 }
 
 #[cfg(test)]
@@ -199,6 +243,28 @@ mod tests {
         let found = measure(&offset, &replicas(0.5, 0.2, 7)).expect("errors");
         assert!((found.rms.value - 0.1).abs() < 4.0 * found.rms.standard_error + 1e-4, "{found:?}");
         assert!((found.bias.value - 0.1 / 0.9922).abs() < 4.0 * found.bias.standard_error + 1e-3, "{found:?}");
+    }
+
+    #[test]
+    fn noise_in_common_cancels() {
+        // A picture that is the truth but for an offset has the offset's error, however noisy both are, and without uncertainty.
+        let truth = replicas(0.5, 0.2, 3);
+        let offset = |by: f64| -> Vec<Vec<f64>> { truth.iter().map(|image| vec![by; 3 * image.pixels.len()]).collect() };
+        let found = from_left_out(&relmse_of_differences(&offset(0.0), &truth).expect("errors"));
+        assert_eq!((found.value, found.standard_error), (0.0, 0.0));
+        let exact = replicas(0.5, 0.0, 1).remove(0);
+        let scale = |index: usize| 0.01 / (value(&exact, index).powi(2) + (0.01_f64 * 0.9922).powi(2));
+        let numbers = 3 * exact.pixels.len();
+        let wanted = (0..numbers).map(scale).sum::<f64>() / numbers as f64;
+        let found = from_left_out(&relmse_of_differences(&offset(0.1), &truth).expect("errors"));
+        // Noise of the denominator alone: 0.2^2 / 3 / 4 over squares from 0.25 on.
+        assert!((found.value / wanted - 1.0).abs() < 0.05 && found.standard_error < 0.02 * wanted, "{found:?} {wanted}");
+        // And one that has no noise is measured as ever.
+        let single: Vec<Vec<f64>> =
+            truth.iter().map(|image| (0..numbers).map(|index| value(&exact, index) - value(image, index)).collect()).collect();
+        let same = from_left_out(&relmse_of_differences(&single, &truth).expect("errors"));
+        assert_eq!(same, measure(&exact, &truth).expect("errors").relmse);
+        assert!(relmse_of_differences(&single[1..], &truth).is_err());
     }
 
     #[test]

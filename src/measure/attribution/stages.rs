@@ -1,0 +1,239 @@
+//! Stages of an engine's picture, and what each is when it is exact.
+//!
+//! A stage is made exact by changing parts of the engine or of how its picture is made: there is no second renderer. What no engine computes, orders
+//! of scattering behind the first and the light of the world that the medium scatters, comes from path tracing and is added
+//! ([`super::components`]).
+
+use crate::base::choice::choice;
+use crate::base::error::{Error, Result};
+use crate::engines::defects::Defects;
+use crate::engines::light::terms::Terms;
+use crate::engines::light::{ShadowExtinction, ShadowLength, ShadowMarch, TwoLobes};
+use crate::engines::march::{Leftover, RealTimeSettings};
+use crate::engines::passes::compositing::Compositing;
+use crate::engines::render::{EngineJitter, EngineSettings};
+use crate::engines::{Engine, Selection};
+use crate::measure::attribution::file::{Exact, Measured, Planted};
+use crate::measure::combination::Combination;
+use crate::media::transfer::Integration;
+use crate::scene::{Projection, Scene, SensorFit};
+use std::collections::BTreeSet;
+
+choice! {
+    "kebab-case",
+    /// A stage of a picture.
+    #[derive(PartialOrd, Ord, Hash)]
+    pub enum Stage {
+        /// The medium: density with its cache, filter, octaves and defects, extinction, single-scattering albedo.
+        Field,
+        /// Transmittance towards the suns.
+        Shadow,
+        /// The phase function.
+        Phase,
+        /// Orders of scattering behind the first, and what imitates them.
+        Orders,
+        /// Light of the world that the medium scatters.
+        Ambient,
+        /// Integration along the view ray.
+        ViewRay,
+        /// The pixel filter and where samples lie in their steps.
+        Filter,
+        /// How rays are put over the background, passes over the picture, god rays.
+        Compositing,
+        /// What is done to finished values.
+        Display,
+    }
+}
+
+impl Stage {
+    /// In words, for charts.
+    pub fn title(self) -> &'static str {
+        match self {
+            Self::Field => "field and medium",
+            Self::Shadow => "transmittance to the sun",
+            Self::Phase => "phase function",
+            Self::Orders => "orders of scattering",
+            Self::Ambient => "light of the world",
+            Self::ViewRay => "view-ray integration",
+            Self::Filter => "pixel filter and jitter",
+            Self::Compositing => "compositing and passes",
+            Self::Display => "display",
+        }
+    }
+
+    /// Every stage.
+    pub const ALL: &[Self] = <Self as strum::VariantArray>::VARIANTS;
+}
+
+/// Stages that are exact.
+pub type Stages = BTreeSet<Stage>;
+
+/// An engine whose stages can be made exact one by one.
+pub struct Staged<'a> {
+    scene: &'a Scene,
+    measured: &'a Measured,
+    exact: Exact,
+    combination: Combination,
+    /// The medium that the truth has: no cache, no defects, and no light model but its own.
+    medium: Engine,
+    /// Whether light of the suns is scattered more than once.
+    has_orders: bool,
+}
+
+/// A picture to be made: its scene, its engine, how.
+pub struct Made {
+    /// Shifted where that was planted.
+    pub scene: Scene,
+    /// The engine.
+    pub engine: Engine,
+    /// Rays and jitter.
+    pub settings: EngineSettings,
+    /// Whether rays are those of path tracing, in every replica others.
+    pub is_drawn: bool,
+}
+
+impl<'a> Staged<'a> {
+    /// Of an engine in a scene.
+    pub fn new(scene: &'a Scene, measured: &'a Measured, exact: Exact) -> Result<Self> {
+        let combination = measured.combination(scene);
+        let selection = Selection::parse(&measured.density)?;
+        let medium = selection.engine(scene, &[], &Defects::NONE)?;
+        let has_orders = scene.integrator.volume_bounces.min(scene.integrator.max_bounces) > 0 && !scene.lights.is_empty();
+        Ok(Self { scene, measured, exact, combination, medium, has_orders })
+    }
+
+    /// The engine with what was planted in it.
+    fn engine(&self) -> Result<Engine> {
+        let mut engine = self.combination.engine(self.scene, &[])?;
+        let Planted { extinction, anisotropy, .. } = self.measured.plant;
+        engine.extinction = engine.extinction.map(|channel| channel * extinction);
+        engine.light.phase.anisotropy = engine.light.phase.anisotropy.map(|mean| (mean + anisotropy).clamp(-0.999, 0.999));
+        Ok(engine)
+    }
+
+    /// The stages whose exact twin differs from what the engine does, without those that the engine is given as exact.
+    pub fn differing(&self) -> Result<Vec<Stage>> {
+        let engine = self.engine()?;
+        let given: Stages = self.measured.exact.iter().copied().collect();
+        let exact = self.made(&Stage::ALL.iter().copied().collect())?.engine;
+        let differs = |stage: Stage| match stage {
+            Stage::Field => {
+                self.combination.cache.cells > 0
+                    || !engine.defects.is_none()
+                    || engine.extinction != exact.extinction
+                    || engine.light.source != exact.light.source
+                    || engine.march.distance_levels.is_some()
+            }
+            Stage::Shadow => engine.light.shadow != exact.light.shadow,
+            Stage::Phase => engine.light.phase != exact.light.phase,
+            Stage::Orders => self.has_orders || engine.light.terms != without_orders(&engine.light.terms),
+            Stage::Ambient => scatters_world(self.scene) || !engine.terms.is_empty(),
+            Stage::ViewRay => RealTimeSettings { distance_levels: None, ..engine.march.clone() } != exact.march,
+            // Drawn rays are none of an engine.
+            Stage::Filter => true,
+            Stage::Compositing => {
+                engine.compositing != Compositing::default() || !engine.passes.is_empty() || self.combination.god_rays
+            }
+            Stage::Display => self.measured.plant.gamma != 1.0,
+        };
+        Ok(Stage::ALL.iter().copied().filter(|stage| !given.contains(stage) && differs(*stage)).collect())
+    }
+
+    /// The picture with some stages exact, besides those that are given as exact.
+    pub fn made(&self, stages: &Stages) -> Result<Made> {
+        let is_exact = |stage: Stage| stages.contains(&stage) || self.measured.exact.contains(&stage);
+        let Exact { steps, light_steps } = self.exact;
+        let mut engine = self.engine()?;
+        let mut settings = self.combination.picture_settings();
+        let mut scene = self.scene.clone();
+        if is_exact(Stage::Field) {
+            let light = engine.light.clone();
+            let mut exact = engine.with_density(self.medium.density.clone());
+            exact.container = self.medium.container.clone();
+            exact.extinction = self.medium.extinction;
+            exact.light = light;
+            exact.light.source = self.medium.light.source;
+            exact.march.distance_levels = None;
+            engine = exact;
+        }
+        if is_exact(Stage::Shadow) {
+            engine.light.shadow = ShadowMarch::new(light_steps, ShadowLength::ToExit, ShadowExtinction::View);
+        }
+        if is_exact(Stage::Phase) {
+            let TwoLobes { anisotropy, second, alpha, .. } = self.medium.light.phase;
+            engine.light.phase = TwoLobes { alpha, ..TwoLobes::new(anisotropy, second) };
+        }
+        if is_exact(Stage::Orders) {
+            engine.light.terms = without_orders(&engine.light.terms);
+        }
+        if is_exact(Stage::Ambient) {
+            engine.light.terms.ambient = [0.0; 2];
+            engine.light.terms.boost.ambient = 0.0;
+            engine.terms.clear();
+        }
+        if is_exact(Stage::ViewRay) {
+            let distance_levels = engine.march.distance_levels;
+            engine.march = RealTimeSettings {
+                steps,
+                integration: Integration::EnergyConserving,
+                exit_fade: false,
+                least_density: 0.0,
+                least_transmittance: 0.0,
+                leftover: Leftover::Kept,
+                distance_levels,
+            };
+        }
+        if is_exact(Stage::Filter) {
+            // Rays are drawn, and places in their steps.
+            settings.jitter = EngineJitter::None;
+            settings.sub_pixels = 1;
+        } else {
+            shift(&mut scene, self.measured.plant.shift)?;
+        }
+        if is_exact(Stage::Compositing) {
+            engine.compositing = Compositing::default();
+            engine.passes.clear();
+            settings.god_rays = false;
+        }
+        Ok(Made { scene, engine, settings, is_drawn: is_exact(Stage::Filter) })
+    }
+
+    /// What finished values are raised to.
+    pub fn gamma(&self, stages: &Stages) -> f64 {
+        if stages.contains(&Stage::Display) { 1.0 } else { self.measured.plant.gamma }
+    }
+}
+
+/// Single scattering with the same ambient light.
+fn without_orders(terms: &Terms) -> Terms {
+    Terms { ambient: terms.ambient.map(|factor| factor * terms.exposure), ..Terms::NONE }
+}
+
+/// Whether a world shines on the medium.
+pub fn scatters_world(scene: &Scene) -> bool {
+    scene.world.strength != 0.0 && (scene.world.image.is_some() || scene.world.color.iter().any(|&channel| channel != 0.0))
+}
+
+/// Moves what the camera sees by so many pixels to the right and up.
+fn shift(scene: &mut Scene, by: [f64; 2]) -> Result<()> {
+    if by == [0.0; 2] {
+        return Ok(());
+    }
+    if scene.camera.projection == Projection::Equirectangular {
+        return Err(Error::new(
+            format!("scene {}, camera", scene.name),
+            "an equirectangular projection",
+            "one that can be shifted by pixels",
+            "Leave plant.shift out, or take another scene.",
+        ));
+    }
+    let [width, height] = scene.image_size().map(f64::from);
+    let fitted = match scene.camera.sensor_fit {
+        SensorFit::Auto => width.max(height),
+        SensorFit::Horizontal => width,
+        SensorFit::Vertical => height,
+    };
+    // What the camera sees moves against it.
+    (0..2).for_each(|axis| scene.camera.shift[axis] -= (by[axis] / fitted) as f32);
+    Ok(())
+}
