@@ -10,6 +10,7 @@ use cloudparity::gpu::{Backend, Gpu};
 use cloudparity::measure::combination::Combination;
 use cloudparity::measure::errors::{Errors, Uncertain};
 use cloudparity::measure::experiment::{Outcome, Settings, Shard};
+use cloudparity::measure::attribution::file::AttributionFile;
 use cloudparity::measure::sequence::file::SequenceFile;
 use cloudparity::measure::study::file::StudyFile;
 use cloudparity::measure::study::{Results, Study};
@@ -609,6 +610,11 @@ fn committed_studies_are_read() {
         if path.to_string_lossy().ends_with(".sequence.toml") {
             let sequence = SequenceFile::load(&path).expect("a sequence");
             sequence.scene(path.parent().expect("a folder")).expect("its scene");
+            continue;
+        }
+        if path.to_string_lossy().ends_with(".attribution.toml") {
+            let attribution = AttributionFile::load(&path).expect("an attribution");
+            attribution.load_scenes(path.parent().expect("a folder"), "test").expect("its scenes");
             continue;
         }
         StudyFile::load(&path).expect("a study");

@@ -59,11 +59,13 @@ pub struct Exact {
     pub steps: u32,
     /// Steps towards a sun.
     pub light_steps: u32,
+    /// Rays per pixel and replica that the pixel filter draws, at most the samples of the truth: they are the rays of its first ones.
+    pub rays: u32,
 }
 
 impl Default for Exact {
     fn default() -> Self {
-        Self { steps: 128, light_steps: 64 }
+        Self { steps: 128, light_steps: 64, rays: 32 }
     }
 }
 
@@ -165,9 +167,13 @@ impl AttributionFile {
         }
         check_resolution(self.resolution, place)?;
         self.truth.check(place)?;
-        let Exact { steps, light_steps } = self.exact;
+        let Exact { steps, light_steps, rays } = self.exact;
         Quality::STEPS.check(steps, place, "exact")?;
         Quality::LIGHT_STEPS.check(light_steps, place, "exact")?;
+        if !(1..=self.truth.samples).contains(&rays) {
+            let expected = format!("1 to {}, the samples of the truth", self.truth.samples);
+            return wrong("exact.rays", rays.to_string(), expected);
+        }
         // A single pair has no standard error.
         if !(4..=MOST_ORDERS).contains(&self.orders) {
             return wrong("orders", self.orders.to_string(), format!("4 to {MOST_ORDERS}"));

@@ -156,7 +156,7 @@ impl Results {
                 relative(one.remainder),
                 "",
                 percent(one.brightness_remainder),
-                if one.adds_up() { "0 within two standard errors: the shares are the whole" } else { "not explained by any stage" },
+                if one.adds_up() { "0 within two standard errors: the shares are the whole" } else { "not 0: the exact twins are too coarse; raise exact.steps and exact.light_steps" },
             );
         }
         text
@@ -429,7 +429,7 @@ impl Running {
         let replica = |index: usize| -> Result<Vec<f64>> {
             let mut image = match &common {
                 Some(image) => image.clone(),
-                None => compose(Some(Drawn { seed: first_seed + index as u32, rays: self.file.truth.samples }))?,
+                None => compose(Some(Drawn { seed: first_seed + index as u32, rays: self.file.exact.rays }))?,
             };
             for (number, pixel) in image.pixels.iter_mut().enumerate() {
                 for channel in 0..3 {

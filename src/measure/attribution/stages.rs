@@ -142,7 +142,7 @@ impl<'a> Staged<'a> {
     /// The picture with some stages exact, besides those that are given as exact.
     pub fn made(&self, stages: &Stages) -> Result<Made> {
         let is_exact = |stage: Stage| stages.contains(&stage) || self.measured.exact.contains(&stage);
-        let Exact { steps, light_steps } = self.exact;
+        let Exact { steps, light_steps, .. } = self.exact;
         let mut engine = self.engine()?;
         let mut settings = self.combination.picture_settings();
         let mut scene = self.scene.clone();
