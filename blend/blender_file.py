@@ -34,7 +34,12 @@ def open_empty():
 
 
 def require_working_space():
-    """Refuse a working colour space in which Cycles has other luminance weights than the evaluators."""
+    """Refuse a working colour space in which Cycles has other luminance weights than the evaluators.
+
+    Before Blender 5.0 a file had none of its own: the factory's is the one.
+    """
+    if bpy.app.version < (5, 0, 0):
+        return
     found = bpy.data.colorspace.working_space
     if found != WORKING_SPACE:
         raise InputError(

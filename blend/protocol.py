@@ -189,4 +189,7 @@ def _blender_version():
             "the Python module bpy 5.0.1, which needs CPython 3.11",
             "run `make setup`, or `python3.11 -m pip install bpy==5.0.1`",
         ) from None
+    import older_releases
+
+    older_releases.prepare()
     return bpy.app.version_string

@@ -13,13 +13,13 @@ const FILE: &str = r#"
     format = "cloudparity-attribution/1"
     title = "small"
     resolution = [12, 9]
-    truth = { samples = 64, replicas = 6 }
+    truth = { samples = 256, replicas = 6 }
     exact = { steps = 96, light_steps = 48, rays = 16 }
     orders = 4
-    scenes = [{ file = "cube-multiple-scattering.scene.json" }, { file = "linear-ramp.scene.json" }]
+    scenes = [{ file = "cube-multiple-scattering.scene.json" }, { file = "homogeneous-cube.scene.json" }]
     engines = [
         { name = "coarse", density = "graph", steps = 3, light_steps = 1, light = "octaves", jitter = "table", cache = { cells = 4 } },
-        { name = "extinction", density = "graph", steps = 96, light_steps = 48, sub_pixels = 4, exact = ["orders", "ambient"], plant = { extinction = 1.1 } },
+        { name = "extinction", density = "graph", steps = 96, light_steps = 48, sub_pixels = 4, exact = ["orders", "ambient"], plant = { extinction = 1.2 } },
         { name = "mean cosine", density = "graph", steps = 96, light_steps = 48, sub_pixels = 4, exact = ["orders", "ambient"], plant = { anisotropy = 0.2 } },
         { name = "shift", density = "graph", steps = 96, light_steps = 48, sub_pixels = 4, exact = ["orders", "ambient"], plant = { shift = [0.5, 0.25] } },
         { name = "gamma", density = "graph", steps = 96, light_steps = 48, sub_pixels = 4, exact = ["orders", "ambient"], plant = { gamma = 1.2 } },
@@ -50,7 +50,8 @@ fn shares_add_up_and_planted_errors_are_found() {
         // 4 standard errors of 5 degrees of freedom: 1 % of such cases would lie beyond; these are few and their seeds are fixed.
         let remainder = one.remainder;
         assert!(remainder.value.abs() <= 4.0 * remainder.standard_error, "{one:?}");
-        assert!(one.relmse.value > 20.0 * remainder.value.abs(), "an error that the exact picture has not: {one:?}");
+        let largest = one.shares.iter().max_by(|a, b| a.relmse.value.total_cmp(&b.relmse.value)).expect("stages differ");
+        assert!(largest.relmse.value > 4.0 * largest.relmse.standard_error, "noise is no share: {one:?}");
         // So do the maps.
         let maps = one.shares.iter().map(|share| mean_of(&folder.path().join(&share.map))).sum::<f64>();
         let truth = mean_of(&folder.path().join(&one.compared[1]));
@@ -99,7 +100,7 @@ fn mistakes_are_named() {
     };
     assert!(error("attribution/1", "attribution/2").expected.contains("cloudparity-attribution/1"));
     assert!(error("orders = 4", "orders = 1").place.contains("orders"));
-    assert!(error("rays = 16", "rays = 65").expected.contains("64"));
+    assert!(error("rays = 16", "rays = 257").expected.contains("256"));
     assert!(error("steps = 3", "steps = 0").place.contains("engines[0]"));
     assert!(error("\"mean cosine\"", "\"extinction\"").place.contains("engines[2].name"));
     assert!(error("gamma = 1.2", "gamma = 0.0").place.contains("engines[4].plant"));

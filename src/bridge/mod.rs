@@ -53,6 +53,7 @@ pub const SCRIPTS: &[(&str, &str)] = scripts!(
     "light_reader.py",
     "model_comparison_plot.py",
     "node_data.py",
+    "older_releases.py",
     "optimiser.py",
     "picture_grid.py",
     "plots.py",
