@@ -32,12 +32,12 @@ def _figure(request):
     first = optimiser.read_mean([cases[0]["compared"][1]])
     height = plots.TEXT_WIDTH / COLUMNS * first.shape[0] / first.shape[1] + 0.2
     lines = [-(-(3 + len(case["shares"])) // COLUMNS) for case in cases]
-    heights = [0.25 * (len(case["shares"]) + 2) + 0.75 + height * line for case, line in zip(cases, lines, strict=True)]
+    heights = [0.2 * (len(case["shares"]) + 2) + 0.75 + height * line for case, line in zip(cases, lines, strict=True)]
     figure = pyplot.figure(figsize=(plots.TEXT_WIDTH, sum(heights) + 0.3), layout="constrained")
     parts = np.atleast_1d(figure.subfigures(len(cases), 1, height_ratios=heights))
     for part, case, line in zip(parts, cases, lines, strict=True):
         part.suptitle(f"{case['scene']}: {case['density']}", fontsize=8, x=0.01, ha="left")
-        bars = 0.25 * (len(case["shares"]) + 2) + 0.5
+        bars = 0.2 * (len(case["shares"]) + 2) + 0.65
         top, bottom = part.subfigures(2, 1, height_ratios=[bars, height * line])
         _waterfall(top.subplots(), case)
         _maps(bottom, bottom.subplots(line, COLUMNS, squeeze=False).ravel(), case)
@@ -58,7 +58,7 @@ def _waterfall(axis, case):
         whole = sum(abs(other["relmse"]["value"]) for other in case["shares"])
         if whole > 0:
             axis.annotate(
-                f"{100 * value / whole:.1f} %",
+                f"{100 * value / whole + 0.0:.1f} %".replace("-0.0", "0.0").replace("-", "\u2212"),
                 (max(level, after), row),
                 xytext=(4, 0),
                 textcoords="offset points",

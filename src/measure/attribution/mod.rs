@@ -352,7 +352,7 @@ impl Running {
         for (number, set) in sets.iter().enumerate() {
             let made = self.made(&staged, measured, set, &components)?;
             if set.is_empty() {
-                own.clone_from(&made[0]);
+                made.iter().for_each(|one| add(&mut own, 1.0 / made.len() as f64, one));
             }
             values.insert(set, Value::of(&made, truth)?);
             desk.report((number + 1) as f64 / sets.len() as f64, "");
