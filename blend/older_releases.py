@@ -52,6 +52,14 @@ def prepare():
         _with_nodes(lambda: bpy.data.worlds),
     )
     data = _Instead(lambda: bpy.data, materials=lambda: materials, worlds=lambda: worlds)
+    if "exposure" not in bpy.types.Light.bl_rna.properties:
+        bpy.types.Light.exposure = property(lambda light: 0.0, _set_exposure)
     import graph_builder
+    import scene_builder
 
-    graph_builder.bpy = _Instead(lambda: bpy, data=lambda: data)
+    graph_builder.bpy = scene_builder.bpy = _Instead(lambda: bpy, data=lambda: data)
+
+
+def _set_exposure(light, value):
+    if value != 0.0:
+        raise ValueError(f"an exposure of {value}, where lights of Blender {bpy.app.version_string} have none")

@@ -3,6 +3,7 @@
 //! An interpreter is a program: one that merely lies in a folder above the current one may be anybody's. So only these are run: the one
 //! that the user names, that of the project that this program is of, and the one that the system finds.
 
+use std::cell::RefCell;
 use std::path::{Path, PathBuf};
 
 /// Environment variable that names the interpreter.
@@ -20,11 +21,32 @@ pub struct Choice {
     pub reason: String,
 }
 
+thread_local! {
+    /// An interpreter for what this thread does meanwhile.
+    static INSTEAD: RefCell<Option<PathBuf>> = const { RefCell::new(None) };
+}
+
+/// Does something with another interpreter in the place of the chosen one, on this thread.
+pub(super) fn within<T>(path: PathBuf, work: impl FnOnce() -> T) -> T {
+    /// What was there before comes back, however the work ends.
+    struct Back(Option<PathBuf>);
+    impl Drop for Back {
+        fn drop(&mut self) {
+            INSTEAD.set(self.0.take());
+        }
+    }
+    let _back = Back(INSTEAD.replace(Some(path)));
+    work()
+}
+
 /// The interpreter: what `CLOUDPARITY_PYTHON` names, else the `.venv` of the project, else `python3`.
 ///
 /// The project is the folder that this program was built from, or the folder of cloudparity's sources that the running program lies in. Its
 /// `.venv` is used where it belongs to the user (or to the system's administrator) and not everybody may write to either.
 pub fn choose() -> Choice {
+    if let Some(path) = INSTEAD.with_borrow(Clone::clone) {
+        return Choice { path, reason: "it is that of another release".into() };
+    }
     if let Some(path) = std::env::var_os(INTERPRETER_VARIABLE) {
         return Choice { path: PathBuf::from(path), reason: format!("{INTERPRETER_VARIABLE} names it") };
     }

@@ -5,6 +5,7 @@
 //! (`blend/start.py`): the program works from any folder, and no file of a script lies where another user could change it.
 
 pub mod interpreter;
+pub mod releases;
 pub mod limits;
 pub mod probe;
 pub mod reference;

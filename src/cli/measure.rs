@@ -2,7 +2,7 @@
 
 use super::{
     attribution, bench, bench_bake, bench_compile, bench_nodes, bench_quick, bench_voxels, bounds, compare_models, convergence,
-    demo, modes, parity, probe, sequence, stability, study, time_to_error, tune,
+    demo, drift, modes, parity, probe, sequence, stability, study, time_to_error, tune,
 };
 use crate::base::error::Result;
 use std::process::ExitCode;
@@ -25,6 +25,7 @@ enum What {
     Probe(probe::Arguments),
     Parity(parity::Arguments),
     Modes(modes::Arguments),
+    Drift(drift::Arguments),
     Bounds(bounds::Arguments),
     Stability(stability::Arguments),
     Convergence(Box<convergence::Arguments>),
@@ -49,6 +50,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
         What::Probe(arguments) => probe::run(arguments),
         What::Parity(arguments) => parity::run(arguments),
         What::Modes(arguments) => modes::run(arguments),
+        What::Drift(arguments) => drift::run(arguments),
         What::Bounds(arguments) => bounds::run(arguments),
         What::Stability(arguments) => stability::run(arguments),
         What::Convergence(arguments) => convergence::run(arguments),

@@ -22,6 +22,7 @@ pub mod demonstration;
 mod diff;
 mod display;
 mod doctor;
+mod drift;
 mod engine;
 mod eval;
 pub(crate) mod explain;

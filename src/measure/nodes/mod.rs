@@ -2,6 +2,7 @@
 
 pub mod constants;
 pub mod costs;
+pub mod drift;
 pub mod limits;
 pub mod measurements;
 pub mod random_graphs;

@@ -380,7 +380,7 @@ fn ordinary(random: &mut ChaCha8Rng, module: &str, socket: &str, distorted: bool
         ("brick_texture", "Mortar Smooth") => return uniform(random, 0.2, 1.0),
         ("brick_texture", "Bias") => return uniform(random, -1.0, 1.0),
         ("brick_texture", "Brick Width") => return uniform(random, 0.3, 1.0),
-        ("brick_texture", "ModeComparison Height") => return uniform(random, 0.15, 0.5),
+        ("brick_texture", "Row Height") => return uniform(random, 0.15, 0.5),
         ("brick_texture", "Color1" | "Color2" | "Mortar") => return uniform(random, 0.0, 1.0),
         ("gabor_texture", "Frequency") => return uniform(random, 0.5, 4.0),
         // Half of them without scattered directions, which is a branch of its own.
