@@ -6,6 +6,8 @@ signed differences in scene-linear radiance; those of a case have one scale, sai
 that one pixel in a hundred exceeds in the whole difference.
 """
 
+import textwrap
+
 import matplotlib.colors
 import numpy as np
 
@@ -30,7 +32,7 @@ def _figure(request):
     if not cases:
         raise protocol.InputError("cases", "no cases", "at least one", "run the attribution")
     first = optimiser.read_mean([cases[0]["compared"][1]])
-    height = plots.TEXT_WIDTH / COLUMNS * first.shape[0] / first.shape[1] + 0.2
+    height = plots.TEXT_WIDTH / (COLUMNS + 1) * first.shape[0] / first.shape[1] + 0.3
     lines = [-(-(3 + len(case["shares"])) // COLUMNS) for case in cases]
     heights = [0.2 * (len(case["shares"]) + 2) + 0.75 + height * line for case, line in zip(cases, lines, strict=True)]
     figure = pyplot.figure(figsize=(plots.TEXT_WIDTH, sum(heights) + 0.3), layout="constrained")
@@ -59,7 +61,7 @@ def _waterfall(axis, case):
         if whole > 0:
             axis.annotate(
                 f"{100 * value / whole + 0.0:.1f} %".replace("-0.0", "0.0").replace("-", "\u2212"),
-                (max(level, after), row),
+                (max(level, after + share["relmse"]["standard_error"]), row),
                 xytext=(4, 0),
                 textcoords="offset points",
                 va="center",
@@ -95,13 +97,13 @@ def _maps(figure, axes, case):
     shown = [display.apply(picture) for picture in (ours, truth)]
     for axis, picture, title in zip(axes, shown, ("engine", "path tracing"), strict=False):
         axis.imshow(picture, interpolation="nearest")
-        axis.set_title(title, fontsize=7)
+        axis.set_title(title, fontsize=plots.SMALLEST, pad=2)
     signed = [("difference", whole)]
     signed += [(share["name"], optimiser.read_mean([share["map"]]).mean(axis=2)) for share in case["shares"]]
     colours = matplotlib.colors.ListedColormap(false_colour.DIVERGING / 255.0)
     for axis, (title, values) in zip(axes[2:], signed, strict=False):
         image = axis.imshow(values, cmap=colours, vmin=-largest, vmax=largest, interpolation="nearest")
-        axis.set_title(title, fontsize=plots.SMALLEST)
+        axis.set_title(textwrap.fill(title, 14), fontsize=plots.SMALLEST, pad=2)
     for axis in axes:
         axis.set_axis_off()
     bar = figure.colorbar(image, ax=list(axes), shrink=0.8, aspect=25, pad=0.01)

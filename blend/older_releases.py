@@ -54,10 +54,17 @@ def prepare():
     data = _Instead(lambda: bpy.data, materials=lambda: materials, worlds=lambda: worlds)
     if "exposure" not in bpy.types.Light.bl_rna.properties:
         bpy.types.Light.exposure = property(lambda light: 0.0, _set_exposure)
+    if "rename" not in bpy.types.ID.bl_rna.functions:
+        bpy.types.ID.rename = _rename
     import graph_builder
     import scene_builder
 
     graph_builder.bpy = scene_builder.bpy = _Instead(lambda: bpy, data=lambda: data)
+
+
+def _rename(data_block, name, mode="NEVER"):
+    """Takes the name, whoever has it: Blender gives another one to that data block, or to this one."""
+    data_block.name = name
 
 
 def _set_exposure(light, value):

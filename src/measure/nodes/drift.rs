@@ -1,7 +1,8 @@
 //! Drift: what other releases of Blender make of the same nodes at the same points.
 //!
 //! Our evaluators have the values of one release ([`crate::bridge::releases`] lists them; the last is ours). Every mode of every node is asked
-//! of each release, by its own Cycles, at equal points: it is equal bit for bit, within its limit, different, or not there. A release runs in an
+//! of each release, by its own Cycles, at equal points: it is equal bit for bit, within its limit, different, different at strange values alone (NaN,
+//! infinities, denormals, parameters beyond their limits), or not there. A release runs in an
 //! environment of its own, which is made when it is first asked for.
 
 use crate::base::error::{Error, Result};
@@ -45,7 +46,9 @@ pub enum Status {
     Equal,
     /// Not everywhere, but within the limit.
     Within,
-    /// Beyond it.
+    /// Equal at ordinary points, beyond the limit at strange ones.
+    Strange,
+    /// Beyond the limit, at ordinary points, too.
     Differs,
     /// The release has no such node, mode or socket.
     Absent,
@@ -64,7 +67,9 @@ pub struct Row {
     pub status: Status,
     /// Points compared, and those that are not equal.
     pub points: [usize; 2],
-    /// Largest |ours - Cycles| / max(1, |Cycles|) where both are finite.
+    /// The same of ordinary points.
+    pub ordinary_points: [usize; 2],
+    /// Largest |ours - Cycles| / max(1, |Cycles|) of ordinary points.
     pub largest_error: f64,
     /// The point with that error, or why there is none.
     pub note: Option<String>,
@@ -103,6 +108,7 @@ pub struct Drift {
 struct Counts {
     equal: usize,
     within: usize,
+    strange: usize,
     differs: usize,
     absent: usize,
     largest: f64,
@@ -115,6 +121,7 @@ impl Counts {
             match row.status {
                 Status::Equal => counts.equal += 1,
                 Status::Within => counts.within += 1,
+                Status::Strange => counts.strange += 1,
                 Status::Differs => counts.differs += 1,
                 Status::Absent => counts.absent += 1,
             }
@@ -124,7 +131,7 @@ impl Counts {
     }
 
     fn all(self) -> usize {
-        self.equal + self.within + self.differs + self.absent
+        self.equal + self.within + self.strange + self.differs + self.absent
     }
 
     /// In words.
@@ -133,7 +140,12 @@ impl Counts {
             return "equal".into();
         }
         let mut parts = Vec::new();
-        for (count, word) in [(self.differs, "differ"), (self.within, "within limits"), (self.absent, "absent")] {
+        for (count, word) in [
+            (self.differs, "differ"),
+            (self.within, "within limits"),
+            (self.strange, "at strange values"),
+            (self.absent, "absent"),
+        ] {
             if count > 0 {
                 parts.push(format!("{count} {word}"));
             }
@@ -162,7 +174,7 @@ impl Drift {
             .iter()
             .map(|release| {
                 let counts = of(release);
-                format!("{} of {} equal", counts.equal, counts.all())
+                format!("{} of {} equal, {} at ordinary values", counts.equal, counts.all(), counts.equal + counts.strange)
             })
             .collect();
         text += &line([vec!["outputs of all modes".to_owned()], counts].concat());
@@ -189,7 +201,7 @@ impl Drift {
         for release in &self.releases {
             for node in self.nodes() {
                 let rows = || release.rows.iter().filter(|row| row.node == node);
-                for wanted in [Status::Differs, Status::Absent] {
+                for wanted in [Status::Differs, Status::Strange, Status::Absent] {
                     let found = rows().filter(|row| row.status == wanted).max_by(|a, b| a.largest_error.total_cmp(&b.largest_error));
                     if let Some(row) = found {
                         let note = row.note.as_deref().unwrap_or("");
@@ -220,9 +232,10 @@ struct Running {
 
 impl Row {
     fn of(row: ModeComparison) -> Self {
-        let status = match (row.cpu_differing, row.pass) {
-            (0, _) => Status::Equal,
-            (_, true) => Status::Within,
+        let status = match (row.cpu_differing, row.pass, row.ordinary_differing) {
+            (0, _, _) => Status::Equal,
+            (_, true, _) => Status::Within,
+            (_, _, 0) => Status::Strange,
             _ => Status::Differs,
         };
         Self {
@@ -231,8 +244,9 @@ impl Row {
             output: row.output,
             status,
             points: [row.points, row.cpu_differing],
-            largest_error: row.cpu_max_error,
-            note: row.cpu_worst,
+            ordinary_points: [row.ordinary_points, row.ordinary_differing],
+            largest_error: row.ordinary_max_error,
+            note: if status == Status::Differs { row.ordinary_worst } else { row.cpu_worst },
         }
     }
 }
@@ -259,6 +273,7 @@ fn rows_of(cases: &[Case], blender: &mut String, report: &dyn Fn(usize)) -> Resu
                 output: target.output.clone().unwrap_or_default(),
                 status: Status::Absent,
                 points: [0, 0],
+                ordinary_points: [0, 0],
                 largest_error: 0.0,
                 note: Some(error.found.clone()),
             };

@@ -137,6 +137,15 @@ pub struct ModeComparison {
     pub cpu_differing: usize,
     /// Points where exactly one side is finite.
     pub cpu_one_sided_nonfinite: usize,
+    /// Ordinary points: all inputs and Cycles' values are normal numbers or 0, and textures have parameters as one sets them. WGSL is judged on these.
+    pub ordinary_points: usize,
+    /// Those that are not equal.
+    pub ordinary_differing: usize,
+    /// Largest error of them, as `cpu_max_error`.
+    pub ordinary_max_error: f64,
+    /// The point with that error, as `cpu_worst`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub ordinary_worst: Option<String>,
     /// Points that WGSL is judged on.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub wgsl_points: Option<usize>,
@@ -555,6 +564,7 @@ impl Case {
                 values[index * width + first..index * width + first + components].to_vec()
             };
             let mut found = Tally::default();
+            let mut ordinary = Tally::default();
             let mut shader = Tally::default();
             let mut fused = Tally::default();
             let mut beyond = Vec::new();
@@ -566,6 +576,7 @@ impl Case {
                 if !self.judged[index] || !normal {
                     continue;
                 }
+                ordinary.add(&ours(&cpu, index), reference, &limits.cpu, || self.describe(index));
                 if let Some(wgsl) = &wgsl {
                     let before = shader.beyond;
                     shader.add(&ours(wgsl, index), reference, &limits.wgsl, || self.describe(index));
@@ -603,6 +614,10 @@ impl Case {
                 cpu_max_error: found.max_error,
                 cpu_differing: found.differing,
                 cpu_one_sided_nonfinite: found.one_sided,
+                ordinary_points: ordinary.points,
+                ordinary_differing: ordinary.differing,
+                ordinary_max_error: ordinary.max_error,
+                ordinary_worst: ordinary.worst,
                 wgsl_points: has_shader.then_some(shader.points),
                 wgsl_max_error: has_shader.then_some(shader.max_error),
                 wgsl_max_ulp: has_shader.then_some(shader.max_ulp),
@@ -702,6 +717,10 @@ impl Tally {
             cpu_max_error: self.max_error,
             cpu_differing: self.differing,
             cpu_one_sided_nonfinite: self.one_sided,
+            ordinary_points: 0,
+            ordinary_differing: 0,
+            ordinary_max_error: 0.0,
+            ordinary_worst: None,
             wgsl_points: None,
             wgsl_max_error: None,
             wgsl_max_ulp: None,
