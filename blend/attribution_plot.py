@@ -34,7 +34,10 @@ def _figure(request):
     first = optimiser.read_mean([cases[0]["compared"][1]])
     height = plots.TEXT_WIDTH / (COLUMNS + 1) * first.shape[0] / first.shape[1] + 0.3
     lines = [-(-(3 + len(case["shares"])) // COLUMNS) for case in cases]
-    heights = [0.2 * (len(case["shares"]) + 2) + 0.75 + height * line for case, line in zip(cases, lines, strict=True)]
+    heights = [
+        0.2 * (len(case["shares"]) + 2) + 0.75 + height * line
+        for case, line in zip(cases, lines, strict=True)
+    ]
     figure = pyplot.figure(figsize=(plots.TEXT_WIDTH, sum(heights) + 0.3), layout="constrained")
     parts = np.atleast_1d(figure.subfigures(len(cases), 1, height_ratios=heights))
     for part, case, line in zip(parts, cases, lines, strict=True):

@@ -69,4 +69,6 @@ def _rename(data_block, name, mode="NEVER"):
 
 def _set_exposure(light, value):
     if value != 0.0:
-        raise ValueError(f"an exposure of {value}, where lights of Blender {bpy.app.version_string} have none")
+        raise ValueError(
+            f"an exposure of {value}, where lights of Blender {bpy.app.version_string} have none"
+        )

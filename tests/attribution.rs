@@ -50,7 +50,8 @@ fn shares_add_up_and_planted_errors_are_found() {
         // 4 standard errors of 5 degrees of freedom: 1 % of such cases would lie beyond; these are few and their seeds are fixed.
         let remainder = one.remainder;
         assert!(remainder.value.abs() <= 4.0 * remainder.standard_error, "{one:?}");
-        let largest = one.shares.iter().max_by(|a, b| a.relmse.value.total_cmp(&b.relmse.value)).expect("stages differ");
+        let largest =
+            one.shares.iter().max_by(|a, b| a.relmse.value.total_cmp(&b.relmse.value)).expect("stages differ");
         assert!(largest.relmse.value > 4.0 * largest.relmse.standard_error, "noise is no share: {one:?}");
         // So do the maps.
         let maps = one.shares.iter().map(|share| mean_of(&folder.path().join(&share.map))).sum::<f64>();

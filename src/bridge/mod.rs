@@ -5,10 +5,10 @@
 //! (`blend/start.py`): the program works from any folder, and no file of a script lies where another user could change it.
 
 pub mod interpreter;
-pub mod releases;
 pub mod limits;
 pub mod probe;
 pub mod reference;
+pub mod releases;
 mod starter;
 pub mod volume_grid;
 

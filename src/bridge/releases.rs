@@ -46,7 +46,7 @@ fn environment(release: &str) -> Result<PathBuf> {
 pub fn check(release: &str) -> Result<()> {
     let parts: Vec<&str> = release.split('.').collect();
     let is_number = |part: &&str| !part.is_empty() && part.len() <= 3 && part.bytes().all(|byte| byte.is_ascii_digit());
-    if parts.len() == 3 && parts.iter().all(|part| is_number(&part)) {
+    if parts.len() == 3 && parts.iter().all(is_number) {
         return Ok(());
     }
     Err(Error::new(

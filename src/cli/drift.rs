@@ -4,6 +4,7 @@ use crate::base::error::Result;
 use crate::bridge::releases::RELEASES;
 use crate::cli::resume::{ExperimentArguments, whole};
 use crate::measure::nodes::drift::{Asked, measure};
+use crate::scene::Scene;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -26,6 +27,18 @@ pub(super) struct Arguments {
     /// Only this node, by Blender's label: "Math", "Voronoi Texture".
     #[arg(long, value_name = "LABEL")]
     node: Option<String>,
+    /// Scenes of which each release renders pictures; none: nodes alone.
+    #[arg(long, value_name = "FILE", num_args = 1..)]
+    scenes: Vec<PathBuf>,
+    /// Of pictures: width and height in pixels.
+    #[arg(long, value_name = "WxH", default_value = "48x27", value_parser = super::picture::parse_resolution)]
+    resolution: [u32; 2],
+    /// Of pictures: samples per pixel and replica.
+    #[arg(long, value_name = "N", default_value_t = 256)]
+    samples: u32,
+    /// Of pictures: replicas of each side, at least 6.
+    #[arg(long, value_name = "N", default_value_t = 8)]
+    replicas: u32,
     /// The folder for the results.
     #[arg(short, long, value_name = "DIR")]
     output: PathBuf,
@@ -34,11 +47,19 @@ pub(super) struct Arguments {
 }
 
 pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
-    let Arguments { releases, points, seed, node, output, experiment } = arguments;
-    let asked = Asked { releases: releases.clone(), points: *points, seed: *seed, node: node.clone() };
+    let Arguments { releases, points, seed, node, output, experiment, samples, replicas, .. } = arguments;
+    let (releases, node) = (releases.clone(), node.clone());
+    let asked = Asked { releases, points: *points, seed: *seed, node, samples: *samples, replicas: *replicas };
+    let load = |path: &PathBuf| -> Result<Scene> {
+        let mut scene = Scene::load(path)?;
+        scene.film.resolution = arguments.resolution;
+        scene.film.resolution_percentage = 100;
+        Ok(scene)
+    };
+    let scenes = arguments.scenes.iter().map(load).collect::<Result<Vec<_>>>()?;
     let bar = super::progress_bar(1000);
     let progress = super::progress_on(&bar);
-    let outcome = measure(asked, output, &experiment.settings(), &progress)?;
+    let outcome = measure(asked, scenes, output, &experiment.settings(), &progress)?;
     bar.finish_and_clear();
     let Some(drift) = whole(outcome) else { return Ok(ExitCode::SUCCESS) };
     super::print(&drift.summary())?;

@@ -1,8 +1,8 @@
 //! `cloudparity measure`: experiments.
 
 use super::{
-    attribution, bench, bench_bake, bench_compile, bench_nodes, bench_quick, bench_voxels, bounds, compare_models, convergence,
-    demo, drift, modes, parity, probe, sequence, stability, study, time_to_error, tune,
+    attribution, bench, bench_bake, bench_compile, bench_nodes, bench_quick, bench_voxels, bounds, compare_models,
+    convergence, demo, drift, modes, parity, probe, sequence, stability, study, time_to_error, tune,
 };
 use crate::base::error::Result;
 use std::process::ExitCode;

@@ -27,8 +27,8 @@ use crate::scene::image::Image;
 use crate::scene::{LightKind, Scene};
 use crate::view::camera::Camera;
 use crate::view::environment::Environment;
-use crate::view::lights::{Source, delta_lights, world_radiance};
 use crate::view::film::Warp;
+use crate::view::lights::{Source, delta_lights, world_radiance};
 use crate::view::sampler::Sampler;
 use crate::view::{blue_noise, film, jitter_table, memory};
 use glam::DVec2;
@@ -289,7 +289,12 @@ impl<'a> EngineRenderer<'a> {
 
     /// A picture before its passes, made on all cores, with the channels that these read. Its rays pass through the strata of the pixel filter; or
     /// they are drawn.
-    pub(crate) fn composed(&self, settings: &EngineSettings, drawn: Option<Drawn>, progress: Progress<'_>) -> Result<Image> {
+    pub(crate) fn composed(
+        &self,
+        settings: &EngineSettings,
+        drawn: Option<Drawn>,
+        progress: Progress<'_>,
+    ) -> Result<Image> {
         let Self { scene, engine, background, .. } = self;
         let plan = &self.plan(settings);
         let marched = self.marched()?;

@@ -185,7 +185,11 @@ impl AttributionFile {
         for (index, engine) in self.engines.iter().enumerate() {
             let path = format!("engines[{index}]");
             if self.engines[..index].iter().any(|other| other.name == engine.name) {
-                return wrong(&format!("{path}.name"), format!("a second \"{}\"", engine.name), "different names".into());
+                return wrong(
+                    &format!("{path}.name"),
+                    format!("a second \"{}\"", engine.name),
+                    "different names".into(),
+                );
             }
             engine.check(place, &path)?;
         }
@@ -203,7 +207,8 @@ impl Measured {
         Quality::STEPS.check(self.steps, place, path)?;
         Quality::LIGHT_STEPS.check(self.light_steps, place, path)?;
         Quality::SUB_PIXELS.check(self.sub_pixels, place, path)?;
-        let selection = Selection::parse(&self.density).map_err(|error| at(error, place, &format!("{path}.density")))?;
+        let selection =
+            Selection::parse(&self.density).map_err(|error| at(error, place, &format!("{path}.density")))?;
         models::check(&self.light).map_err(|error| at(error, place, &format!("{path}.light")))?;
         self.defects.of_model(selection.model).map_err(|error| at(error, place, &format!("{path}.defects")))?;
         let Planted { extinction, anisotropy, shift, gamma } = self.plant;
@@ -224,7 +229,8 @@ impl Measured {
 
     /// Its settings in a scene.
     pub(super) fn combination(&self, scene: &Scene) -> Combination {
-        let Self { density, light, steps, light_steps, cache, sub_pixels, jitter, defects, god_rays, .. } = self.clone();
+        let Self { density, light, steps, light_steps, cache, sub_pixels, jitter, defects, god_rays, .. } =
+            self.clone();
         let scene = scene.name.clone();
         Combination { scene, density, light, steps, light_steps, cache, sub_pixels, jitter, defects, god_rays }
     }

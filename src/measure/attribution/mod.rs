@@ -156,7 +156,11 @@ impl Results {
                 relative(one.remainder),
                 "",
                 percent(one.brightness_remainder),
-                if one.adds_up() { "0 within two standard errors: the shares are the whole" } else { "not 0: the exact twins are too coarse; raise exact.steps and exact.light_steps" },
+                if one.adds_up() {
+                    "0 within two standard errors: the shares are the whole"
+                } else {
+                    "not 0: the exact twins are too coarse; raise exact.steps and exact.light_steps"
+                },
             );
         }
         text
@@ -170,7 +174,8 @@ impl Results {
         );
         let mut line = |names: [&str; 3], numbers: &[f64]| {
             let mut fields: Vec<String> = names.iter().map(|name| csv_cell(name)).collect();
-            fields.extend(numbers.iter().map(|number| if number.is_nan() { String::new() } else { number.to_string() }));
+            fields
+                .extend(numbers.iter().map(|number| if number.is_nan() { String::new() } else { number.to_string() }));
             text += &(fields.join(",") + "\n");
         };
         for one in &self.attributed {
@@ -185,7 +190,10 @@ impl Results {
                 let stage = share.stage.to_string();
                 line([&one.scene, &one.engine, &stage], &both(share.relmse, one.part(share), share.brightness, alone));
             }
-            line([&one.scene, &one.engine, "remainder"], &both(one.remainder, f64::NAN, one.brightness_remainder, none));
+            line(
+                [&one.scene, &one.engine, "remainder"],
+                &both(one.remainder, f64::NAN, one.brightness_remainder, none),
+            );
         }
         text
     }
@@ -341,7 +349,9 @@ impl Running {
         let (scene, measured) = (&self.scenes[scene], &self.file.engines[engine]);
         let staged = Staged::new(scene, measured, self.file.exact)?;
         let stages = staged.differing()?;
-        let seed = seeds::first(&json!({"scene": scene.content_hash(), "engine": measured, "purpose": "orders of replacement"}));
+        let seed = seeds::first(
+            &json!({"scene": scene.content_hash(), "engine": measured, "purpose": "orders of replacement"}),
+        );
         let orders = Orders::of(&stages, self.file.orders, u64::from(seed));
         let singles = stages.iter().map(|&stage| Stages::from([stage]));
         let mut sets: Vec<Stages> = orders.sets(&stages).into_iter().chain(singles).collect();
@@ -391,7 +401,9 @@ impl Running {
         truth.iter().for_each(|image| add(&mut mean, 1.0 / truth.len() as f64, &components::numbers(image)));
         let compared = [("engine", own), ("truth", mean)].map(|(name, numbers)| {
             let name = format!("pictures/{}.{name}.exr", desk.key);
-            desk.folder().and_then(|folder| picture(self.size(), &numbers).write_exr(&folder.join(&name), false)).map(|()| name)
+            desk.folder()
+                .and_then(|folder| picture(self.size(), &numbers).write_exr(&folder.join(&name), false))
+                .map(|()| name)
         });
         let [ours, other] = compared;
         Ok(Attributed {

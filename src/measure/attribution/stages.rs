@@ -98,7 +98,8 @@ impl<'a> Staged<'a> {
         let combination = measured.combination(scene);
         let selection = Selection::parse(&measured.density)?;
         let medium = selection.engine(scene, &[], &Defects::NONE)?;
-        let has_orders = scene.integrator.volume_bounces.min(scene.integrator.max_bounces) > 0 && !scene.lights.is_empty();
+        let has_orders =
+            scene.integrator.volume_bounces.min(scene.integrator.max_bounces) > 0 && !scene.lights.is_empty();
         Ok(Self { scene, measured, exact, combination, medium, has_orders })
     }
 
@@ -107,7 +108,8 @@ impl<'a> Staged<'a> {
         let mut engine = self.combination.engine(self.scene, &[])?;
         let Planted { extinction, anisotropy, .. } = self.measured.plant;
         engine.extinction = engine.extinction.map(|channel| channel * extinction);
-        engine.light.phase.anisotropy = engine.light.phase.anisotropy.map(|mean| (mean + anisotropy).clamp(-0.999, 0.999));
+        engine.light.phase.anisotropy =
+            engine.light.phase.anisotropy.map(|mean| (mean + anisotropy).clamp(-0.999, 0.999));
         Ok(engine)
     }
 
@@ -211,7 +213,8 @@ fn without_orders(terms: &Terms) -> Terms {
 
 /// Whether a world shines on the medium.
 pub fn scatters_world(scene: &Scene) -> bool {
-    scene.world.strength != 0.0 && (scene.world.image.is_some() || scene.world.color.iter().any(|&channel| channel != 0.0))
+    scene.world.strength != 0.0
+        && (scene.world.image.is_some() || scene.world.color.iter().any(|&channel| channel != 0.0))
 }
 
 /// Moves what the camera sees by so many pixels to the right and up.

@@ -125,9 +125,8 @@ fn without(count: usize, left: usize) -> Vec<usize> {
 /// Figures of all replicas, with standard errors from leaving out each.
 fn jackknife<const N: usize>(count: usize, figures: impl Fn(&[usize]) -> [f64; N]) -> [Uncertain; N] {
     let all: Vec<usize> = (0..count).collect();
-    let found: Vec<[f64; N]> = std::iter::once(figures(&all))
-        .chain(all.iter().map(|&left| figures(&without(count, left))))
-        .collect();
+    let found: Vec<[f64; N]> =
+        std::iter::once(figures(&all)).chain(all.iter().map(|&left| figures(&without(count, left)))).collect();
     std::array::from_fn(|figure| from_left_out(&found.iter().map(|one| one[figure]).collect::<Vec<_>>()))
 }
 
@@ -165,12 +164,7 @@ fn value(image: &Image, index: usize) -> f64 {
 }
 
 /// relMSE of some replicas of differences from the truth.
-fn relative(
-    difference: &impl Fn(usize, usize) -> f64,
-    truth: &[Image],
-    replicas: &[usize],
-    numbers: usize,
-) -> f64 {
+fn relative(difference: &impl Fn(usize, usize) -> f64, truth: &[Image], replicas: &[usize], numbers: usize) -> f64 {
     let halves = [0, 1].map(|first| replicas.iter().copied().skip(first).step_by(2).collect::<Vec<usize>>());
     let numerators = halves.each_ref().map(|half| Moments::of(difference, half, numbers));
     let denominators = halves.map(|half| Moments::of(&|replica, index| value(&truth[replica], index), &half, numbers));
@@ -249,7 +243,8 @@ mod tests {
     fn noise_in_common_cancels() {
         // A picture that is the truth but for an offset has the offset's error, however noisy both are, and without uncertainty.
         let truth = replicas(0.5, 0.2, 3);
-        let offset = |by: f64| -> Vec<Vec<f64>> { truth.iter().map(|image| vec![by; 3 * image.pixels.len()]).collect() };
+        let offset =
+            |by: f64| -> Vec<Vec<f64>> { truth.iter().map(|image| vec![by; 3 * image.pixels.len()]).collect() };
         let found = from_left_out(&relmse_of_differences(&offset(0.0), &truth).expect("errors"));
         assert_eq!((found.value, found.standard_error), (0.0, 0.0));
         let exact = replicas(0.5, 0.0, 1).remove(0);
@@ -258,10 +253,15 @@ mod tests {
         let wanted = (0..numbers).map(scale).sum::<f64>() / numbers as f64;
         let found = from_left_out(&relmse_of_differences(&offset(0.1), &truth).expect("errors"));
         // Noise of the denominator alone: 0.2^2 / 3 / 4 over squares from 0.25 on.
-        assert!((found.value / wanted - 1.0).abs() < 0.05 && found.standard_error < 0.02 * wanted, "{found:?} {wanted}");
+        assert!(
+            (found.value / wanted - 1.0).abs() < 0.05 && found.standard_error < 0.02 * wanted,
+            "{found:?} {wanted}"
+        );
         // And one that has no noise is measured as ever.
-        let single: Vec<Vec<f64>> =
-            truth.iter().map(|image| (0..numbers).map(|index| value(&exact, index) - value(image, index)).collect()).collect();
+        let single: Vec<Vec<f64>> = truth
+            .iter()
+            .map(|image| (0..numbers).map(|index| value(&exact, index) - value(image, index)).collect())
+            .collect();
         let same = from_left_out(&relmse_of_differences(&single, &truth).expect("errors"));
         assert_eq!(same, measure(&exact, &truth).expect("errors").relmse);
         assert!(relmse_of_differences(&single[1..], &truth).is_err());

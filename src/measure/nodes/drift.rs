@@ -2,18 +2,28 @@
 //!
 //! Our evaluators have the values of one release ([`crate::bridge::releases`] lists them; the last is ours). Every mode of every node is asked
 //! of each release, by its own Cycles, at equal points: it is equal bit for bit, within its limit, different, different at strange values alone (NaN,
-//! infinities, denormals, parameters beyond their limits), or not there. A release runs in an
+//! infinities, denormals, parameters beyond their limits), or not there. Pictures of scenes by each release's Cycles, in replicas, are compared with path
+//! tracing. A release runs in an
 //! environment of its own, which is made when it is first asked for.
 
 use crate::base::error::{Error, Result};
 use crate::base::files;
 use crate::base::identity::Identity;
 use crate::base::ledger::{Found, Purpose, to_json};
+use crate::base::numbers::uncertain;
 use crate::base::progress::Progress;
-use crate::bridge::releases;
+use crate::bridge::reference::{self, FIRST_REPLICA_SEED, ReferenceSettings};
+use crate::bridge::{Message, releases};
+use crate::gpu::Backend;
+use crate::integrators::path;
+use crate::integrators::path::PathSettings;
+use crate::measure::errors::{self, FEWEST_REPLICAS, Uncertain};
 use crate::measure::experiment;
 use crate::measure::experiment::{Desk, Done, Experiment, Outcome, Settings};
 use crate::measure::nodes::suite::{self, Case, ModeComparison, ModeComparisons, Selection};
+use crate::measure::seeds;
+use crate::scene::Scene;
+use crate::scene::image::Image;
 use indexmap::IndexMap;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value as Json, json};
@@ -36,6 +46,25 @@ pub struct Asked {
     pub seed: u64,
     /// Only this node, by Blender's label.
     pub node: Option<String>,
+    /// Samples per pixel and replica of pictures.
+    pub samples: u32,
+    /// Replicas of each side, at least 6.
+    pub replicas: u32,
+}
+
+/// A scene by a release's Cycles, beside path tracing.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Picture {
+    /// The scene.
+    pub scene: String,
+    /// The release.
+    pub release: String,
+    /// Cycles' mean over path tracing's, minus 1.
+    pub brightness: Uncertain,
+    /// relMSE of Cycles against path tracing, without the noise of either.
+    pub relmse: Uncertain,
+    /// Seconds of a replica, as Cycles says; none where it was rendered before.
+    pub seconds: Option<f64>,
 }
 
 /// How an output of a mode compares.
@@ -99,6 +128,8 @@ pub struct Drift {
     pub asked: Asked,
     /// By release.
     pub releases: Vec<Release>,
+    /// Pictures, by scene and release.
+    pub pictures: Vec<Picture>,
     /// Releases that could not be asked, with the reason.
     pub left_out: Vec<[String; 2]>,
 }
@@ -174,7 +205,12 @@ impl Drift {
             .iter()
             .map(|release| {
                 let counts = of(release);
-                format!("{} of {} equal, {} at ordinary values", counts.equal, counts.all(), counts.equal + counts.strange)
+                format!(
+                    "{} of {} equal, {} at ordinary values",
+                    counts.equal,
+                    counts.all(),
+                    counts.equal + counts.strange
+                )
             })
             .collect();
         text += &line([vec!["outputs of all modes".to_owned()], counts].concat());
@@ -192,6 +228,20 @@ impl Drift {
             text += &line([vec![node.to_owned()], cells].concat());
         }
         text += &line([vec![format!("{same} other nodes")], vec!["equal".to_owned(); self.releases.len()]].concat());
+        if self.pictures.is_empty() {
+            return text;
+        }
+        text += "\n| scene | release | brightness, % | relMSE | seconds |\n| --- | --- | --- | --- | --- |\n";
+        for picture in &self.pictures {
+            let Picture { scene, release, brightness, relmse, seconds } = picture;
+            text += &line(vec![
+                scene.clone(),
+                release.clone(),
+                uncertain(100.0 * brightness.value, 100.0 * brightness.standard_error),
+                uncertain(relmse.value, relmse.standard_error),
+                seconds.map_or_else(String::new, |seconds| format!("{seconds:.1}")),
+            ]);
+        }
         text
     }
 
@@ -202,7 +252,9 @@ impl Drift {
             for node in self.nodes() {
                 let rows = || release.rows.iter().filter(|row| row.node == node);
                 for wanted in [Status::Differs, Status::Strange, Status::Absent] {
-                    let found = rows().filter(|row| row.status == wanted).max_by(|a, b| a.largest_error.total_cmp(&b.largest_error));
+                    let found = rows()
+                        .filter(|row| row.status == wanted)
+                        .max_by(|a, b| a.largest_error.total_cmp(&b.largest_error));
                     if let Some(row) = found {
                         let note = row.note.as_deref().unwrap_or("");
                         let note: String = note.chars().take(160).collect();
@@ -219,15 +271,46 @@ impl Drift {
 }
 
 /// Asks the releases, in a folder.
-pub fn measure(asked: Asked, folder: &Path, settings: &Settings, progress: Progress<'_>) -> Result<Outcome<Drift>> {
+///
+/// Scenes have the size that their pictures have.
+pub fn measure(
+    asked: Asked,
+    scenes: Vec<Scene>,
+    folder: &Path,
+    settings: &Settings,
+    progress: Progress<'_>,
+) -> Result<Outcome<Drift>> {
     asked.releases.iter().try_for_each(|release| releases::check(release))?;
+    if (asked.replicas as usize) < FEWEST_REPLICAS || asked.samples == 0 {
+        return Err(Error::new(
+            "the pictures",
+            format!("{} replicas of {} samples", asked.replicas, asked.samples),
+            format!("at least {FEWEST_REPLICAS} replicas of at least 1 sample"),
+            "Give more.",
+        ));
+    }
     let cases = suite::cases(asked.points, asked.seed, asked.node.as_deref(), Selection::Everything)?;
-    experiment::run(&mut Running { asked, cases }, Some(folder), settings, progress)
+    experiment::run(&mut Running { asked, cases, scenes }, Some(folder), settings, progress)
 }
 
 struct Running {
     asked: Asked,
     cases: Vec<Case>,
+    scenes: Vec<Scene>,
+}
+
+/// A release, by its position in the list; the second: a scene's.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Job {
+    Nodes(usize),
+    Picture(usize, usize),
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(untagged)]
+enum Record {
+    Nodes(Release),
+    Picture(Picture),
 }
 
 impl Row {
@@ -288,28 +371,8 @@ fn is_absence(error: &Error) -> bool {
     error.place.starts_with("graph") || error.place.contains(".graph") || error.place.contains("targets[")
 }
 
-impl Experiment for Running {
-    type Job = String;
-    type Record = Release;
-    type Summary = Drift;
-
-    fn purpose(&self) -> Purpose {
-        PURPOSE
-    }
-
-    fn plan(&self) -> Result<Vec<String>> {
-        Ok(self.asked.releases.clone())
-    }
-
-    fn inputs(&self, release: &String) -> Result<Json> {
-        Ok(json!({"release": release, "points": self.asked.points, "seed": self.asked.seed, "node": self.asked.node}))
-    }
-
-    fn label(&self, release: &String) -> String {
-        format!("Blender {release}")
-    }
-
-    fn run(&mut self, release: &String, desk: &Desk<'_>) -> Result<Found<Release>> {
+impl Running {
+    fn nodes(&self, release: &str, desk: &Desk<'_>) -> Result<Release> {
         let (begin, done) = (Instant::now(), std::cell::Cell::new(0));
         let total = self.cases.len();
         let report = |count: usize| {
@@ -320,28 +383,208 @@ impl Experiment for Running {
         // One process per node: what a release lacks is found among fewer.
         let parts = self.cases.chunk_by(|a, b| a.node == b.node);
         let ask = || parts.map(|cases| rows_of(cases, &mut blender, &report)).collect::<Result<Vec<_>>>();
-        match releases::within(release, ask) {
-            Ok(rows) => {
-                let (release, seconds) = (release.clone(), begin.elapsed().as_secs_f64());
-                Ok(Found::Record(Release { release, blender, seconds, rows: rows.concat() }))
+        let rows = releases::within(release, ask)?.concat();
+        Ok(Release { release: release.to_owned(), blender, seconds: begin.elapsed().as_secs_f64(), rows })
+    }
+
+    fn inputs_of_truth(&self, scene: &Scene) -> Json {
+        let Asked { samples, replicas, .. } = self.asked;
+        json!({"scene": scene.content_hash(), "samples": samples, "replicas": replicas, "purpose": "beside releases"})
+    }
+
+    fn picture(&self, release: &str, scene: &Scene, desk: &Desk<'_>) -> Result<Picture> {
+        let Asked { samples, replicas, .. } = self.asked;
+        let names: Vec<String> = desk.obtain(TRUTHS, &self.inputs_of_truth(scene), |key| {
+            let settings = PathSettings { samples, ..PathSettings::default() };
+            let first = seeds::first(&self.inputs_of_truth(scene));
+            let seeds: Vec<u32> = (first..first + replicas).collect();
+            let mut names = Vec::new();
+            path::render_each(
+                scene,
+                &settings,
+                Backend::Cpu,
+                &seeds,
+                &|done, _| desk.report(done, "path tracing"),
+                &mut |seed, image| {
+                    let name = format!("{TRUTHS}/{key}.seed-{seed}.exr");
+                    image.write_exr(&desk.folder()?.join(&name), false)?;
+                    names.push(name);
+                    Ok(())
+                },
+            )?;
+            Ok(names)
+        })?;
+        let folder = desk.folder()?;
+        let truth: Vec<Image> = names.iter().map(|name| Image::read_exr(&folder.join(name))).collect::<Result<_>>()?;
+        let settings = ReferenceSettings { samples, ..ReferenceSettings::default() };
+        let seeds: Vec<u32> = (FIRST_REPLICA_SEED..FIRST_REPLICA_SEED + replicas).collect();
+        let cache = reference::cache_folder()?;
+        let receive = |message: Message| desk.report(message.done, "Cycles");
+        let begin = Instant::now();
+        let found = releases::within(release, || reference::references(scene, &settings, &seeds, &cache, receive))?;
+        let rendered = found.iter().filter(|one| !one.cached).count();
+        let seconds = (rendered > 0).then(|| begin.elapsed().as_secs_f64() / rendered as f64);
+        let theirs: Vec<Image> = found.iter().map(|one| Image::read_exr(&one.path)).collect::<Result<_>>()?;
+        let colours = |image: &Image| -> Vec<f64> {
+            image.pixels.iter().flat_map(|pixel| [pixel[0], pixel[1], pixel[2]].map(f64::from)).collect()
+        };
+        let differences: Vec<Vec<f64>> = theirs
+            .iter()
+            .zip(&truth)
+            .map(|(theirs, ours)| {
+                colours(theirs).iter().zip(colours(ours)).map(|(theirs, ours)| theirs - ours).collect()
+            })
+            .collect();
+        let sums = |images: &[Image]| images.iter().map(|image| colours(image).iter().sum()).collect::<Vec<f64>>();
+        let (of_theirs, of_ours) = (sums(&theirs), sums(&truth));
+        let brightness = |left: Option<usize>| {
+            let sum = |all: &[f64]| -> f64 {
+                all.iter().enumerate().filter(|(index, _)| Some(*index) != left).map(|(_, sum)| sum).sum()
+            };
+            let whole = sum(&of_ours);
+            if whole == 0.0 { 0.0 } else { sum(&of_theirs) / whole - 1.0 }
+        };
+        let brightness: Vec<f64> = std::iter::once(None).chain((0..truth.len()).map(Some)).map(brightness).collect();
+        Ok(Picture {
+            scene: scene.name.clone(),
+            release: release.to_owned(),
+            brightness: errors::from_left_out(&brightness),
+            relmse: errors::from_left_out(&errors::relmse_of_differences(&differences, &truth)?),
+            seconds,
+        })
+    }
+}
+
+/// Part of the ledger that holds path tracing.
+const TRUTHS: &str = "truth";
+
+impl Experiment for Running {
+    type Job = Job;
+    type Record = Record;
+    type Summary = Drift;
+
+    fn purpose(&self) -> Purpose {
+        PURPOSE
+    }
+
+    fn plan(&self) -> Result<Vec<Job>> {
+        let releases = 0..self.asked.releases.len();
+        let pictures =
+            (0..self.scenes.len()).flat_map(|scene| releases.clone().map(move |release| Job::Picture(release, scene)));
+        Ok(releases.clone().map(Job::Nodes).chain(pictures).collect())
+    }
+
+    fn inputs(&self, job: &Job) -> Result<Json> {
+        let Asked { releases, points, seed, node, .. } = &self.asked;
+        Ok(match *job {
+            Job::Nodes(release) => json!({"release": releases[release], "points": points, "seed": seed, "node": node}),
+            Job::Picture(release, scene) => {
+                json!({"release": releases[release], "picture": self.inputs_of_truth(&self.scenes[scene])})
             }
-            Err(error) => Ok(Found::LeftOut(error.to_string())),
+        })
+    }
+
+    fn label(&self, job: &Job) -> String {
+        match *job {
+            Job::Nodes(release) => format!("Blender {}", self.asked.releases[release]),
+            Job::Picture(release, scene) => {
+                format!("{} by Blender {}", self.scenes[scene].name, self.asked.releases[release])
+            }
         }
     }
 
+    fn run(&mut self, job: &Job, desk: &Desk<'_>) -> Result<Found<Record>> {
+        let found = match *job {
+            Job::Nodes(release) => self.nodes(&self.asked.releases[release], desk).map(Record::Nodes),
+            Job::Picture(release, scene) => {
+                self.picture(&self.asked.releases[release], &self.scenes[scene], desk).map(Record::Picture)
+            }
+        };
+        // The others can still be asked.
+        Ok(found.map_or_else(|error| Found::LeftOut(error.to_string()), Found::Record))
+    }
+
     fn summary(&mut self, found: Vec<Done<Self>>, desk: &Desk<'_>) -> Result<Drift> {
-        let (mut releases, mut left_out) = (Vec::new(), Vec::new());
+        let (mut releases, mut pictures, mut left_out) = (Vec::new(), Vec::new(), Vec::new());
         for Done { job, found } in found {
             match found {
-                Found::Record(release) => releases.push(release),
-                Found::LeftOut(reason) => left_out.push([job, reason]),
+                Found::Record(Record::Nodes(release)) => releases.push(release),
+                Found::Record(Record::Picture(picture)) => pictures.push(picture),
+                Found::LeftOut(reason) => left_out.push([self.label(&job), reason]),
             }
         }
-        let drift =
-            Drift { format: FORMAT.into(), builds: desk.ledger.builds(), asked: self.asked.clone(), releases, left_out };
+        let (format, builds, asked) = (FORMAT.into(), desk.ledger.builds(), self.asked.clone());
+        let drift = Drift { format, builds, asked, releases, pictures, left_out };
         let folder = desk.folder()?;
         files::write_atomically(&folder.join("drift.json"), to_json(&drift).as_bytes())?;
         files::write_atomically(&folder.join("drift.md"), drift.markdown().as_bytes())?;
         Ok(drift)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn row(node: &str, status: Status, largest_error: f64) -> Row {
+        let (mode, output) = (String::new(), "Value".to_owned());
+        Row {
+            node: node.into(),
+            mode,
+            output,
+            status,
+            points: [8, 2],
+            ordinary_points: [4, 1],
+            largest_error,
+            note: None,
+        }
+    }
+
+    #[test]
+    fn the_table_has_what_differs_and_counts_the_rest() {
+        let release = |name: &str, statuses: [Status; 3]| Release {
+            release: name.into(),
+            blender: name.into(),
+            seconds: 1.0,
+            rows: vec![row("Math", statuses[0], 0.0), row("Mix", statuses[1], 0.25), row("Mix", statuses[2], 0.5)],
+        };
+        let asked = Asked { releases: Vec::new(), points: 8, seed: 1, node: None, samples: 1, replicas: 6 };
+        let drift = Drift {
+            format: FORMAT.into(),
+            builds: Vec::new(),
+            asked,
+            releases: vec![
+                release("4.5.15", [Status::Equal, Status::Strange, Status::Differs]),
+                release("5.0.1", [Status::Equal; 3]),
+            ],
+            pictures: Vec::new(),
+            left_out: Vec::new(),
+        };
+        let text = drift.markdown();
+        assert!(
+            text.contains(
+                "| outputs of all modes | 1 of 3 equal, 2 at ordinary values | 3 of 3 equal, 3 at ordinary values |"
+            ),
+            "{text}"
+        );
+        assert!(text.contains("| Mix | 1 differ, 1 at strange values of 2, up to 5.0e-1 | equal |"), "{text}");
+        assert!(text.contains("| 1 other nodes | equal | equal |"), "{text}");
+        assert_eq!(serde_json::from_str::<Drift>(&to_json(&drift)).expect("a drift"), drift);
+    }
+
+    #[test]
+    fn what_cannot_be_had_is_refused_before_anything_is_made() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let asked = |release: &str, replicas: u32| Asked {
+            releases: vec![release.into()],
+            points: 8,
+            seed: 1,
+            node: None,
+            samples: 1,
+            replicas,
+        };
+        let ask = |asked: Asked| measure(asked, Vec::new(), folder.path(), &Settings::default(), &|_, _| ());
+        assert!(ask(asked("five", 6)).expect_err("refused").found.contains("five"));
+        assert!(ask(asked("5.0.1", 5)).expect_err("refused").expected.contains("6"));
     }
 }
