@@ -35,7 +35,7 @@ fn environment(release: &str) -> Result<PathBuf> {
     let base = bridge::interpreter();
     step(release, Command::new(&base).args(["-m", "venv"]).arg(&folder))?;
     let mut install = Command::new(&python);
-    install.args(["-m", "pip", "install", "--quiet", "--disable-pip-version-check"]);
+    install.env("PIP_DISABLE_PIP_VERSION_CHECK", "1").args(["-m", "pip", "install", "-q"]);
     step(release, install.arg(format!("bpy=={release}")).args(PACKAGES))?;
     let stamp = folder.join(STAMP);
     std::fs::write(&stamp, release).map_err(|cause| Error::io(&stamp, "a file that can be written", &cause))?;
@@ -86,7 +86,7 @@ mod tests {
 
     #[test]
     fn what_is_no_release_is_refused_before_anything_is_made() {
-        for wrong in ["", "4.5", "4.5.x", "../../4.5.1", "4.5.15 --index-url x", "4.5.15.1", "4..1"] {
+        for wrong in ["", "4.5", "4.5.x", "../../4.5.1", "4.5.15 -i x", "4.5.15.1", "4..1"] {
             let error = within(wrong, || Ok(())).expect_err("refused");
             assert!(error.expected.contains("4.5.15"), "{error}");
         }

@@ -41,7 +41,7 @@ const SHARED: &[(&str, &[&str], &[&str])] = &[
     ("preset", &["FILE"], &["as a tuned preset"]),
     ("quality", &["LEVEL"], &["level of quality"]),
     ("repeats", &["N"], &["repetitions"]),
-    ("replicas", &["N"], &["replicas of each way", "as many pictures with seeds"]),
+    ("replicas", &["N"], &["replicas of each way", "replicas of each side", "as many pictures with seeds"]),
     ("resolution", &["WxH"], &["pixels"]),
     ("samples", &["N"], &["samples per pixel"]),
     ("seconds", &["SECONDS"], &["seconds of animation"]),

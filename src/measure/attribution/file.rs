@@ -7,7 +7,7 @@ use crate::engines::Selection;
 use crate::engines::defects::Defects;
 use crate::engines::light::models;
 use crate::engines::render::EngineJitter;
-use crate::measure::attribution::stages::Stage;
+use crate::measure::attribution::stage::Stage;
 use crate::measure::combination::{CacheAxis, Combination, Quality, no_cache};
 use crate::measure::scenes::{SceneAxis, check_resolution, load_scenes};
 use crate::measure::toml_files::{at, read_toml};

@@ -1,6 +1,6 @@
 //! Attribution: which stage of an engine makes its difference from path tracing.
 //!
-//! The stages of a picture ([`stages`]) are replaced by their exact twins one after the other, from the engine as it is to a picture in which
+//! The stages of a picture ([`stage`], made exact by [`stages`]) are replaced by their exact twins one after the other, from the engine as it is to a picture in which
 //! every stage is exact. What a replacement takes from the error depends on what was replaced before it; its mean over all orders is the stage's
 //! share, and the shares of all add up to the whole ([`shares`]). A stage may have a negative share: its error hides another's.
 //!
@@ -14,6 +14,7 @@
 pub mod components;
 pub mod file;
 pub mod shares;
+pub mod stage;
 pub mod stages;
 
 use crate::base::error::{Error, Result};
@@ -28,7 +29,8 @@ use crate::engines::render::{Drawn, EngineRenderer};
 use crate::measure::attribution::components::{Components, Rendered};
 use crate::measure::attribution::file::{AttributionFile, Measured};
 use crate::measure::attribution::shares::Orders;
-use crate::measure::attribution::stages::{Made, Stage, Staged, Stages};
+use crate::measure::attribution::stage::{Stage, Stages};
+use crate::measure::attribution::stages::{Made, Staged};
 use crate::measure::errors::{self, Uncertain};
 use crate::measure::experiment;
 use crate::measure::experiment::{Desk, Done, Experiment, Outcome, Settings};
