@@ -84,6 +84,12 @@ fn shares_add_up_and_planted_errors_are_found() {
     let csv = std::fs::read_to_string(folder.path().join("attribution.csv")).expect("it is there");
     let shares: usize = found.attributed.iter().map(|one| one.shares.len()).sum();
     assert_eq!(csv.lines().count(), 1 + 2 * found.attributed.len() + shares);
+    let page = cloudparity::report::write_report(folder.path(), &[]).expect("a report");
+    let html = std::fs::read_to_string(page).expect("it is there");
+    // In the caption and in a row.
+    assert_eq!(html.matches("left where all are exact").count(), 2 * found.attributed.len());
+    let figures = std::fs::read_to_string(folder.path().join("figures.csv")).expect("it is there");
+    assert_eq!(figures.matches("attribution,").count(), 2 * found.attributed.len() + 3 * shares);
 }
 
 /// Mean over pixels and colours.

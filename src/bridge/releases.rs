@@ -23,6 +23,10 @@ pub fn within<T>(release: &str, work: impl FnOnce() -> Result<T>) -> Result<T> {
 /// The interpreter of a release.
 fn environment(release: &str) -> Result<PathBuf> {
     check(release)?;
+    // Where the usual one is of that release, it has all that is needed.
+    if bridge::module_version("bpy", "bpy.app.version_string").is_ok_and(|found| found == release) {
+        return Ok(bridge::interpreter());
+    }
     let folder = reference::cache_folder()?.join("blender").join(release);
     let python = folder.join("bin/python");
     if folder.join(STAMP).exists() {

@@ -22,6 +22,7 @@ pub(super) const MAKERS: Makers<'static> = &[
     ("bench.json", "cloudparity bench SCENE --json > RUN/bench.json"),
     ("study/results.json", "cloudparity study FILE.study.toml -o RUN/study"),
     ("tuning/tuning.json", "cloudparity tune FILE.tune.toml -o RUN/tuning"),
+    ("attribution/attribution.json", "cloudparity measure attribution FILE.attribution.toml -o RUN/attribution"),
     ("models.json", "cloudparity compare-models SCENE -o RUN"),
     ("stability.json", "cloudparity stability SCENE -o RUN"),
     ("explain.txt", "cloudparity explain SCENE > RUN/explain.txt"),

@@ -13,7 +13,7 @@ use std::path::Path;
 pub const FORMAT: &str = "cloudparity-certificate/1";
 
 /// Files that a certificate stands on, where they are there.
-const FILES: [&str; 30] = [
+const FILES: [&str; 34] = [
     "run.json",
     "scene.json",
     "probe.json",
@@ -27,6 +27,8 @@ const FILES: [&str; 30] = [
     "tuning/tuning.json",
     "results.json",
     "tuning.json",
+    "attribution/attribution.json",
+    "attribution.json",
     "explain.txt",
     "ours.exr",
     "reference.exr",
@@ -38,6 +40,8 @@ const FILES: [&str; 30] = [
     "models.pdf",
     "study/results.csv",
     "results.csv",
+    "attribution/attribution.csv",
+    "attribution.csv",
     // What the report wrote before the certificate.
     "index.html",
     "report.md",
@@ -47,13 +51,13 @@ const FILES: [&str; 30] = [
     "figures.tex",
 ];
 
-/// Figures of studies and tunings, without folder and extension.
-const FIGURES: [&str; 4] = ["study", "study_convergence", "study_pictures", "tuning"];
+/// Figures of studies, tunings and attributions, without folder and extension.
+const FIGURES: [&str; 5] = ["study", "study_convergence", "study_pictures", "tuning", "attribution"];
 
 /// All files that a certificate stands on, as far as they are there.
 fn files_of(directory: &Path) -> Vec<String> {
     let mut names: Vec<String> = FILES.iter().map(|&name| name.to_owned()).collect();
-    for folder in ["", "study/", "tuning/"] {
+    for folder in ["", "study/", "tuning/", "attribution/"] {
         let figures =
             FIGURES.iter().flat_map(|stem| ["svg", "png", "pdf"].map(|kind| format!("{folder}{stem}.{kind}")));
         names.extend(figures);

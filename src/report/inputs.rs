@@ -7,6 +7,7 @@ use crate::base::error::{Error, Result};
 use crate::base::files;
 use crate::base::identity::Identity;
 use crate::base::numbers::capitalised;
+use crate::measure::attribution;
 use crate::measure::densities::comparison::{Comparison, FIGURE};
 use crate::measure::pictures::{DiffResult, Verdict};
 use crate::measure::speed::Rates;
@@ -24,7 +25,7 @@ use std::path::{Component, Path};
 pub type Makers<'a> = &'a [(&'a str, &'a str)];
 
 /// Files of a run directory: name, what it shows.
-pub const FILES: [(&str, &str); 16] = [
+pub const FILES: [(&str, &str); 17] = [
     ("run.json", "title, command, versions and timings"),
     ("diff.json", "the figures of the picture"),
     ("ours.png", "our picture"),
@@ -37,6 +38,7 @@ pub const FILES: [(&str, &str); 16] = [
     ("bench.json", "speed against Cycles"),
     (STUDY_RESULTS, "error against time"),
     (TUNING_RESULTS, "tuned parameters"),
+    (ATTRIBUTION_RESULTS, "which stage makes the error"),
     ("models.json", "density models side by side"),
     ("stability.json", "numerical stability"),
     ("explain.txt", "the specialised graph in words"),
@@ -49,6 +51,9 @@ const STUDY_RESULTS: &str = "study/results.json";
 /// The same of a tuning.
 const TUNING_RESULTS: &str = "tuning/tuning.json";
 
+/// The same of an attribution.
+const ATTRIBUTION_RESULTS: &str = "attribution/attribution.json";
+
 /// A figure of a study, by its file's stem.
 pub fn study_figure(stem: &str) -> String {
     format!("study/{stem}.svg")
@@ -56,6 +61,9 @@ pub fn study_figure(stem: &str) -> String {
 
 /// The figure of a tuning.
 pub const TUNING_FIGURE: &str = "tuning/tuning.svg";
+
+/// The figure of an attribution.
+pub const ATTRIBUTION_FIGURE: &str = "attribution/attribution.svg";
 
 /// Something that a report does not show, why, and what to do about it.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
@@ -310,6 +318,8 @@ pub struct Inputs {
     pub study: Option<study::Results>,
     /// `tuning/tuning.json`.
     pub tuning: Option<tuning::TuningResults>,
+    /// `attribution/attribution.json`.
+    pub attribution: Option<attribution::Results>,
     /// `models.json`.
     pub models: Option<Comparison>,
     /// `stability.json`.
@@ -335,10 +345,12 @@ impl Inputs {
                 "Give the folder that cloudparity demo or cloudparity diff wrote.",
             ));
         }
-        // The folder of a study or a tuning by itself.
+        // The folder of a study, a tuning or an attribution by itself.
         let is_own = |name: &str, nested: &str| directory.join(name).is_file() && !directory.join(nested).exists();
         let is_study = is_own("results.json", STUDY_RESULTS);
         let is_tuning = is_own("tuning.json", TUNING_RESULTS);
+        let is_attribution = is_own("attribution.json", ATTRIBUTION_RESULTS);
+        let is_by_itself = is_study || is_tuning || is_attribution;
         let mut inputs = Self {
             run: read_json(directory, "run.json")?.unwrap_or_default(),
             diff: read_json(directory, "diff.json")?,
@@ -351,6 +363,7 @@ impl Inputs {
             stability: read_json(directory, "stability.json")?,
             study: read_json(directory, if is_study { "results.json" } else { STUDY_RESULTS })?,
             tuning: read_json(directory, if is_tuning { "tuning.json" } else { TUNING_RESULTS })?,
+            attribution: read_json(directory, if is_attribution { "attribution.json" } else { ATTRIBUTION_RESULTS })?,
             ..Self::default()
         };
         inputs.probes = match read_json::<Value>(directory, "probe.json")? {
@@ -364,7 +377,7 @@ impl Inputs {
         }
         inputs.left_out = inputs.run.left_out.clone();
         // What such a folder lacks of a whole run it never was to hold.
-        for (name, what) in FILES.into_iter().filter(|_| !is_study && !is_tuning) {
+        for (name, what) in FILES.into_iter().filter(|_| !is_by_itself) {
             if !directory.join(name).exists() {
                 let maker = makers.iter().find(|(file, _)| *file == name).map(|(_, maker)| (*maker).to_owned());
                 inputs.left_out.push(LeftOut {
@@ -374,11 +387,11 @@ impl Inputs {
                 });
             }
         }
-        inputs.read_pictures(directory, is_study || is_tuning)?;
+        inputs.read_pictures(directory, is_by_itself)?;
         Ok(inputs)
     }
 
-    /// `own`: figures of a study or a tuning lie in the directory itself.
+    /// `own`: figures of a study, a tuning or an attribution lie in the directory itself.
     fn read_pictures(&mut self, directory: &Path, own: bool) -> Result<()> {
         let mut wanted: Vec<(String, bool)> = Vec::new();
         for name in ["ours", "reference", "difference", "difference_absolute", "t", "relmse", "flip"] {
@@ -391,6 +404,9 @@ impl Inputs {
         if self.tuning.is_some() {
             wanted.push((TUNING_FIGURE.to_owned(), false));
         }
+        if self.attribution.is_some() {
+            wanted.push((ATTRIBUTION_FIGURE.to_owned(), false));
+        }
         if let Some(models) = &self.models {
             wanted.push((FIGURE.to_owned(), false));
             wanted.extend(models.pictures.iter().filter_map(|picture| Some((picture.png.clone()?, true))));
@@ -400,7 +416,7 @@ impl Inputs {
             wanted.extend(named.into_iter().flatten().map(|name| (name.clone(), true)));
         }
         for (name, required) in wanted {
-            let nested = ["study/", "tuning/"].iter().find_map(|folder| name.strip_prefix(folder));
+            let nested = ["study/", "tuning/", "attribution/"].iter().find_map(|folder| name.strip_prefix(folder));
             let path = directory.join(plain_name(nested.filter(|_| own).unwrap_or(&name))?);
             if path.is_file() {
                 self.pictures.insert(name.clone(), read_picture(&path, &name)?);

@@ -1,6 +1,7 @@
 //! Tables and captions of studies and tunings: what was measured, against which truth, on what machine.
 
 use crate::base::numbers::{ABSENT, capitalised, figure, uncertain};
+use crate::measure::attribution;
 use crate::measure::errors::Uncertain;
 use crate::measure::study::ablation::{Ablation, Change};
 use crate::measure::study::{Group, Results};
@@ -200,6 +201,44 @@ pub fn tuning_models(found: &TuningResults, shown: &[TuningRow]) -> Table {
         std::iter::once(Cell::text(name.clone())).chain(figures).collect()
     });
     Table::new(caption, &heads, rows)
+}
+
+/// What each stage has of an engine's error, a table for each scene and engine.
+pub fn attributions(found: &attribution::Results) -> Vec<Table> {
+    let [width, height] = found.attribution.resolution;
+    let truth = &found.attribution.truth;
+    let table = |one: &attribution::Attributed| {
+        let caption = format!(
+            "Stages of {} in {}: shares of its relMSE, {} (Shapley values{}; their sum is the whole but for what is left where all are exact),              of its brightness, and relMSE that is left where a stage alone is exact. {width} × {height} pixels, {} replicas of {} samples. In              brackets: standard error of the last digits.",
+            one.engine,
+            one.scene,
+            uncertain(one.relmse.value, one.relmse.standard_error),
+            one.drawn_orders.map_or_else(String::new, |orders| format!(" of {orders} drawn orders of replacement")),
+            truth.replicas,
+            truth.samples,
+        );
+        let heads = [("Stage", ""), ("relMSE", ""), ("Part", "%"), ("Brightness", "%"), ("Left alone", "")];
+        let of = |figure: Uncertain| Cell::Uncertain(figure.value, figure.standard_error);
+        let in_percent = |figure: Uncertain| Cell::Uncertain(percent(figure.value), percent(figure.standard_error));
+        let rows = one.shares.iter().map(|share| {
+            vec![
+                Cell::text(share.stage.title()),
+                of(share.relmse),
+                Cell::Number(Some(percent(one.part(share)))),
+                in_percent(share.brightness),
+                of(share.alone),
+            ]
+        });
+        let rest = vec![
+            Cell::text("left where all are exact"),
+            of(one.remainder),
+            Cell::Number(None),
+            in_percent(one.brightness_remainder),
+            Cell::Number(None),
+        ];
+        Table::new(caption, &heads, rows.chain(std::iter::once(rest)))
+    };
+    found.attributed.iter().map(table).collect()
 }
 
 /// Parameters that a tuning found, each with its own precision.

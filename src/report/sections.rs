@@ -3,8 +3,8 @@
 use crate::base::numbers::{capitalised, figure, plain};
 use crate::measure::densities::comparison::FIGURE as MODELS_FIGURE;
 use crate::report::document::{Document, Figure};
-use crate::report::inputs::{Inputs, Run, TUNING_FIGURE, study_figure};
-use crate::report::measured::{ablations, curves, fronts, percent, study_captions};
+use crate::report::inputs::{ATTRIBUTION_FIGURE, Inputs, Run, TUNING_FIGURE, study_figure};
+use crate::report::measured::{ablations, attributions, curves, fronts, percent, study_captions};
 use crate::report::summary::{Summary, evaluator_name};
 use crate::report::table::{Cell, Table};
 use crate::report::tables::{TuningTable, model_rows};
@@ -87,6 +87,19 @@ pub fn document(inputs: &Inputs, summary: &Summary) -> Document {
         let shown = TuningTable::of(tuning, &inputs.pictures);
         document.table(shown.models);
         document.table(shown.parameters);
+    }
+    if let Some(found) = &inputs.attribution {
+        let title = &found.attribution.title;
+        document.heading(&format!("Where the error is born: {title}"));
+        if inputs.pictures.contains_key(ATTRIBUTION_FIGURE) {
+            let caption = format!(
+                "{title}: from the engine's relMSE to what is left where every stage is exact, and each stage's share of every pixel's signed \
+                 difference."
+            );
+            let (file, print) = (ATTRIBUTION_FIGURE.to_owned(), with_extension(ATTRIBUTION_FIGURE, "pdf"));
+            document.figure(Figure { file, print, is_wide: true, caption });
+        }
+        attributions(found).into_iter().for_each(|table| document.table(table));
     }
     models(&mut document, inputs);
     if let Some(found) = &inputs.stability {

@@ -75,7 +75,8 @@ impl Summary {
         let verdict = Verdict::worst(judged.iter().filter_map(|part| part.verdict)).unwrap_or(Verdict::CouldNotTell);
         let deciding: Vec<&str> =
             judged.iter().filter(|part| part.verdict == Some(verdict)).map(|part| part.name.as_str()).collect();
-        let is_measured = judged.is_empty() && (!parts.is_empty() || inputs.study.is_some() || inputs.tuning.is_some());
+        let has_measured = inputs.study.is_some() || inputs.tuning.is_some() || inputs.attribution.is_some();
+        let is_measured = judged.is_empty() && (!parts.is_empty() || has_measured);
         let sentence = match verdict {
             _ if is_measured => "Nothing here is judged against a limit.".to_owned(),
             _ if judged.is_empty() => "Nothing in this run was judged against a limit.".to_owned(),
@@ -86,7 +87,9 @@ impl Summary {
         let run = &inputs.run;
         let of_study = || inputs.study.as_ref().map(|found| found.study.title.clone());
         let of_tuning = || inputs.tuning.as_ref().map(|found| found.file.title.clone());
+        let of_attribution = || inputs.attribution.as_ref().map(|found| found.attribution.title.clone());
         let title = run.title.clone().or_else(|| run.scene.clone()).or_else(of_study).or_else(of_tuning);
+        let title = title.or_else(of_attribution);
         let title = title.unwrap_or_else(|| "Comparison report".into());
         let words = if is_measured { "measured" } else { verdict.words() };
         let verdict = (!is_measured).then_some(verdict);

@@ -2,11 +2,12 @@
 
 use crate::base::numbers::{figure, percent, plain};
 use crate::base::plain_text::csv_cell;
+use crate::measure::attribution;
 use crate::measure::densities::comparison::{Comparison, FIGURE};
 use crate::measure::study::curve_points::CurvePoint;
 use crate::measure::study::{FIGURES, Results};
 use crate::measure::tuning::{Scored, TuningResults};
-use crate::report::inputs::{Inputs, Picture, TUNING_FIGURE, study_figure};
+use crate::report::inputs::{ATTRIBUTION_FIGURE, Inputs, Picture, TUNING_FIGURE, study_figure};
 use crate::report::measured;
 use crate::report::measured::TuningRow;
 use crate::report::table::Table as Columns;
@@ -144,6 +145,31 @@ impl<'a> TuningTable<'a> {
         };
         table.models = measured::tuning_models(found, &table.rows);
         table
+    }
+}
+
+/// An attribution, as the page shows it.
+#[derive(Debug, Serialize)]
+pub struct AttributionTables<'a> {
+    /// Headline.
+    pub title: &'a str,
+    /// What did the work.
+    pub machine: &'a str,
+    /// Waterfalls and maps.
+    pub figure: Option<&'a Picture>,
+    /// A table for each scene and engine.
+    pub cases: Vec<Columns>,
+}
+
+impl<'a> AttributionTables<'a> {
+    /// Arranges an attribution.
+    pub fn of(found: &'a attribution::Results, pictures: &'a IndexMap<String, Picture>) -> Self {
+        Self {
+            title: &found.attribution.title,
+            machine: &found.machine,
+            figure: pictures.get(ATTRIBUTION_FIGURE),
+            cases: measured::attributions(found),
+        }
     }
 }
 
@@ -406,6 +432,18 @@ pub fn csv(inputs: &Inputs) -> String {
         }
         for (name, value) in &tuning.parameters {
             add("tuning", "tuned", name, "parameter", Some(*value), "");
+        }
+    }
+    for one in inputs.attribution.iter().flat_map(|found| &found.attributed) {
+        let subject = format!("{} in {}", one.engine, one.scene);
+        add("attribution", &subject, "whole", "relmse", Some(one.relmse.value), "");
+        add("attribution", &subject, "remainder", "relmse", Some(one.remainder.value), "");
+        for share in &one.shares {
+            let stage = share.stage.to_string();
+            let mut stage = |quantity, value, unit| add("attribution", &subject, &stage, quantity, Some(value), unit);
+            stage("relmse", share.relmse.value, "");
+            stage("relmse_standard_error", share.relmse.standard_error, "");
+            stage("brightness", share.brightness.value, "share");
         }
     }
     for side in inputs.models.iter().flat_map(|models| &models.sides) {
