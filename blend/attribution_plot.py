@@ -17,7 +17,6 @@ import optimiser
 import plots
 import protocol
 
-ROW = 1.75  # inches of a case: a waterfall
 COLUMNS = 6  # of pictures
 
 
@@ -63,7 +62,7 @@ def _waterfall(axis, case):
         whole = sum(abs(other["relmse"]["value"]) for other in case["shares"])
         if whole > 0:
             axis.annotate(
-                f"{100 * value / whole + 0.0:.1f} %".replace("-0.0", "0.0").replace("-", "\u2212"),
+                f"{100 * value / whole:z.1f} %".replace("-", "\u2212"),
                 (max(level, after + share["relmse"]["standard_error"]), row),
                 xytext=(4, 0),
                 textcoords="offset points",

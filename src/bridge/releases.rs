@@ -2,7 +2,7 @@
 
 use crate::base::error::{Error, Result};
 use crate::bridge::{self, interpreter, reference};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::Command;
 
 /// Releases that people work with: the last of every line that the Python package index has for CPython 3.11.
@@ -71,17 +71,13 @@ fn step(release: &str, command: &mut Command) -> Result<()> {
             format!("Take one of {}, and check the network.", RELEASES.join(", ")),
         )
     };
-    let output = command.output().map_err(|cause| wrong(format!("{}: {cause}", shown(command.get_program()))))?;
+    let output = command.output().map_err(|cause| wrong(format!("{}: {cause}", command.get_program().display())))?;
     if output.status.success() {
         return Ok(());
     }
     let text = String::from_utf8_lossy(&output.stderr).into_owned();
     let last = text.lines().rfind(|line| line.starts_with("ERROR")).or_else(|| text.lines().last());
     Err(wrong(last.unwrap_or("no answer of pip").to_owned()))
-}
-
-fn shown(program: &std::ffi::OsStr) -> String {
-    Path::new(program).display().to_string()
 }
 
 #[cfg(test)]

@@ -9,6 +9,7 @@ use crate::gpu::Backend;
 use crate::integrators::path;
 use crate::integrators::path::Subject;
 use crate::measure::attribution::stages::scatters_world;
+use crate::measure::errors::numbers;
 use crate::measure::experiment::Desk;
 use crate::measure::seeds;
 use crate::measure::truth::{PixelRays, Truth};
@@ -43,11 +44,6 @@ pub struct Components {
     pub orders: Vec<Vec<f64>>,
     /// Of the world, scattered.
     pub ambient: Vec<Vec<f64>>,
-}
-
-/// Three numbers per pixel.
-pub(super) fn numbers(image: &Image) -> Vec<f64> {
-    image.pixels.iter().flat_map(|[red, green, blue, _]| [*red, *green, *blue].map(f64::from)).collect()
 }
 
 /// The inputs of all of them.

@@ -17,7 +17,7 @@ pub mod shares;
 pub mod stage;
 pub mod stages;
 
-use crate::base::error::{Error, Result};
+use crate::base::error::Result;
 use crate::base::files;
 use crate::base::identity::Identity;
 use crate::base::ledger::{Found, Purpose, to_json};
@@ -27,7 +27,7 @@ use crate::base::progress::Progress;
 use crate::bridge::{self, CyclesKernel};
 use crate::engines::render::{Drawn, EngineRenderer};
 use crate::measure::attribution::components::{Components, Rendered};
-use crate::measure::attribution::file::{AttributionFile, Measured};
+use crate::measure::attribution::file::AttributionFile;
 use crate::measure::attribution::shares::Orders;
 use crate::measure::attribution::stage::{Stage, Stages};
 use crate::measure::attribution::stages::{Made, Staged};
@@ -204,7 +204,7 @@ impl Results {
     pub fn draw(&self, folder: &Path) -> Result<()> {
         let share = |share: &Share| {
             json!({
-                "name": share.stage.title(), "relmse": share.relmse, "brightness": share.brightness,
+                "name": share.stage.title(), "relmse": share.relmse,
                 "map": folder.join(&share.map),
             })
         };
@@ -284,26 +284,17 @@ fn add(to: &mut Vec<f64>, weight: f64, from: &[f64]) {
 
 impl Value {
     fn of(made: &[Vec<f64>], truth: &[Image]) -> Result<Self> {
-        let truths: Vec<Vec<f64>> = truth.iter().map(components::numbers).collect();
+        let truths: Vec<Vec<f64>> = truth.iter().map(errors::numbers).collect();
         let differences: Vec<Vec<f64>> = made
             .iter()
             .zip(&truths)
             .map(|(made, truth)| made.iter().zip(truth).map(|(made, truth)| made - truth).collect())
             .collect();
-        let sums = |all: &[Vec<f64>]| all.iter().map(|one| one.iter().sum::<f64>()).collect::<Vec<f64>>();
-        let (of_difference, of_truth) = (sums(&differences), sums(&truths));
-        let without = |left: Option<usize>| {
-            let sum = |sums: &[f64]| {
-                sums.iter().enumerate().filter(|(index, _)| Some(*index) != left).map(|(_, sum)| sum).sum::<f64>()
-            };
-            let whole = sum(&of_truth);
-            if whole == 0.0 { 0.0 } else { sum(&of_difference) / whole }
-        };
         let mut difference = Vec::new();
         differences.iter().for_each(|one| add(&mut difference, 1.0 / truth.len() as f64, one));
         Ok(Self {
             relmse: errors::relmse_of_differences(&differences, truth)?,
-            brightness: std::iter::once(None).chain((0..truth.len()).map(Some)).map(without).collect(),
+            brightness: errors::brightness_of_differences(&differences, truth),
             difference,
         })
     }
@@ -328,19 +319,9 @@ impl Running {
     }
 
     fn rendered(&self, scene: usize, engine: usize, desk: &Desk<'_>) -> Result<Rendered> {
-        let record: Record = desk.obtain(components::PART, &self.inputs_of_light(scene, engine), |key| {
-            let density = &self.file.engines[engine].density;
-            components::render(&self.scenes[scene], density, &self.file.truth, key, desk).map(Record::Light)
-        })?;
-        match record {
-            Record::Light(rendered) => Ok(rendered),
-            Record::Engine(_) => Err(Error::new(
-                "the folder's light",
-                "the record of an engine",
-                "one of path traced light",
-                "Remove the folder's part \"light\": it is rendered again.",
-            )),
-        }
+        desk.obtain(components::PART, &self.inputs_of_light(scene, engine), |key| {
+            components::render(&self.scenes[scene], &self.file.engines[engine].density, &self.file.truth, key, desk)
+        })
     }
 
     fn attributed(&self, scene: usize, engine: usize, desk: &Desk<'_>) -> Result<Attributed> {
@@ -362,7 +343,7 @@ impl Running {
         let mut values: HashMap<&Stages, Value> = HashMap::new();
         let mut own = Vec::new();
         for (number, set) in sets.iter().enumerate() {
-            let made = self.made(&staged, measured, set, &components)?;
+            let made = self.made(&staged, set, &components)?;
             if set.is_empty() {
                 made.iter().for_each(|one| add(&mut own, 1.0 / made.len() as f64, one));
             }
@@ -400,7 +381,7 @@ impl Running {
             });
         }
         let mut mean = Vec::new();
-        truth.iter().for_each(|image| add(&mut mean, 1.0 / truth.len() as f64, &components::numbers(image)));
+        truth.iter().for_each(|image| add(&mut mean, 1.0 / truth.len() as f64, &errors::numbers(image)));
         let compared = [("engine", own), ("truth", mean)].map(|(name, numbers)| {
             let name = format!("pictures/{}.{name}.exr", desk.key);
             desk.folder()
@@ -430,16 +411,13 @@ impl Running {
     fn made(
         &self,
         staged: &Staged<'_>,
-        measured: &Measured,
         set: &Stages,
         Components { first_seed, orders, ambient, .. }: &Components,
     ) -> Result<Vec<Vec<f64>>> {
-        let Made { scene, engine, settings, is_drawn } = staged.made(set)?;
+        let Made { scene, engine, settings, is_drawn, gamma } = staged.made(set)?;
         let renderer = EngineRenderer::new(&scene, &engine, None)?;
         let compose = |drawn: Option<Drawn>| renderer.composed(&settings, drawn, &|_, _| ());
         let common = if is_drawn { None } else { Some(compose(None)?) };
-        let has = |stage: Stage| set.contains(&stage) || measured.exact.contains(&stage);
-        let gamma = staged.gamma(set);
         let replica = |index: usize| -> Result<Vec<f64>> {
             let mut image = match &common {
                 Some(image) => image.clone(),
@@ -448,14 +426,14 @@ impl Running {
             for (number, pixel) in image.pixels.iter_mut().enumerate() {
                 for channel in 0..3 {
                     for (stage, light) in [(Stage::Orders, orders), (Stage::Ambient, ambient)] {
-                        if has(stage) {
+                        if staged.is_exact(set, stage) {
                             pixel[channel] += light[index][3 * number + channel] as f32;
                         }
                     }
                 }
             }
             renderer.finish(&mut image, &settings)?;
-            let mut numbers = components::numbers(&image);
+            let mut numbers = errors::numbers(&image);
             if gamma != 1.0 {
                 numbers.iter_mut().for_each(|number| *number = number.signum() * number.abs().powf(gamma));
             }

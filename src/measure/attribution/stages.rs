@@ -24,6 +24,8 @@ pub struct Staged<'a> {
     measured: &'a Measured,
     exact: Exact,
     combination: Combination,
+    /// As it is, with what was planted in it: made once, since a density cache is baked for it.
+    engine: Engine,
     /// The medium that the truth has: no cache, no defects, and no light model but its own.
     medium: Engine,
     /// Whether light of the suns is scattered more than once.
@@ -40,6 +42,8 @@ pub struct Made {
     pub settings: EngineSettings,
     /// Whether rays are those of path tracing, in every replica others.
     pub is_drawn: bool,
+    /// What finished values are raised to.
+    pub gamma: f64,
 }
 
 impl<'a> Staged<'a> {
@@ -50,23 +54,22 @@ impl<'a> Staged<'a> {
         let medium = selection.engine(scene, &[], &Defects::NONE)?;
         let has_orders =
             scene.integrator.volume_bounces.min(scene.integrator.max_bounces) > 0 && !scene.lights.is_empty();
-        Ok(Self { scene, measured, exact, combination, medium, has_orders })
-    }
-
-    /// The engine with what was planted in it.
-    fn engine(&self) -> Result<Engine> {
-        let mut engine = self.combination.engine(self.scene, &[])?;
-        let Planted { extinction, anisotropy, .. } = self.measured.plant;
+        let mut engine = combination.engine(scene, &[])?;
+        let Planted { extinction, anisotropy, .. } = measured.plant;
         engine.extinction = engine.extinction.map(|channel| channel * extinction);
         engine.light.phase.anisotropy =
             engine.light.phase.anisotropy.map(|mean| (mean + anisotropy).clamp(-0.999, 0.999));
-        Ok(engine)
+        Ok(Self { scene, measured, exact, combination, engine, medium, has_orders })
+    }
+
+    /// Whether a stage is exact: one of those that are made so, or given as exact.
+    pub fn is_exact(&self, stages: &Stages, stage: Stage) -> bool {
+        stages.contains(&stage) || self.measured.exact.contains(&stage)
     }
 
     /// The stages whose exact twin differs from what the engine does, without those that the engine is given as exact.
     pub fn differing(&self) -> Result<Vec<Stage>> {
-        let engine = self.engine()?;
-        let given: Stages = self.measured.exact.iter().copied().collect();
+        let engine = &self.engine;
         let exact = self.made(&Stage::ALL.iter().copied().collect())?.engine;
         let differs = |stage: Stage| match stage {
             Stage::Field => {
@@ -88,25 +91,22 @@ impl<'a> Staged<'a> {
             }
             Stage::Display => self.measured.plant.gamma != 1.0,
         };
-        Ok(Stage::ALL.iter().copied().filter(|stage| !given.contains(stage) && differs(*stage)).collect())
+        Ok(Stage::ALL.iter().copied().filter(|stage| !self.measured.exact.contains(stage) && differs(*stage)).collect())
     }
 
     /// The picture with some stages exact, besides those that are given as exact.
     pub fn made(&self, stages: &Stages) -> Result<Made> {
-        let is_exact = |stage: Stage| stages.contains(&stage) || self.measured.exact.contains(&stage);
+        let is_exact = |stage: Stage| self.is_exact(stages, stage);
         let Exact { steps, light_steps, .. } = self.exact;
-        let mut engine = self.engine()?;
+        let density = if is_exact(Stage::Field) { &self.medium.density } else { &self.engine.density };
+        let mut engine = self.engine.with_density(density.clone());
         let mut settings = self.combination.picture_settings();
         let mut scene = self.scene.clone();
         if is_exact(Stage::Field) {
-            let light = engine.light.clone();
-            let mut exact = engine.with_density(self.medium.density.clone());
-            exact.container = self.medium.container.clone();
-            exact.extinction = self.medium.extinction;
-            exact.light = light;
-            exact.light.source = self.medium.light.source;
-            exact.march.distance_levels = None;
-            engine = exact;
+            engine.container = self.medium.container.clone();
+            engine.extinction = self.medium.extinction;
+            engine.light.source = self.medium.light.source;
+            engine.march.distance_levels = None;
         }
         if is_exact(Stage::Shadow) {
             engine.light.shadow = ShadowMarch::new(light_steps, ShadowLength::ToExit, ShadowExtinction::View);
@@ -147,12 +147,8 @@ impl<'a> Staged<'a> {
             engine.passes.clear();
             settings.god_rays = false;
         }
-        Ok(Made { scene, engine, settings, is_drawn: is_exact(Stage::Filter) })
-    }
-
-    /// What finished values are raised to.
-    pub fn gamma(&self, stages: &Stages) -> f64 {
-        if stages.contains(&Stage::Display) { 1.0 } else { self.measured.plant.gamma }
+        let gamma = if is_exact(Stage::Display) { 1.0 } else { self.measured.plant.gamma };
+        Ok(Made { scene, engine, settings, is_drawn: is_exact(Stage::Filter), gamma })
     }
 }
 

@@ -103,9 +103,24 @@ pub fn relmse_of_differences(differences: &[Vec<f64>], truth: &[Image]) -> Resul
         ));
     }
     let difference = |replica: usize, index: usize| differences[replica][index];
-    let all: Vec<usize> = (0..truth.len()).collect();
-    let lists = std::iter::once(all.clone()).chain(all.iter().map(|&left| without(truth.len(), left)));
-    Ok(lists.map(|replicas| relative(&difference, truth, &replicas, numbers)).collect())
+    Ok(selections(truth.len()).map(|replicas| relative(&difference, truth, &replicas, numbers)).collect())
+}
+
+/// Mean of such differences over the mean of the truth: of all replicas, and then with each left out.
+pub fn brightness_of_differences(differences: &[Vec<f64>], truth: &[Image]) -> Vec<f64> {
+    let of_differences: Vec<f64> = differences.iter().map(|one| one.iter().sum()).collect();
+    let of_truth: Vec<f64> = truth.iter().map(|image| numbers(image).iter().sum()).collect();
+    let ratio = |replicas: Vec<usize>| {
+        let sum = |sums: &[f64]| replicas.iter().map(|&replica| sums[replica]).sum::<f64>();
+        let whole = sum(&of_truth);
+        if whole == 0.0 { 0.0 } else { sum(&of_differences) / whole }
+    };
+    selections(truth.len()).map(ratio).collect()
+}
+
+/// The colours of a picture: three numbers per pixel.
+pub fn numbers(image: &Image) -> Vec<f64> {
+    (0..3 * image.pixels.len()).map(|index| value(image, index)).collect()
 }
 
 /// A figure of all replicas and its standard error, from that figure and those with each replica left out.
@@ -117,16 +132,15 @@ pub fn from_left_out(figures: &[f64]) -> Uncertain {
     Uncertain { value: figures[0], standard_error: ((count - 1.0) / count * spread).sqrt() }
 }
 
-/// All replicas but one.
-fn without(count: usize, left: usize) -> Vec<usize> {
-    (0..count).filter(|&replica| replica != left).collect()
+/// All replicas, and then all but each one.
+fn selections(count: usize) -> impl Iterator<Item = Vec<usize>> {
+    let without = move |left: Option<usize>| (0..count).filter(|&replica| Some(replica) != left).collect();
+    std::iter::once(None).chain((0..count).map(Some)).map(without)
 }
 
 /// Figures of all replicas, with standard errors from leaving out each.
 fn jackknife<const N: usize>(count: usize, figures: impl Fn(&[usize]) -> [f64; N]) -> [Uncertain; N] {
-    let all: Vec<usize> = (0..count).collect();
-    let found: Vec<[f64; N]> =
-        std::iter::once(figures(&all)).chain(all.iter().map(|&left| figures(&without(count, left)))).collect();
+    let found: Vec<[f64; N]> = selections(count).map(|replicas| figures(&replicas)).collect();
     std::array::from_fn(|figure| from_left_out(&found.iter().map(|one| one[figure]).collect::<Vec<_>>()))
 }
 

@@ -3,8 +3,7 @@
 //! Our evaluators have the values of one release ([`crate::bridge::releases`] lists them; the last is ours). Every mode of every node is asked
 //! of each release, by its own Cycles, at equal points: it is equal bit for bit, within its limit, different, different at strange values alone (NaN,
 //! infinities, denormals, parameters beyond their limits), or not there. Pictures of scenes by each release's Cycles, in replicas, are compared with path
-//! tracing. A release runs in an
-//! environment of its own, which is made when it is first asked for.
+//! tracing. A release runs in an environment of its own, which is made when it is first asked for.
 
 use crate::base::error::{Error, Result};
 use crate::base::files;
@@ -63,7 +62,7 @@ pub struct Picture {
     pub brightness: Uncertain,
     /// relMSE of Cycles against path tracing, without the noise of either.
     pub relmse: Uncertain,
-    /// Seconds of a replica, as Cycles says; none where it was rendered before.
+    /// Seconds of a replica, with its part of the start of Blender; none where all were rendered before.
     pub seconds: Option<f64>,
 }
 
@@ -425,30 +424,14 @@ impl Running {
         let rendered = found.iter().filter(|one| !one.cached).count();
         let seconds = (rendered > 0).then(|| begin.elapsed().as_secs_f64() / rendered as f64);
         let theirs: Vec<Image> = found.iter().map(|one| Image::read_exr(&one.path)).collect::<Result<_>>()?;
-        let colours = |image: &Image| -> Vec<f64> {
-            image.pixels.iter().flat_map(|pixel| [pixel[0], pixel[1], pixel[2]].map(f64::from)).collect()
+        let difference = |(theirs, ours): (&Image, &Image)| {
+            errors::numbers(theirs).iter().zip(errors::numbers(ours)).map(|(theirs, ours)| theirs - ours).collect()
         };
-        let differences: Vec<Vec<f64>> = theirs
-            .iter()
-            .zip(&truth)
-            .map(|(theirs, ours)| {
-                colours(theirs).iter().zip(colours(ours)).map(|(theirs, ours)| theirs - ours).collect()
-            })
-            .collect();
-        let sums = |images: &[Image]| images.iter().map(|image| colours(image).iter().sum()).collect::<Vec<f64>>();
-        let (of_theirs, of_ours) = (sums(&theirs), sums(&truth));
-        let brightness = |left: Option<usize>| {
-            let sum = |all: &[f64]| -> f64 {
-                all.iter().enumerate().filter(|(index, _)| Some(*index) != left).map(|(_, sum)| sum).sum()
-            };
-            let whole = sum(&of_ours);
-            if whole == 0.0 { 0.0 } else { sum(&of_theirs) / whole - 1.0 }
-        };
-        let brightness: Vec<f64> = std::iter::once(None).chain((0..truth.len()).map(Some)).map(brightness).collect();
+        let differences: Vec<Vec<f64>> = theirs.iter().zip(&truth).map(difference).collect();
         Ok(Picture {
             scene: scene.name.clone(),
             release: release.to_owned(),
-            brightness: errors::from_left_out(&brightness),
+            brightness: errors::from_left_out(&errors::brightness_of_differences(&differences, &truth)),
             relmse: errors::from_left_out(&errors::relmse_of_differences(&differences, &truth)?),
             seconds,
         })
