@@ -14,7 +14,7 @@ SCENE := parity/scenes/procedural-clouds.scene.json
 # Newer than the requirements when .venv holds what they name.
 ENVIRONMENT := .venv/requirements.stamp
 
-.PHONY: help setup system demo demo-live web test lint bench bench-quick fuzz build clean
+.PHONY: help setup system demo demo-live web test lint bench bench-quick fuzz sweep sweep-test build clean
 
 help: ## list the targets
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/make \1\t\2/p' $(MAKEFILE_LIST) | expand -t 18
@@ -74,6 +74,17 @@ TARGETS := npy tuning study preset records graph scene
 fuzz: ## RUNS=1000000 inputs for each of TARGETS, coverage-guided; stops at what it finds
 	tools/fuzz.sh $(RUNS) $(TARGETS)
 
-clean: ## remove what was built and written; .venv stays
+# snakemake has an environment of its own, .venv-sweep, made on demand.
+SWEEP := parity/workflows/sweep.yaml
+PROFILE := parity/workflows/profiles/local
+
+sweep: build ## SWEEP=FILE.yaml in chunks (docs/sweeps.md), on this machine; PROFILE=parity/workflows/profiles/slurm on a cluster
+	tools/setup.sh sweep
+	.venv-sweep/bin/snakemake --snakefile parity/workflows/Snakefile --configfile $(SWEEP) --profile $(PROFILE)
+
+sweep-test: build ## a study of 2,000 runs by one process and on two nodes of Slurm, one of which is killed; as root on Debian
+	tools/sweep-test.sh
+
+clean: ## remove what was built and written; .venv and .venv-sweep stay
 	cargo clean
 	rm -rf out .pytest_cache .ruff_cache

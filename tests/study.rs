@@ -242,6 +242,25 @@ fn shards_of_a_study_meet_in_one_folder_or_are_copied_together() {
     assert_eq!(ids(&run(&path, &a)), ids(&whole));
     assert_eq!(kept(&a), before, "nothing was left to be made");
 
+    // Two folders, merged by the program: the same records; a shard that is not there, or not whole, is named.
+    let merge = |folders: &[&PathBuf], into: &str| {
+        let mut command = cargo_bin_cmd!("cloudparity");
+        command.arg("study").arg(&path).arg("-o").arg(folder.path().join(into)).args(["--only-merge", "--merge"]);
+        command.args(folders).assert()
+    };
+    let [c, d] = ["c", "d"].map(|name| folder.path().join(name));
+    assert!(matches!(half(1, &c), Outcome::Part { .. }) && matches!(half(2, &d), Outcome::Part { .. }));
+    let said = String::from_utf8(merge(&[&c], "merged").code(2).get_output().stderr.clone()).expect("text");
+    assert!(said.contains("shard 2/2 is in none of the folders"), "{said}");
+    merge(&[&c, &d], "merged").success();
+    let merged = folder.path().join("merged");
+    assert_eq!(kept(&merged).into_keys().collect::<Vec<_>>(), wanted);
+    assert_eq!(ids(&Results::load(&merged).expect("it summed up")), ids(&whole));
+    let (run, _) = kept(&d).into_iter().find(|(path, _)| path.starts_with("runs")).expect("a run");
+    std::fs::remove_file(d.join(&run)).expect("removed");
+    let said = String::from_utf8(merge(&[&c, &d], "lost").code(2).get_output().stderr.clone()).expect("text");
+    assert!(said.contains("shard 2/2 in") && said.contains("lacks 1 of"), "{said}");
+
     // What is no shard.
     for shard in ["3/2", "0/2", "1/0", "half", "1/2/3", ""] {
         let mut command = cargo_bin_cmd!("cloudparity");
@@ -438,7 +457,14 @@ fn folders_and_truths_that_do_not_fit_are_refused() {
     };
     let truth = output.join("truth").join(format!("{}.json", results.truths[0].id));
     let text = std::fs::read_to_string(&truth).expect("a record");
-    std::fs::write(&truth, text.replace(&results.truths[0].scene_sha256, "another")).expect("written");
+    let edited = text.replace(&results.truths[0].scene_sha256, "another");
+    std::fs::write(&truth, &edited).expect("written");
+    let error = refused();
+    assert!(error.contains(&results.truths[0].id) && error.contains("changed"), "{error}");
+    // Records of builds from before there were seals have none: their content is looked at.
+    let old: String =
+        edited.lines().filter(|line| !line.contains("\"seal\"")).map(|line| format!("{line}\n")).collect();
+    std::fs::write(&truth, old.replace(Identity::current().full(), "unknown")).expect("written");
     let error = refused();
     assert!(error.contains("another") && error.contains("truth"), "{error}");
     std::fs::write(&truth, text).expect("written");

@@ -3,6 +3,7 @@
 #
 #   tools/setup.sh system   the Rust compiler (checked), system libraries (installed by root on Debian)
 #   tools/setup.sh python   .venv with the packages of requirements.txt and requirements-dev.txt
+#   tools/setup.sh sweep    .venv-sweep with those of requirements-sweep.txt, on demand: for sweeps beyond one machine
 #
 # PYTHON=/path/to/python3.11 chooses the interpreter that .venv is made with.
 set -euo pipefail
@@ -114,11 +115,28 @@ make_environment() {
         --requirement requirements.txt --requirement requirements-dev.txt
 }
 
+make_sweep_environment() {
+    local python stamp=.venv-sweep/requirements.stamp
+    if [[ -e $stamp && ! requirements-sweep.txt -nt $stamp ]]; then
+        return
+    fi
+    python=$(find_python)
+    if [[ -z $python ]] || ! can_make_environments "$python"; then
+        fail "CPython 3.11 with ensurepip is missing (snakemake 9 needs 3.11). As root:" \
+            "apt-get install python3 python3-venv"
+    fi
+    say "making .venv-sweep with $("$python" --version)"
+    "$python" -m venv .venv-sweep
+    .venv-sweep/bin/python -m pip install --quiet --disable-pip-version-check --requirement requirements-sweep.txt
+    touch "$stamp"
+}
+
 case ${1:-} in
 system)
     check_rust
     install_packages
     ;;
 python) make_environment ;;
-*) fail "unknown step \"${1:-}\"; one of:" "system" "python" ;;
+sweep) make_sweep_environment ;;
+*) fail "unknown step \"${1:-}\"; one of:" "system" "python" "sweep" ;;
 esac

@@ -7,6 +7,9 @@
 //! Keys hold the build that began the folder, and every record names the one that made it. Where builds are mixed knowingly, records are
 //! therefore found by whoever goes on, and say whose they are.
 //!
+//! A record carries a *seal*, the hash of its text and its name: one that was edited by hand, cut or given another name is refused by its
+//! file, and never counts as measured.
+//!
 //! One process at a time works in a folder, or several *shards* of one plan: these have distinct jobs, and whatever two of them need is
 //! made by one while the other waits for it. The locks are the operating system's: they end with the process, whatever ends it.
 
@@ -25,7 +28,10 @@ use std::time::Instant;
 const FORMAT: &str = "cloudparity-ledger/1";
 
 /// Folder of the locks of records that several processes may need.
-const LOCKS: &str = "locks";
+pub const LOCKS: &str = "locks";
+
+/// Beginning of the line of a record with its seal.
+const SEAL: &str = "  \"seal\": \"";
 
 /// When work began.
 pub struct Begin(ProcessTime, Instant);
@@ -54,10 +60,39 @@ pub struct Purpose {
 }
 
 impl Purpose {
+    /// The builds that worked in a folder, the one that began it first, and the shards that it names; an error where it has no mark of this
+    /// purpose.
+    pub fn read_mark(&self, folder: &Path) -> Result<(Vec<Identity>, Vec<String>)> {
+        let path = folder.join(self.mark);
+        if !path.is_file() {
+            return Err(Error::new(
+                folder.display().to_string(),
+                match folder.is_dir() {
+                    true => format!("a folder without {}", self.mark),
+                    false => "no folder".to_owned(),
+                },
+                format!("a folder with records of {}", self.format),
+                "Correct the path; or run the shard that was to fill it.",
+            ));
+        }
+        known_mark(&path, self).map(|mark| (mark.builds, mark.shards))
+    }
+
+    /// Begins a folder in the name of the builds that worked elsewhere, so that their records are found in it. One that was begun stays.
+    pub fn begin_as(&self, folder: &Path, builds: &[Identity]) -> Result<()> {
+        let path = folder.join(self.mark);
+        if path.exists() { Ok(()) } else { self.write_mark(&path, builds.to_vec(), Vec::new()) }
+    }
+
+    fn write_mark(&self, path: &Path, builds: Vec<Identity>, shards: Vec<String>) -> Result<()> {
+        let mark = Mark { ledger: FORMAT.into(), format: self.format.into(), builds, shards, of: self.of.clone() };
+        files::write_atomically(path, to_json(&mark).as_bytes())
+    }
+
     /// The builds that worked in a folder; none where it has no mark of this purpose.
     pub fn builds(&self, folder: &Path) -> Result<Option<Vec<Identity>>> {
         let path = folder.join(self.mark);
-        Ok(if path.exists() { known_builds(&path, self).ok() } else { None })
+        Ok(if path.exists() { known_mark(&path, self).ok().map(|mark| mark.builds) } else { None })
     }
 }
 
@@ -88,6 +123,9 @@ struct Mark {
     ledger: String,
     format: String,
     builds: Vec<Identity>,
+    /// The parts of plans that were worked on here.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    shards: Vec<String>,
     #[serde(default, skip_serializing_if = "Json::is_null")]
     of: Json,
 }
@@ -136,19 +174,13 @@ impl Ledger {
         // Shards that begin together read and write the mark one after another.
         let _turn = files::Lock::wait(&folder.join(LOCKS), "mark")?;
         let path = folder.join(purpose.mark);
-        let found = match path.exists() {
-            true => known_builds(&path, &purpose)?,
-            false => Vec::new(),
+        let (found, shards) = match path.exists() {
+            true => known_mark(&path, &purpose).map(|mark| (mark.builds, mark.shards))?,
+            false => Default::default(),
         };
         let builds = resume.join(&path.display().to_string(), &found)?;
         if builds != found {
-            let mark = Mark {
-                ledger: FORMAT.into(),
-                format: purpose.format.into(),
-                builds: builds.clone(),
-                of: purpose.of.clone(),
-            };
-            files::write_atomically(&path, to_json(&mark).as_bytes())?;
+            purpose.write_mark(&path, builds.clone(), shards)?;
         }
         Ok(Self {
             folder: Some(folder.to_owned()),
@@ -159,6 +191,23 @@ impl Ledger {
             builds: Mutex::default(),
             _lock: Some(lock),
         })
+    }
+
+    /// Notes in the mark that a part of a plan is worked on here.
+    pub fn note_shard(&self, shard: &str) -> Result<()> {
+        let Some(folder) = &self.folder else { return Ok(()) };
+        let _turn = files::Lock::wait(&folder.join(LOCKS), "mark")?;
+        let (builds, mut shards) = self.purpose.read_mark(folder)?;
+        if shards.iter().any(|known| known == shard) {
+            return Ok(());
+        }
+        shards.push(shard.to_owned());
+        self.purpose.write_mark(&folder.join(self.purpose.mark), builds, shards)
+    }
+
+    /// The build that is part of the keys.
+    pub fn first(&self) -> &Identity {
+        &self.first
     }
 
     /// A ledger that keeps nothing.
@@ -202,7 +251,7 @@ impl Ledger {
     /// A record, or why there is none, if somebody has tried.
     pub fn find<T: DeserializeOwned>(&self, part: &str, key: &str) -> Result<Option<Found<T>>> {
         let Some(path) = self.file(part, key) else { return Ok(None) };
-        let Some(made) = read_record::<Made<T>>(&path)? else { return Ok(None) };
+        let Some(made) = read_made::<T>(&path, part, key, &self.own)? else { return Ok(None) };
         if matches!(made.found, Found::Record(_)) {
             self.note(made.build);
         }
@@ -212,7 +261,7 @@ impl Ledger {
     /// The build that made a record, if it is there.
     pub fn maker(&self, part: &str, key: &str) -> Result<Option<Identity>> {
         let Some(path) = self.file(part, key) else { return Ok(None) };
-        Ok(read_record::<Made<Json>>(&path)?.map(|made| made.build))
+        Ok(read_made::<Json>(&path, part, key, &self.own)?.map(|made| made.build))
     }
 
     /// The build that works now.
@@ -231,10 +280,18 @@ impl Ledger {
             self.note(self.own.clone());
         }
         let Some(path) = self.file(part, key) else { return Ok(()) };
-        files::write_atomically(
-            &path,
-            to_json(&Made { build: self.own.clone(), spent, found: by_reference(found) }).as_bytes(),
-        )
+        let text = to_json(&Made { build: self.own.clone(), spent, found: by_reference(found) });
+        files::write_atomically(&path, sealed(&text, part, key).as_bytes())
+    }
+
+    /// What a record of another folder came to, and the build that made it, without its content: sound, or an error.
+    pub fn look_at(&self, folder: &Path, part: &str, key: &str) -> Result<Option<(Identity, Found<()>)>> {
+        let path = folder.join(part).join(format!("{key}.json"));
+        let found = read_made::<Json>(&path, part, key, &self.own)?;
+        Ok(found.map(|made| match made.found {
+            Found::Record(_) => (made.build, Found::Record(())),
+            Found::LeftOut(reason) => (made.build, Found::LeftOut(reason)),
+        }))
     }
 
     /// A record that is there, or is made now; where another shard is at it, its end is waited for.
@@ -286,8 +343,66 @@ fn by_reference<T>(found: &Found<T>) -> Found<&T> {
     }
 }
 
-/// The builds that a mark names; a mark of another purpose is refused.
-fn known_builds(path: &Path, purpose: &Purpose) -> Result<Vec<Identity>> {
+/// The text of a record with its seal, which stands in a line of its own.
+fn sealed(text: &str, part: &str, key: &str) -> String {
+    let inside = text.strip_prefix("{\n").expect("records are objects of several lines");
+    format!("{{\n{SEAL}{}\",\n{inside}", seal(text, part, key))
+}
+
+/// The hash of a record's text without the seal, and of its name.
+fn seal(text: &str, part: &str, key: &str) -> String {
+    files::sha256(format!("{part}/{key}\n{text}").as_bytes())
+}
+
+/// The text of a record without its seal, and the seal.
+fn unsealed(text: &str) -> Option<(String, &str)> {
+    let (found, rest) = text.strip_prefix("{\n")?.strip_prefix(SEAL)?.split_once("\",\n")?;
+    Some((format!("{{\n{rest}"), found))
+}
+
+/// A record of a folder; `None` where it is not there. One that was changed after it was written is refused. Without a seal are records of
+/// builds from before there was one, which is never the build that reads.
+fn read_made<T: DeserializeOwned>(path: &Path, part: &str, key: &str, own: &Identity) -> Result<Option<Made<T>>> {
+    if !path.exists() {
+        return Ok(None);
+    }
+    let text = files::read_text(path, "JSON")?;
+    let changed = |found: String, expected: String| {
+        Error::new(
+            path.display().to_string(),
+            found,
+            expected,
+            "Take the file from where it was made, or remove it: it is made again.",
+        )
+    };
+    match unsealed(&text) {
+        Some((inside, found)) => {
+            let expected = seal(&inside, part, key);
+            if found != expected {
+                return Err(changed(
+                    format!(
+                        "a record that was changed or renamed after it was written (its text has the seal {expected:.12})"
+                    ),
+                    format!("the text and the name with the seal {found:.12}, which it carries"),
+                ));
+            }
+            parse_record(path, &inside).map(Some)
+        }
+        None => {
+            let made: Made<T> = parse_record(path, &text)?;
+            if made.build == *own {
+                return Err(changed(
+                    "a record of this build without a seal: it was changed after it was written".into(),
+                    "the seal that this build writes into every record".into(),
+                ));
+            }
+            Ok(Some(made))
+        }
+    }
+}
+
+/// The mark of a folder; one of another purpose is refused.
+fn known_mark(path: &Path, purpose: &Purpose) -> Result<Mark> {
     let refused = |found: String, expected: String| {
         Error::new(
             path.display().to_string(),
@@ -305,7 +420,7 @@ fn known_builds(path: &Path, purpose: &Purpose) -> Result<Vec<Identity>> {
     if mark.of != purpose.of {
         return Err(refused("results of another file".into(), "those of this file".into()));
     }
-    Ok(mark.builds)
+    Ok(mark)
 }
 
 /// A file that this program wrote; `None` where it is not there.
@@ -313,8 +428,11 @@ pub fn read_record<T: DeserializeOwned>(path: &Path) -> Result<Option<T>> {
     if !path.exists() {
         return Ok(None);
     }
-    let text = files::read_text(path, "JSON")?;
-    serde_json::from_str(&text).map(Some).map_err(|cause| {
+    parse_record(path, &files::read_text(path, "JSON")?).map(Some)
+}
+
+fn parse_record<T: DeserializeOwned>(path: &Path, text: &str) -> Result<T> {
+    serde_json::from_str(text).map_err(|cause| {
         Error::new(
             format!("{}, line {}", path.display(), cause.line()),
             cause.to_string(),
@@ -412,6 +530,46 @@ mod tests {
         std::fs::write(folder.path().join("test.json"), "{}").expect("written");
         let error = open(json!("one"), Sharing::Alone).err().expect("damaged").to_string();
         assert!(error.contains("another folder"), "{error}");
+    }
+
+    #[test]
+    fn a_record_that_was_edited_cut_or_renamed_is_refused_by_its_file() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let ledger = open(folder.path(), &build("aa", false)).expect("a new folder");
+        let keys = [1, 2].map(|number| ledger.key(&json!(number)));
+        ledger.keep("x", &keys[0], &Found::Record(0.1 + 0.2), None).expect("written");
+        let [path, other] = keys.clone().map(|key| ledger.file("x", &key).expect("a file"));
+        let text = std::fs::read_to_string(&path).expect("a record");
+        assert_eq!(ledger.read::<f64>("x", &keys[0]).expect("sound"), Some(0.1 + 0.2));
+        let line = |text: &str| text.lines().position(|line| line.starts_with(SEAL)).expect("a seal");
+        let mut without: Vec<&str> = text.lines().collect();
+        without.remove(line(&text));
+        let edits = [
+            text.replace("0.30000000000000004", "0.3"),
+            text.replace("  \"record\"", " \"record\""),
+            text.replace("0.1.0+aa", "0.1.0+ab"),
+            text.replace(SEAL, &format!("{SEAL}0")),
+            without.join("\n") + "\n",
+            text[..text.len() - 4].to_owned(),
+        ];
+        for edited in edits {
+            assert_ne!(edited, text);
+            std::fs::write(&path, &edited).expect("written");
+            for error in [
+                ledger.read::<f64>("x", &keys[0]).expect_err(&edited),
+                ledger.maker("x", &keys[0]).expect_err(&edited),
+                ledger.look_at(folder.path(), "x", &keys[0]).expect_err(&edited),
+            ] {
+                assert!(error.place.contains(&keys[0]) && error.remedy.contains("made again"), "{error}");
+            }
+        }
+        // The record of one job under the name of another.
+        std::fs::write(&other, &text).expect("written");
+        let error = ledger.read::<f64>("x", &keys[1]).expect_err("another name");
+        assert!(error.place.contains(&keys[1]) && error.found.contains("renamed"), "{error}");
+        // Whoever else made it may be from before there were seals.
+        std::fs::write(&path, (without.join("\n") + "\n").replace("0.1.0+aa", "0.1.0+00")).expect("written");
+        assert_eq!(ledger.read::<f64>("x", &keys[0]).expect("an older build's"), Some(0.1 + 0.2));
     }
 
     #[test]

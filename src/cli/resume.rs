@@ -1,7 +1,8 @@
 //! What commands say that go on with work which was begun before, and that run an experiment.
 
 use crate::base::identity::Resume;
-use crate::measure::experiment::{Outcome, Settings, Shard};
+use crate::measure::experiment::{Merge, Outcome, Settings, Shard};
+use std::path::PathBuf;
 
 /// Whose work is gone on with.
 #[derive(clap::Args)]
@@ -30,15 +31,23 @@ pub(super) struct ExperimentArguments {
     #[command(flatten)]
     resume: ResumeArguments,
     /// Do only this part of the plan: 2/4 is the second of four. Shards work in one folder, each on a machine of its own where times are
-    /// measured, or in folders whose files are then copied into one. The one that ends last sums up.
+    /// measured, or in folders of their own, which --merge brings together. The one that ends last sums up.
     #[arg(long, value_name = "NUMBER/COUNT", default_value = "1/1", hide_default_value = true)]
     shard: Shard,
+    /// First take over the records of these folders, in which shards of the same plan worked. Records of another build, of another
+    /// plan, or that were edited, are refused.
+    #[arg(long, value_name = "DIR", num_args = 1..)]
+    merge: Vec<PathBuf>,
+    /// Do no job: sum up what --merge brings together. A record that none of the folders has is an error that names its shard.
+    #[arg(long, requires = "merge", conflicts_with = "shard")]
+    only_merge: bool,
 }
 
 impl ExperimentArguments {
     /// The settings of the library.
     pub fn settings(&self) -> Settings {
-        Settings { resume: self.resume.resume(), shard: self.shard }
+        let merge = Merge { from: self.merge.clone(), only: self.only_merge };
+        Settings { resume: self.resume.resume(), shard: self.shard, merge }
     }
 }
 

@@ -6,11 +6,14 @@
 //!
 //! **Shards** ([`Shard`]) take jobs in turn from one plan. Several may work at the same time in one folder (on a file system that they share), each
 //! on a machine of its own where times are measured: what two of them need, such as a truth, is made by one while the other waits. Or
-//! each has a folder of its own, and the files of all are copied into one: records are named by what they depend on, so that nothing is
-//! overwritten by anything else. The shard that finds the last record sums up; so does a run without shards, which does what is missing.
+//! each has a folder of its own, and a merge ([`Merge`]) brings the files of all into one: records are named by what they depend on, so that
+//! nothing is overwritten by anything else. The shard that finds the last record sums up; so does a run without shards, which does what is
+//! missing, and a merge, which refuses to do so.
 
+mod merge;
 mod shard;
 
+pub use merge::Merge;
 pub use shard::Shard;
 
 use crate::base::error::{Error, Result};
@@ -84,12 +87,14 @@ pub struct Settings {
     pub resume: Resume,
     /// Which part of the plan is done.
     pub shard: Shard,
+    /// Records of which folders are taken over first.
+    pub merge: Merge,
 }
 
 impl Settings {
     /// All of the plan.
     pub fn of(resume: Resume) -> Self {
-        Self { resume, shard: Shard::default() }
+        Self { resume, ..Self::default() }
     }
 }
 
@@ -162,7 +167,7 @@ impl<S> Outcome<S> {
                 "the plan",
                 format!("{done} of {of} records"),
                 "all of them",
-                "Run the other shards, and bring their records into one folder.",
+                "Run the other shards, and merge their folders.",
             )),
         }
     }
@@ -175,11 +180,15 @@ pub fn run<E: Experiment>(
     settings: &Settings,
     progress: Progress<'_>,
 ) -> Result<Outcome<E::Summary>> {
-    let Settings { resume, shard } = settings;
+    let Settings { resume, shard, merge } = settings;
     let sharing = if shard.is_all() { Sharing::Alone } else { Sharing::Shared };
+    let purpose = experiment.purpose();
     let ledger = match folder {
-        Some(folder) => Ledger::open(folder, experiment.purpose(), resume, sharing)?,
-        None if shard.is_all() => Ledger::in_memory(experiment.purpose(), resume),
+        Some(folder) => {
+            merge.check(folder, &purpose, resume)?;
+            Ledger::open(folder, purpose.clone(), resume, sharing)?
+        }
+        None if shard.is_all() && merge.from.is_empty() => Ledger::in_memory(purpose, resume),
         None => {
             return Err(Error::new(
                 "the shard",
@@ -189,22 +198,30 @@ pub fn run<E: Experiment>(
             ));
         }
     };
+    if !shard.is_all() {
+        ledger.note_shard(&shard.to_string())?;
+    }
     let jobs = experiment.plan()?;
     let count = jobs.len();
+    let keys = jobs.iter().map(|job| Ok(ledger.key(&experiment.inputs(job)?))).collect::<Result<Vec<_>>>()?;
+    if let Some(folder) = folder.filter(|_| !merge.from.is_empty()) {
+        let plan = jobs.iter().zip(&keys).map(|(job, key)| (experiment.part(job), key.as_str())).collect::<Vec<_>>();
+        let shards = merge.bring(folder, &experiment.purpose(), &ledger, &plan)?;
+        if merge.only {
+            merge.nothing_missing(&ledger, &plan, &shards, &|position| experiment.label(&jobs[position]))?;
+        }
+    }
     let mut found: Vec<Option<Found<E::Record>>> = Vec::with_capacity(count);
-    let mut keys = Vec::with_capacity(count);
-    for (position, job) in jobs.iter().enumerate() {
-        let key = ledger.key(&experiment.inputs(job)?);
+    for (position, (job, key)) in jobs.iter().zip(&keys).enumerate() {
         let label = experiment.label(job);
         let share = [position, position + 1].map(|jobs| jobs as f64 / count as f64);
-        let desk = Desk { ledger: &ledger, resume, key: &key, progress, share, label: &label };
-        let own = shard.has(position);
-        let result = if own { do_job(experiment, job, &desk)? } else { ledger.find(experiment.part(job), &key)? };
+        let desk = Desk { ledger: &ledger, resume, key, progress, share, label: &label };
+        let own = !merge.only && shard.has(position);
+        let result = if own { do_job(experiment, job, &desk)? } else { ledger.find(experiment.part(job), key)? };
         if let Some(Found::Record(record)) = &result {
             experiment.heard(job, record, &desk)?;
         }
         found.push(result);
-        keys.push(key);
     }
     // What other shards did meanwhile.
     for ((job, key), result) in jobs.iter().zip(&keys).zip(&mut found) {

@@ -1,6 +1,7 @@
 //! Shards: parts of a plan that separate processes work on.
 
 use crate::base::error::{Error, Result};
+use std::fmt;
 use std::str::FromStr;
 
 /// One of several parts of a plan: `NUMBER/COUNT`, counted from 1.
@@ -31,6 +32,11 @@ impl Shard {
         self.count == 1
     }
 
+    /// How many parts there are.
+    pub fn count(self) -> u32 {
+        self.count
+    }
+
     /// Whether the job at a position of the plan is its. Jobs are dealt in turn: plans are sorted by cost, so that each shard gets a like
     /// amount of work.
     pub fn has(self, position: usize) -> bool {
@@ -45,6 +51,13 @@ fn wrong(found: &str) -> Error {
         "NUMBER/COUNT with a number from 1 to the count, such as 2/4",
         "Correct it: the shards of a plan in four parts are 1/4, 2/4, 3/4 and 4/4.",
     )
+}
+
+/// As it is written: `2/4`.
+impl fmt::Display for Shard {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(formatter, "{}/{}", self.number, self.count)
+    }
 }
 
 impl FromStr for Shard {

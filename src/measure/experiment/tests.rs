@@ -13,6 +13,8 @@ struct Squares {
     heard: Vec<u32>,
     /// Stops with an error before this number.
     stop: Option<u32>,
+    /// The first number of the plan.
+    first: u32,
 }
 
 impl Experiment for Squares {
@@ -25,7 +27,7 @@ impl Experiment for Squares {
     }
 
     fn plan(&self) -> Result<Vec<u32>> {
-        Ok((0..10).collect())
+        Ok((self.first..self.first + 10).collect())
     }
 
     fn inputs(&self, job: &u32) -> Result<Json> {
@@ -137,6 +139,154 @@ fn shards_of_folders_of_their_own_are_copied_together() {
     let mut whole = Squares::default();
     assert_eq!(go(&mut whole, folders[0].path(), &Settings::default()).expect("all"), Outcome::All(ALL.to_vec()));
     assert_eq!((whole.done, whole.shared), (vec![7], 0));
+}
+
+/// Records of the folders alone, brought into one.
+fn merge(from: &[&Path], resume: Resume) -> Settings {
+    let from = from.iter().map(|path| path.to_path_buf()).collect();
+    Settings { merge: Merge { from, only: true }, ..Settings::of(resume) }
+}
+
+/// Folders of three shards, the last of which stops before `stop`.
+fn thirds(stop: Option<u32>) -> [tempfile::TempDir; 3] {
+    let folders = [0; 3].map(|_| tempfile::tempdir().expect("a folder"));
+    for (number, folder) in (1..).zip(&folders) {
+        let mut squares = Squares { stop: stop.filter(|_| number == 3), ..Squares::default() };
+        assert_eq!(go(&mut squares, folder.path(), &shard(number, 3)).is_err(), squares.stop.is_some());
+    }
+    folders
+}
+
+/// The records of a folder: name and bytes.
+fn files_of(folder: &Path) -> Vec<(String, Vec<u8>)> {
+    let entries = std::fs::read_dir(folder.join("records")).expect("records");
+    let mut found: Vec<_> = entries
+        .map(|entry| entry.expect("an entry").path())
+        .filter(|path| path.extension().is_some() && !path.to_string_lossy().contains(".cloudparity-"))
+        .map(|path| {
+            (path.file_name().expect("a name").to_string_lossy().into_owned(), std::fs::read(path).expect("read"))
+        })
+        .collect();
+    found.sort();
+    found
+}
+
+#[test]
+fn a_merge_brings_every_record_once_and_does_nothing() {
+    let folders = thirds(None);
+    let paths = folders.each_ref().map(tempfile::TempDir::path);
+    // What belongs to a record, and what belongs to none.
+    let (name, _) = files_of(paths[1]).remove(0);
+    let picture = Path::new("pictures").join(name.replace(".json", ".exr"));
+    for (path, text) in [(paths[0], "of an interrupted job"), (paths[1], "of the record")] {
+        std::fs::create_dir_all(path.join("pictures")).expect("a folder");
+        std::fs::write(path.join(&picture), text).expect("written");
+    }
+    std::fs::write(paths[2].join("records/.cloudparity-left.json"), "{").expect("what a killed process left");
+    let into = tempfile::tempdir().expect("a folder");
+    let mut squares = Squares::default();
+    let settings = merge(&paths, Resume::default());
+    assert_eq!(go(&mut squares, into.path(), &settings).expect("merged"), Outcome::All(ALL.to_vec()));
+    assert!(squares.done.is_empty() && squares.shared == 0, "not even what was left out is tried again");
+    assert_eq!(squares.heard, ALL);
+    let mut wanted: Vec<_> = paths.iter().flat_map(|path| files_of(path)).collect();
+    wanted.sort();
+    assert_eq!(files_of(into.path()), wanted);
+    assert_eq!(wanted.len(), 10);
+    assert_eq!(std::fs::read(into.path().join(&picture)).expect("a picture"), b"of the record");
+    // Again, and by itself: nothing changes.
+    for settings in [settings, shard(2, 3)] {
+        assert_eq!(go(&mut Squares::default(), into.path(), &settings).expect("again"), Outcome::All(ALL.to_vec()));
+        assert_eq!(files_of(into.path()), wanted);
+    }
+}
+
+#[test]
+fn a_shard_begins_with_what_others_have() {
+    let folders = thirds(None);
+    let into = tempfile::tempdir().expect("a folder");
+    let from = vec![folders[0].path().to_owned()];
+    let settings = Settings { merge: Merge { from, only: false }, ..shard(1, 2) };
+    let mut squares = Squares::default();
+    assert_eq!(go(&mut squares, into.path(), &settings).expect("a half"), Outcome::Part { done: 7, of: 10 });
+    assert_eq!((squares.done, squares.shared), (vec![2, 4, 8], 0), "0, 3, 6 and 9 are there");
+}
+
+#[test]
+fn a_merge_without_a_shard_names_it() {
+    let folders = thirds(Some(8));
+    let paths = folders.each_ref().map(tempfile::TempDir::path);
+    let into = tempfile::tempdir().expect("a folder");
+    let error = go(&mut Squares::default(), into.path(), &merge(&paths, Resume::default())).expect_err("8 is lost");
+    assert!(error.place.contains("shard 3/3") && error.place.contains("lacks 1 of 3"), "{error}");
+    assert!(error.place.contains(&paths[2].display().to_string()) && !error.place.contains("2/3"), "{error}");
+    assert!(error.found.contains("9 of 10 records") && error.found.contains("number 8"), "{error}");
+    assert!(error.remedy.contains("Run these shards again"), "{error}");
+    // A shard whose folder is not named, and one that never began.
+    let error = go(&mut Squares::default(), into.path(), &merge(&paths[..2], Resume::default())).expect_err("two");
+    assert!(error.place.contains("shard 3/3 is in none"), "{error}");
+    let never = into.path().join("never");
+    let error = go(&mut Squares::default(), into.path(), &merge(&[&never], Resume::default())).expect_err("none");
+    assert!(error.place.contains("never") && error.found == "no folder" && !never.exists(), "{error}");
+    // Run again it goes on where it stopped, and the merge has all.
+    let mut third = Squares::default();
+    go(&mut third, paths[2], &shard(3, 3)).expect("the rest");
+    assert_eq!(third.done, [8]);
+    let outcome = go(&mut Squares::default(), into.path(), &merge(&paths, Resume::default()));
+    assert_eq!(outcome.expect("merged"), Outcome::All(ALL.to_vec()));
+}
+
+#[test]
+fn a_merge_of_what_does_not_belong_together_is_refused() {
+    let folders = thirds(None);
+    let paths = folders.each_ref().map(tempfile::TempDir::path);
+    let into = tempfile::tempdir().expect("a folder");
+    let refused = |paths: &[&Path], resume: Resume| {
+        let error = go(&mut Squares::default(), into.path(), &merge(paths, resume)).expect_err("refused");
+        assert!(!into.path().join("records").exists(), "{error}");
+        error
+    };
+    // Another build, of all or of one.
+    let other = |mix_builds| Resume { build: Identity::of("0.1.0", "bb"), mix_builds };
+    let error = refused(&paths, other(false));
+    assert!(error.to_string().contains("0.1.0+bb") && error.settings == ["mix_builds"], "{error}");
+    let foreign = tempfile::tempdir().expect("a folder");
+    let settings = Settings { resume: other(false), ..shard(3, 3) };
+    go(&mut Squares::default(), foreign.path(), &settings).expect("a third by another build");
+    let error = refused(&[paths[0], paths[1], foreign.path()], Resume::default());
+    assert!(error.place.contains(&foreign.path().display().to_string()) && error.found.contains("0.1.0+bb"), "{error}");
+    // Keys hold the build that began a folder: not even knowingly.
+    let error = refused(&[paths[0], paths[1], foreign.path()], Resume::mixing());
+    assert!(error.remedy.contains("anew with that build") && error.place.contains("squares.json"), "{error}");
+    // Another plan, and another experiment.
+    let second = tempfile::tempdir().expect("a folder");
+    go(&mut Squares { first: 5, ..Squares::default() }, second.path(), &shard(3, 3)).expect("another plan");
+    let error = refused(&[second.path()], Resume::default());
+    assert!(error.found.contains("none of this plan") && error.place.contains("records"), "{error}");
+    std::fs::rename(second.path().join("squares.json"), second.path().join("cubes.json")).expect("renamed");
+    let error = refused(&[second.path()], Resume::default());
+    assert!(error.found.contains("without squares.json"), "{error}");
+    // A record that was edited, and one under another's name.
+    let [(name, bytes), (second, _), ..] = &files_of(paths[2])[..] else { panic!("three records") };
+    let (record, text) = (paths[2].join("records").join(name), String::from_utf8(bytes.clone()).expect("text"));
+    for edited in [text.replace("\"record\": ", "\"record\": 1"), text.replace("left_out\": \"", "left_out\": \"1")] {
+        if edited != text {
+            std::fs::write(&record, edited).expect("written");
+            let error = refused(&[paths[2]], Resume::default());
+            assert!(error.place.contains(name) && error.found.contains("changed"), "{error}");
+        }
+    }
+    std::fs::copy(paths[2].join("records").join(second), &record).expect("copied");
+    assert!(refused(&[paths[2]], Resume::default()).place.contains(name));
+    std::fs::write(&record, text).expect("restored");
+    // The folder itself.
+    let error = go(&mut Squares::default(), paths[0], &merge(&[paths[0]], Resume::default())).expect_err("itself");
+    assert!(error.remedy.contains("Leave it out"), "{error}");
+    // Begun by one build and gone on with by another, knowingly: their records are found, and both named.
+    let mixed = tempfile::tempdir().expect("a folder");
+    let settings = Settings { resume: other(true), ..merge(&paths, other(true)) };
+    let outcome = go(&mut Squares::default(), mixed.path(), &settings).expect("knowingly");
+    assert_eq!(outcome, Outcome::All(ALL.to_vec()));
 }
 
 #[test]
