@@ -209,6 +209,7 @@ def test_acceptance_writes_page_and_figure_from_the_records(project):
         ("| sphere | 13", "| sphere | 12", ["row sphere", "checks that agree"]),
         ("| sphere |", "| ball |", ["row ball: not in the record"]),
         ("| heavy |", "| light |", ["row light: not in the record"]),
+        ("+0.010 %", "+0.011 %", ["docs/page.md, Scenes", "a cell that no record holds"]),
         ("1.5 s", "1.6 s", ["docs/page.md, Times", "not what was accepted"]),
         ("| a | 1.5 s |", "| a | 1.5 s |\n\n| new | table |\n| --- | --- |", ["new | table", "not listed"]),
         ("| what | time |", "| what | hours |", ["what | hours: not listed", "what | time: listed in"]),

@@ -49,12 +49,12 @@ def _say(line):
 
 def _rebuild(root, out):
     lines = rebuild.run(root, out)
-    for line in lines:
-        if line.verdict != rebuild.CHANGED:
-            print(line)
     changed = [line for line in lines if line.verdict == rebuild.CHANGED]
-    for line in changed:
-        print(line)
+    # What matters most stands last, where a terminal ends.
+    for verdict in (rebuild.TEXT, rebuild.KEPT, rebuild.REBUILT, rebuild.CHANGED):
+        for line in lines:
+            if line.verdict == verdict:
+                print(line)
     counts = collections.Counter(line.verdict for line in lines)
     print(
         f"{counts[rebuild.REBUILT]} rebuilt from records and equal, {counts[rebuild.KEPT]} kept as accepted, "

@@ -92,6 +92,11 @@ def differences(entry, found, drawn):
     return problems
 
 
+def is_partial(entry, drawn):
+    """Whether a page's table has cells that the record does not hold: their hash is kept."""
+    return bool(entry.without) or any(cell is None for row in drawn.rows for cell in row)
+
+
 def run(root, out):
     """Rebuild into a folder; return the lines."""
     found = listing.read(root)
@@ -194,6 +199,11 @@ def _tables(found, documents, wanted, pairs, out):
             for table, drawn in group
             for problem in differences(entry, table, drawn)
         ]
+        for table, drawn in group:
+            kept = found.hashes["tables"].get(listing.table_key(entry, table))
+            if not problems and is_partial(entry, drawn) and kept != listing.table_hash(table):
+                remedy = "restore it, or take it as it is: `make paper-accept`"
+                problems.append(f"a cell that no record holds is not what was accepted; {remedy}")
         unexpected, compared = expected.compare(name, merged, entry.keys, wanted)
         what = f"{entry.page}, {'' if entry.heading == '*' else entry.heading + ', '}table {name}"
         lines += [Line(CHANGED, what, problem) for problem in [*problems, *unexpected]]
@@ -261,9 +271,12 @@ def accept(root, names=()):
         chosen = not names or set(names) & set(listing.names_of(entry))
         if chosen and differences(entry, table, drawn):
             page = root / entry.page
-            text = markdown.replaced(page.read_text(encoding="utf-8"), table, _renewed(entry, table, drawn))
-            files.write(page, text)
+            rows = _renewed(entry, table, drawn)
+            files.write(page, markdown.replaced(page.read_text(encoding="utf-8"), table, rows))
             changed.append(f"{entry.page}, {table.heading}")
+            table.rows = rows
+        if is_partial(entry, drawn):
+            hashes["tables"][listing.table_key(entry, table)] = listing.table_hash(table)
     order = {
         name: at for at, name in enumerate([f.file for f in found.figures] + [t.name for t in found.tables])
     }
