@@ -192,7 +192,7 @@ def _orders(document):
 
 
 def _last_doublings(document, integration, figure):
-    """The orders of the last two doublings, where they are nearer than a quarter of what two orders are apart."""
+    """The orders of the last two doublings, where they are nearer than a quarter of an order."""
     points = [point for point in document["points"] if point["integration"] == integration]
     errors = [abs(point[figure]) for point in points[-3:]]
     if len(errors) < 3 or min(errors) == 0:
