@@ -164,26 +164,43 @@ DETERMINISTIC = "deterministic; another processor's mathematical functions move 
 ORDERS = ("root_relmse", "relative_rms", "relative_mean_error")
 
 
+def _each(document):
+    """The documents of several records, or the only one."""
+    return [document] if "format" in document else list(document.values())
+
+
 @drawer("orders")
 def orders(document, place):
-    """`convergence.json`: the fitted orders of one scene."""
-    words = SCENES[document["scene"]]
+    """`convergence.json`: the fitted orders of each scene."""
+    rows = [row for found in _each(document) for row in _orders(found)]
+    return Drawn(["scene", "integration", "root relMSE", "relative RMS", "relative mean error"], rows)
+
+
+def _orders(document):
     rows = []
     for integration in ("energy-conserving", "plain"):
-        row = [words[0], integration]
+        row = [SCENES[document["scene"]][0], integration]
         for figure in ORDERS:
-            found = [
-                order
-                for order in document["orders"]
-                if (order["integration"], order["figure"]) == (integration, figure)
-            ]
-            if found and found[0]["asymptotic"]:
-                order = found[0]["order"]
-                row.append(Cell(f"{order:.2f}", order, 0.02, DETERMINISTIC))
+            fits = [order for order in document["orders"] if order["integration"] == integration]
+            (fit,) = [order for order in fits if order["figure"] == figure] or [None]
+            if fit and fit["asymptotic"]:
+                row.append(Cell(f"{fit['order']:.2f}", fit["order"], 0.02, DETERMINISTIC))
             else:
-                row.append("by chance")
+                row.append(_last_doublings(document, integration, figure))
         rows.append(row)
-    return Drawn(["scene", "integration", "root relMSE", "relative RMS", "relative mean error"], rows)
+    return rows
+
+
+def _last_doublings(document, integration, figure):
+    """The orders of the last two doublings, where they are nearer than a quarter of what two orders are apart."""
+    points = [point for point in document["points"] if point["integration"] == integration]
+    errors = [abs(point[figure]) for point in points[-3:]]
+    if len(errors) < 3 or min(errors) == 0:
+        return "by chance"
+    first, last = (math.log2(errors[at] / errors[at + 1]) for at in (0, 1))
+    if abs(last - first) > 0.25:
+        return "by chance"
+    return Cell(f"{first:.1f}, then {last:.1f} in the last doublings", last, 0.05, DETERMINISTIC)
 
 
 # What the pages call the scenes: among orders, among caches.
@@ -196,6 +213,12 @@ SCENES = {
 @drawer("caches")
 def caches(document, place):
     """`convergence.json`: f16 caches with trilinear filter."""
+    rows = [row for found in _each(document) for row in _caches(found)]
+    head = ["scene", "cells", "field error, largest", "field error, RMS", "relative RMS"]
+    return Drawn([*head, "relative mean error"], rows)
+
+
+def _caches(document):
     reason = (
         "deterministic; a cell whose edge another processor's rounding moves counts for less than a twentieth"
     )
@@ -214,15 +237,7 @@ def caches(document, place):
         row = [SCENES[document["scene"]][1], str(settings["cells"])]
         row += [Cell(text, value, 0.05 * abs(value), reason) for text, value in figures]
         rows.append(row)
-    head = [
-        "scene",
-        "cells",
-        "field error, largest",
-        "field error, RMS",
-        "relative RMS",
-        "relative mean error",
-    ]
-    return Drawn(head, rows)
+    return rows
 
 
 @drawer("kernels")
