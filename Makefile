@@ -14,7 +14,7 @@ SCENE := parity/scenes/procedural-clouds.scene.json
 # Newer than the requirements when .venv holds what they name.
 ENVIRONMENT := .venv/requirements.stamp
 
-.PHONY: help setup system demo demo-live web test lint paper paper-full paper-accept bench bench-quick fuzz build clean
+.PHONY: help setup system demo demo-live web test lint paper paper-full paper-accept findings-paper bench bench-quick fuzz build clean
 
 help: ## list the targets
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/make \1\t\2/p' $(MAKEFILE_LIST) | expand -t 18
@@ -77,6 +77,9 @@ paper-full: build ## make the records from nothing (hours, resumable), and compa
 
 paper-accept: setup ## take records, figures and tables of docs/ as they are, after a deliberate change
 	$(PAPER) accept $(RECORD)
+
+findings-paper: setup ## the paper on errors of Cycles, docs/findings, from its record
+	PYTHONDONTWRITEBYTECODE=1 .venv/bin/python tools/findings_paper.py parity/records/findings.json docs/findings
 
 # Needs a nightly compiler and cargo-fuzz (docs/fuzzing.md); nothing else of the project does.
 RUNS := 1000000
