@@ -14,7 +14,7 @@ SCENE := parity/scenes/procedural-clouds.scene.json
 # Newer than the requirements when .venv holds what they name.
 ENVIRONMENT := .venv/requirements.stamp
 
-.PHONY: help setup system demo demo-live web test lint bench bench-quick fuzz sweep sweep-test build clean
+.PHONY: help setup system demo demo-live web test lint paper paper-full paper-accept findings-paper bench bench-quick fuzz sweep sweep-test build clean
 
 help: ## list the targets
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/make \1\t\2/p' $(MAKEFILE_LIST) | expand -t 18
@@ -66,6 +66,20 @@ lint: setup ## format, clippy, the core alone, documentation, ruff; warnings are
 	RUSTDOCFLAGS="-D warnings" cargo doc $(CARGO_FLAGS) --no-deps
 	.venv/bin/python -m ruff check .
 	.venv/bin/python -m ruff format --check .
+
+PAPER := PYTHONPATH=tools PYTHONDONTWRITEBYTECODE=1 .venv/bin/python -m paper
+
+paper: setup ## rebuild the figures and tables of docs/ from committed records, out/paper; what was changed is named, and the exit status 1
+	$(PAPER)
+
+paper-full: build ## make the records from nothing (hours, resumable), and compare them; RECORD=NAME one of them, TAKE=1 commits to them
+	$(PAPER) full --program $(PROGRAM) $(addprefix --record ,$(RECORD)) $(if $(TAKE),--take)
+
+paper-accept: setup ## take records, figures and tables of docs/ as they are, after a deliberate change
+	$(PAPER) accept $(RECORD)
+
+findings-paper: setup ## the paper on errors of Cycles, docs/findings, from its record
+	PYTHONDONTWRITEBYTECODE=1 .venv/bin/python tools/findings_paper.py parity/records/findings.json docs/findings
 
 # Needs a nightly compiler and cargo-fuzz (docs/fuzzing.md); nothing else of the project does.
 RUNS := 1000000

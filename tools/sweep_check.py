@@ -3,9 +3,9 @@
 
     tools/sweep_check.py ALONE SWEEP
 
-ALONE is the folder of a study by one process, SWEEP the output of the workflow. Times differ, and so do Pareto
-fronts, which are made of times and errors. What is compared is therefore the errors of every run, exactly, and the
-fronts that both have with the same times.
+ALONE is the folder of a study by one process, SWEEP the output of the workflow. Times differ, and so do
+Pareto fronts, which are made of times and errors. What is compared is therefore the errors of every run,
+exactly, and the fronts that both have with the same times.
 """
 
 import json
@@ -50,7 +50,8 @@ def once(sweep):
             fail(name, f"{len(files)} records of one run", "one")
     merged = {path.name for path in (sweep / "results" / "runs").glob(KEY)}
     if merged != set(makers):
-        fail(sweep, f"{len(merged ^ set(makers))} records in the chunks or the results alone", "the same in both")
+        apart = len(merged ^ set(makers))
+        fail(sweep, f"{apart} records in the chunks or the results alone", "the same in both")
     return merged
 
 
@@ -59,7 +60,8 @@ def main(alone, sweep):
     records = once(sweep)
     wanted = {path.name for path in (alone / "runs").glob(KEY)}
     if records != wanted:
-        fail(sweep, f"{len(records)} records, {len(records ^ wanted)} of them unlike", f"the {len(wanted)} of {alone}")
+        unlike = len(records ^ wanted)
+        fail(sweep, f"{len(records)} records, {unlike} of them unlike", f"the {len(wanted)} of {alone}")
     times = {"seconds", "wall_seconds", "prepare_seconds", "cost"}
     content = {run["id"]: {k: v for k, v in run.items() if k not in times} for run in ours["runs"]}
     for run in theirs["runs"]:
@@ -69,18 +71,21 @@ def main(alone, sweep):
     by_theirs = {run["id"]: run["seconds"]["median"] for run in theirs["runs"]}
     for results, seconds, name in [(ours, by_ours, alone), (theirs, by_theirs, sweep)]:
         if set(results["front"]) != front(ours["runs"], seconds):
-            fail(name, f"a front of {len(results['front'])} runs", "that of one process's errors with these times")
+            size = len(results["front"])
+            fail(name, f"a front of {size} runs", "that of one process's errors with these times")
     if front(theirs["runs"], by_ours) != set(ours["front"]):
         fail(sweep, "another front with the times of one process", "the same")
     common = len(set(ours["front"]) & set(theirs["front"]))
     print(
-        f"{len(records)} records, each once, with the errors of one process to the last bit; with the same times "
-        f"the same fronts ({len(ours['front'])} runs). By times of their own the fronts have "
+        f"{len(records)} records, each once, with the errors of one process to the last bit; with the same "
+        f"times the same fronts ({len(ours['front'])} runs). By times of their own the fronts have "
         f"{len(ours['front'])} and {len(theirs['front'])} runs, {common} in common."
     )
 
 
 if __name__ == "__main__":
     if len(sys.argv) != 3:
-        sys.exit("error: the arguments: found something else; expected ALONE SWEEP. See the top of this file.")
+        sys.exit(
+            "error: the arguments: found something else; expected ALONE SWEEP. See the top of this file."
+        )
     main(Path(sys.argv[1]), Path(sys.argv[2]))

@@ -5,7 +5,7 @@ use crate::bridge::releases::RELEASES;
 use crate::cli::resume::{ExperimentArguments, whole};
 use crate::measure::nodes::drift::{Asked, measure};
 use crate::scene::Scene;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 /// Compare every mode of every node with several releases of Blender, each by its own Cycles, at equal points.
@@ -46,16 +46,19 @@ pub(super) struct Arguments {
     experiment: ExperimentArguments,
 }
 
+/// A scene with pictures of a size.
+pub(super) fn of_size(path: &Path, resolution: [u32; 2]) -> Result<Scene> {
+    let mut scene = Scene::load(path)?;
+    scene.film.resolution = resolution;
+    scene.film.resolution_percentage = 100;
+    Ok(scene)
+}
+
 pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
     let Arguments { releases, points, seed, node, output, experiment, samples, replicas, .. } = arguments;
     let (releases, node) = (releases.clone(), node.clone());
     let asked = Asked { releases, points: *points, seed: *seed, node, samples: *samples, replicas: *replicas };
-    let load = |path: &PathBuf| -> Result<Scene> {
-        let mut scene = Scene::load(path)?;
-        scene.film.resolution = arguments.resolution;
-        scene.film.resolution_percentage = 100;
-        Ok(scene)
-    };
+    let load = |path: &PathBuf| of_size(path, arguments.resolution);
     let scenes = arguments.scenes.iter().map(load).collect::<Result<Vec<_>>>()?;
     let bar = super::progress_bar(1000);
     let progress = super::progress_on(&bar);

@@ -2,7 +2,7 @@
 
 use super::{
     attribution, bench, bench_bake, bench_compile, bench_nodes, bench_quick, bench_voxels, bounds, compare_models,
-    convergence, demo, drift, modes, parity, probe, sequence, stability, study, time_to_error, tune,
+    convergence, demo, drift, findings, modes, parity, probe, sequence, stability, study, time_to_error, tune,
 };
 use crate::base::error::Result;
 use std::process::ExitCode;
@@ -26,6 +26,7 @@ enum What {
     Parity(parity::Arguments),
     Modes(modes::Arguments),
     Drift(drift::Arguments),
+    Findings(findings::Arguments),
     Bounds(bounds::Arguments),
     Stability(stability::Arguments),
     Convergence(Box<convergence::Arguments>),
@@ -51,6 +52,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
         What::Parity(arguments) => parity::run(arguments),
         What::Modes(arguments) => modes::run(arguments),
         What::Drift(arguments) => drift::run(arguments),
+        What::Findings(arguments) => findings::run(arguments),
         What::Bounds(arguments) => bounds::run(arguments),
         What::Stability(arguments) => stability::run(arguments),
         What::Convergence(arguments) => convergence::run(arguments),

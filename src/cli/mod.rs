@@ -27,6 +27,7 @@ mod engine;
 mod eval;
 pub(crate) mod explain;
 mod export;
+mod findings;
 mod first_files;
 mod grid;
 mod init;

@@ -23,6 +23,7 @@ pub mod attribution;
 pub mod convergence;
 pub mod densities;
 pub mod fields;
+pub mod findings;
 pub mod nodes;
 pub mod pictures;
 pub mod provenance;

@@ -1,16 +1,21 @@
-//! The certificate of a run: what was found, with what settings and versions, and the hashes of the files that say so.
+//! The certificate of a run: what is claimed and within which limits ([`statements`]), what was found, with what settings and versions, and
+//! the hashes of the files that say so.
 
 use crate::base::error::{Error, Result};
 use crate::base::files;
 use crate::base::identity::{COMPILER, Identity};
 use crate::measure::provenance::Provenance;
 use crate::report::inputs::Inputs;
+use crate::report::statements;
 use crate::report::summary::Summary;
 use serde_json::{Value, json};
 use std::path::Path;
 
 /// Format of `certificate.json`.
-pub const FORMAT: &str = "cloudparity-certificate/1";
+pub const FORMAT: &str = "cloudparity-certificate/2";
+
+/// The format before it, which has no statements.
+const BEFORE: &str = "cloudparity-certificate/1";
 
 /// Files that a certificate stands on, where they are there.
 const FILES: [&str; 34] = [
@@ -115,6 +120,8 @@ pub fn of(directory: &Path, inputs: &Inputs, summary: &Summary) -> Result<Value>
         "verdict": summary.verdict,
         "sentence": summary.sentence,
         "parts": summary.parts,
+        "statements": statements::of(inputs),
+        "not_shown": statements::not_shown(inputs),
         "scene": run.scene,
         "scene_sha256": run.scene_sha256,
         "command": run.command,
@@ -156,6 +163,14 @@ pub fn read(path: &Path) -> Result<Value> {
         )
     };
     let value: Value = serde_json::from_str(&text).map_err(|cause| wrong(format!("no JSON ({cause})")))?;
+    if value["format"] == BEFORE {
+        return Err(Error::new(
+            path.display().to_string(),
+            format!("the format {BEFORE}"),
+            format!("a certificate, format {FORMAT}"),
+            "It is from an earlier version and does not say what is claimed. Write the report again: cloudparity report FOLDER.",
+        ));
+    }
     if value["format"] != FORMAT || !value["sha256"].is_object() {
         return Err(wrong(format!("the format {}", value["format"])));
     }

@@ -10,6 +10,7 @@ pub mod inputs;
 mod measured;
 mod sections;
 pub mod settings;
+pub mod statements;
 pub mod summary;
 mod table;
 mod tables;
@@ -261,6 +262,18 @@ mod tests {
         assert_eq!(certificate["verdict"], "differs");
         let gpu = certificate["field"].as_array().unwrap().iter().find(|one| one["evaluator"] == "gpu").unwrap();
         assert_eq!((&gpu["verdict"], &gpu["differing"]), (&json!("differs"), &json!(3)));
+        let statements = certificate["statements"].as_array().unwrap();
+        let subjects: Vec<&serde_json::Value> = statements.iter().map(|one| &one["subject"]).collect();
+        assert_eq!(subjects, ["field (CPU, wide)", "field (GPU, wide)"]);
+        let gpu = &statements[1];
+        assert_eq!((&gpu["verdict"], &gpu["population"]["count"]), (&json!("differs"), &json!(10)));
+        assert_eq!(gpu["claim"], "Values are within 0.1 of those of the reference, or equal");
+        assert_eq!(
+            (&gpu["worst"]["value"], &gpu["worst"]["place"]),
+            (&json!(0.5), &json!("the file does not say where"))
+        );
+        assert_eq!(statements[0]["worst"], json!(null), "equal everywhere");
+        assert!(certificate["not_shown"].to_string().contains("no comparison of pictures"));
         let hash = crate::base::files::sha256(probe.to_string().as_bytes());
         assert_eq!(certificate["sha256"]["probe.json"], json!(hash));
         assert_eq!(certificate["written_by"]["compiler"], crate::base::identity::COMPILER);
@@ -308,9 +321,14 @@ mod tests {
         let text = read(&folder, "certificate.json");
         std::fs::write(&certificate, text.replace("\"agrees\"", "\"differs\"")).unwrap();
         assert!(check().unwrap().differing.iter().any(|line| line.starts_with("$.verdict")));
+        std::fs::write(&certificate, text.replace("Values are within 0.1", "Values are within 0.01")).unwrap();
+        assert!(check().unwrap().differing.iter().any(|line| line.starts_with("$.statements[0].claim")));
         std::fs::write(&certificate, &text).unwrap();
         std::fs::remove_file(folder.path().join("explain.txt")).unwrap();
         assert!(check().unwrap().untold.iter().any(|line| line.starts_with("explain.txt")));
+        let before = "{\"format\": \"cloudparity-certificate/1\", \"sha256\": {}}";
+        std::fs::write(&certificate, before).unwrap();
+        assert!(check().unwrap_err().remedy.contains("Write the report again"));
         for broken in ["{", "{}", "{\"format\": \"cloudparity-certificate/9\", \"sha256\": {}}"] {
             std::fs::write(&certificate, broken).unwrap();
             assert!(check().unwrap_err().place.contains("certificate.json"), "{broken}");

@@ -1,0 +1,171 @@
+"""The paper on findings about Cycles: Markdown, HTML and LaTeX from the record of `measure findings`.
+
+    python tools/findings_paper.py parity/records/findings.json docs/findings
+
+The text is docs/findings/paper.md.j2; every number in it comes from the record. Pandoc makes HTML and LaTeX
+of the Markdown, blend/findings_plot.py the figures.
+"""
+
+import argparse
+import json
+import sys
+from pathlib import Path
+
+import jinja2
+import pypandoc
+
+ROOT = Path(__file__).resolve().parents[1]
+sys.path.insert(0, str(ROOT / "blend"))
+
+import findings_plot  # noqa: E402
+import protocol  # noqa: E402
+
+FORMAT = "cloudparity-findings/1"
+# Of normal errors, the share beyond two standard errors.
+BEYOND_TWO = 0.0455
+
+
+def main(arguments=None):
+    """Write the paper; exit status 2 where the record cannot be used."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("record", type=Path)
+    parser.add_argument("folder", type=Path)
+    given = parser.parse_args(arguments)
+    try:
+        write(read(given.record), given.folder)
+    except protocol.InputError as error:
+        print(
+            f"{error.place}: found {error.found}, expected {error.expected}; {error.remedy}", file=sys.stderr
+        )
+        return 2
+    return 0
+
+
+def read(path):
+    """The record."""
+    remedy = "make it with `cloudparity measure findings -o DIR`: it is DIR/findings.json"
+    try:
+        record = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise protocol.InputError(str(path), str(error), "a record of findings", remedy) from None
+    if not isinstance(record, dict) or record.get("format") != FORMAT:
+        found = record.get("format") if isinstance(record, dict) else type(record).__name__
+        raise protocol.InputError(f"{path}, format", repr(found), FORMAT, remedy)
+    if not any(one["name"] != "scenes" for one in record["findings"]):
+        raise protocol.InputError(f"{path}, findings", "none", "at least one finding", remedy)
+    return record
+
+
+def markdown(record):
+    """The text."""
+    last = record["findings"][-1]["blender"]
+    own = [one for one in record["findings"] if one["blender"] == last]
+    findings = [one for one in own if one["name"] != "scenes"]
+    scenes = next((one for one in own if one["name"] == "scenes"), None)
+    names = [one["name"] for one in findings]
+    rows = [row for one in findings for row in one["rows"] if row["claim"] != "reported"]
+    held = [_holds(one, index) for one in findings for index in range(len(one["rows"]))]
+    equals = sum("equals" in row["claim"] for row in rows)
+    failing = [
+        one["cells"][i][0] for one in findings for i in range(len(one["rows"])) if _holds(one, i) is False
+    ]
+    loader = jinja2.FileSystemLoader(ROOT / "docs/findings")
+    environment = jinja2.Environment(loader=loader, undefined=jinja2.StrictUndefined, trim_blocks=True)
+    environment.globals.update(effect=_effect, caption=_caption, agreement=_agreement)
+    environment.globals["number"] = lambda name: names.index(name) + 1
+    return environment.get_template("paper.md.j2").render(
+        version=last,
+        findings=findings,
+        scenes=scenes,
+        scene_counts=_counts(scenes) if scenes else "",
+        others=[one for one in record["findings"] if one["blender"] != last],
+        left_out=record["left_out"],
+        claims=len(rows),
+        holding=sum(one is True for one in held),
+        equals=equals,
+        chance=f"{BEYOND_TWO * equals:.1f}",
+        failing="outside lie: " + "; ".join(failing) if failing else "",
+        versions=_versions(record, last),
+    )
+
+
+def _holds(finding, index):
+    """Whether a row's claim holds; None where nothing is claimed."""
+    text = finding["cells"][index][3]
+    return text.startswith("yes") if text else None
+
+
+def _counts(scenes):
+    request = scenes["measured"][0]["request"]
+    return f"{len(request['replicas'])} times with {request['samples']} samples"
+
+
+def _effect(finding):
+    """The row that lies furthest from the truth, as measured."""
+    rows = [row for row in finding["rows"] if row["truth"]]
+    if not rows:
+        return ""
+    furthest = max(rows, key=lambda row: abs(row["value"]["value"] / row["truth"] - 1))
+    index = finding["rows"].index(furthest)
+    return f"{finding['cells'][index][1]} instead of {finding['cells'][index][4]} ({furthest['name']})"
+
+
+def _agreement(finding):
+    held = [_holds(finding, index) for index in range(len(finding["rows"]))]
+    return f"{held.count(True)} of {len(held) - held.count(None)} predictions hold"
+
+
+def _caption(finding):
+    if finding["name"] == "order":
+        return (
+            "Left: the mean of the picture of every single sample, for two seeds. Right: means of 256 "
+            "samples; replicas by seed agree with each other, and those by subset show how far all are off."
+        )
+    return f"{finding['title']}: measured, predicted, and what light transport says."
+
+
+def _versions(record, blender):
+    builds = ", ".join(sorted({f"cloudparity {build['version']}" for build in record["builds"]}))
+    return f"{builds} and Blender {blender} as the Python module bpy, on processors alone"
+
+
+def write(record, folder):
+    """All files of the paper."""
+    folder.mkdir(parents=True, exist_ok=True)
+    text = markdown(record)
+    last = record["findings"][-1]["blender"]
+    drawn = [one for one in record["findings"] if one["blender"] == last and one["name"] != "scenes"]
+    findings_plot.draw(
+        {"findings": drawn, "folder": str(folder), "plain_names": True}, protocol.Messages(sys.stderr)
+    )
+    page = [
+        "--standalone",
+        "--mathml",
+        "--toc",
+        "--toc-depth=2",
+        f"--css={(ROOT / 'docs/findings/paper.css').name}",
+    ]
+    to_html = pypandoc.convert_text(text, "html5", "markdown", extra_args=page)
+    latex = ["--standalone", "--variable=geometry:margin=25mm", "--variable=fontsize:10pt"]
+    to_latex = pypandoc.convert_text(text.replace(".png)", ".pdf)"), "latex", "markdown", extra_args=latex)
+    for name, content in (("README.md", _body(text)), ("index.html", to_html), ("findings.tex", to_latex)):
+        path = folder / name
+        temporary = path.with_suffix(path.suffix + ".part")
+        temporary.write_text(content.rstrip() + "\n", encoding="utf-8")
+        temporary.replace(path)
+
+
+def _body(text):
+    """Markdown for readers of the repository: a heading for pandoc's block, pictures without attributes."""
+    _, head, body = text.split("---\n", 2)
+    title = next(line for line in head.splitlines() if line.startswith("title:"))
+    abstract = head.split("abstract: |\n", 1)[1]
+    summary = " ".join(line.strip() for line in abstract.splitlines()).strip()
+    heading = title.removeprefix("title:").strip().strip('"')
+    return f"# {heading}\n\n{summary}\n{body.replace('{width=100%}', '')}"
+
+
+if __name__ == "__main__":
+    sys.exit(main())
