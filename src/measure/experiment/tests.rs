@@ -194,8 +194,8 @@ fn a_merge_brings_every_record_once_and_does_nothing() {
     assert_eq!(files_of(into.path()), wanted);
     assert_eq!(wanted.len(), 10);
     assert_eq!(std::fs::read(into.path().join(&picture)).expect("a picture"), b"of the record");
-    // Again, and by itself: nothing changes.
-    for settings in [settings, shard(2, 3)] {
+    // Again, and by a shard that has nothing to try again: nothing changes.
+    for settings in [settings, shard(1, 3)] {
         assert_eq!(go(&mut Squares::default(), into.path(), &settings).expect("again"), Outcome::All(ALL.to_vec()));
         assert_eq!(files_of(into.path()), wanted);
     }
