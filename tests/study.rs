@@ -261,6 +261,12 @@ fn shards_of_a_study_meet_in_one_folder_or_are_copied_together() {
     let said = String::from_utf8(merge(&[&c, &d], "lost").code(2).get_output().stderr.clone()).expect("text");
     assert!(said.contains("shard 2/2 in") && said.contains("lacks 1 of"), "{said}");
 
+    // By these words the workflow of sweeps counts the jobs of a plan (parity/workflows/chunks.py).
+    let mut command = cargo_bin_cmd!("cloudparity");
+    command.arg("study").arg(&path).arg("-o").arg(folder.path().join("count")).args(["--shard", "1/4294967295"]);
+    let said = String::from_utf8(command.assert().success().get_output().stderr.clone()).expect("text");
+    assert!(said.lines().any(|line| line.starts_with(&format!("1 of {} records are there", wanted.len()))), "{said}");
+
     // What is no shard.
     for shard in ["3/2", "0/2", "1/0", "half", "1/2/3", ""] {
         let mut command = cargo_bin_cmd!("cloudparity");
