@@ -233,9 +233,8 @@ fn of_field(probe: &Probe, name: &str, found: &Evaluator) -> Statement {
 }
 
 fn of_modes(modes: &[Mode], versions: &indexmap::IndexMap<String, Value>) -> Statement {
-    let errors = modes
-        .iter()
-        .filter_map(|mode| Some((mode, mode.cpu_max_error.unwrap_or(0.0).max(mode.wgsl_max_error.unwrap_or(0.0)))));
+    let of_either = |mode: &Mode| mode.cpu_max_error.unwrap_or(0.0).max(mode.wgsl_max_error.unwrap_or(0.0));
+    let errors = modes.iter().map(|mode| (mode, of_either(mode)));
     let worst = errors.max_by(|a, b| a.1.total_cmp(&b.1)).filter(|(_, error)| *error > 0.0);
     let judged: Vec<bool> = modes.iter().filter_map(|mode| mode.pass).collect();
     let points: u64 = modes.iter().filter_map(|mode| mode.points).sum();

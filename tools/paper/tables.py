@@ -139,6 +139,12 @@ def suite(document, place):
     return Drawn(["scene", "checks that agree", "bias of the mean"], rows)
 
 
+def _resolution(path):
+    """The pixels that a scene asks for."""
+    film = files.read_json(path, "a scene", "restore it from version control")["film"]
+    return [side * film.get("resolution_percentage", 100) // 100 for side in film["resolution"]]
+
+
 @drawer("suite-with-sizes")
 def suite_with_sizes(document, place):
     """`parity.json` with pixels and samples, of which the suite file says the first."""
@@ -148,7 +154,7 @@ def suite_with_sizes(document, place):
     rows = []
     for found in document:
         entry = entries[found["name"]]
-        width, height = entry["resolution"]
+        width, height = entry.get("resolution") or _resolution(place.root / "parity" / entry["scene"])
         size = f"{width} x {height}"
         if parts := entry["replicas"].get("sub_pixels"):
             size += f", sub-pixels of {parts * width} x {parts * height}"
@@ -360,8 +366,8 @@ def release_pictures(document, place):
             value, error = (unit * picture[key][part] for part in ("value", "standard_error"))
             tolerance = STANDARD_ERRORS * math.sqrt(2) * error
             row.append(Cell(_uncertain(value, error), value, tolerance, reason))
-        # Of a machine: shown, not expected.
-        row.append("" if picture["seconds"] is None else f"{picture['seconds']:.1f}")
+        # Seconds are of a machine, and of what it did besides: the page keeps those of a quiet one.
+        row.append(None)
         rows.append(row)
     return Drawn(["scene", "release", "brightness, %", "relMSE", "seconds"], rows)
 
