@@ -42,8 +42,8 @@ def sweep(folder, seconds=1.0, **more):
 
 @pytest.mark.parametrize(
     ("seconds", "wanted"),
-    # 1000 jobs, of which the trial has done some eight: less than half an hour, some four, and a chunk for each
-    # job where a job takes longer than a chunk.
+    # 1000 jobs, of which the trial has done some eight: less than half an hour, some four, and a chunk for
+    # each job where a job takes longer than a chunk.
     [(0.01, {1}), (7.5, {4}), (3600.0, set(range(985, 993)))],
 )
 def test_a_trial_says_how_many_chunks_of_half_an_hour_there_are(tmp_path, seconds, wanted):
