@@ -87,7 +87,8 @@ def main(alone, sweep):
     print(
         f"{len(records)} records, each once, with the errors of one process to the last bit; with the same "
         f"times the same fronts ({len(ours['front'])} runs). By times of their own the fronts have "
-        f"{len(ours['front'])} and {len(theirs['front'])} runs, {common} in common. HDR-FLIP was compared for {flips} runs."
+        f"{len(ours['front'])} and {len(theirs['front'])} runs, {common} in common. "
+        f"HDR-FLIP was compared for {flips} runs."
     )
 
 
