@@ -62,7 +62,7 @@ def main(alone, sweep):
     if records != wanted:
         unlike = len(records ^ wanted)
         fail(sweep, f"{len(records)} records, {unlike} of them unlike", f"the {len(wanted)} of {alone}")
-    # HDR-FLIP comes from what is summed up, by packages that may be missing: it is compared where both have it.
+    # HDR-FLIP is added when a study is summed up, by packages that may be missing: of both, or not compared.
     apart = {"seconds", "wall_seconds", "prepare_seconds", "cost", "flip"}
     content = {run["id"]: run for run in ours["runs"]}
     flips = 0
