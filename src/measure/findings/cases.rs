@@ -402,9 +402,10 @@ fn learning() -> Finding {
 }
 
 /// Weights and anisotropies.
-const LOBES: [(&str, [[f64; 2]; 2]); 3] = [
+const LOBES: [(&str, [[f64; 2]; 2]); 4] = [
     ("0.7 of g = 0.8 with 0.3 of g = -0.3", [[0.7, 0.8], [0.3, -0.3]]),
     ("0.5 of g = 0.6 with 0.5 of g = -0.6", [[0.5, 0.6], [0.5, -0.6]]),
+    ("0.2 of g = 0.9 with 0.8 of g = 0.1", [[0.2, 0.9], [0.8, 0.1]]),
     ("two of g = 0.6", [[0.7, 0.6], [0.3, 0.6]]),
 ];
 
@@ -440,8 +441,8 @@ fn lobes() -> Finding {
         name: "lobes",
         title: "Several lobes under light sampling are too bright",
         claim: "Where a medium has lobes of different anisotropy and a light is reached both by light sampling and by hits of the phase \
-                function, the hit of a drawn lobe is weighted by that lobe's density instead of the sum of all, so the weights of the two \
-                strategies add up to more than 1.",
+                function, the hit of a drawn lobe is weighted by that lobe's density instead of that of all lobes together, so the weights \
+                of the two strategies do not add up to 1.",
         advice: "In references of such media, switch the world's light sampling off (its sampling method NONE), or use lights without extent.",
         cases,
         rows: |measured| {
@@ -453,7 +454,7 @@ fn lobes() -> Finding {
                     value: Measured::ratio(sampled, plain),
                     claim: Claim::Equals(lobes_weighted_apart(lobes)),
                     truth: Some(1.0),
-                    formula: "1 + sum of w_i times the integral of p_i (p_i / (p_i + c) - p / (p + c)), c = 1 / 4 pi"
+                    formula: "1 + sum of w_i times the integral of p_i (h(p_i) - h(p)), h(x) = x^2 / (x^2 + c^2), c = 1 / 4 pi"
                         .into(),
                 });
             }
@@ -518,6 +519,12 @@ fn draine() -> Finding {
 /// Thicknesses of a sheet in a cube of side 2, and whether its majorant is claimed to be found.
 const SHEETS: [(f64, bool); 4] = [(0.05, true), (0.01, true), (0.002, true), (0.0005, false)];
 
+/// A sheet that was found lets through what it should but for the estimator's own bias and its rare orders, which so few replicas do not
+/// hold; one that was missed lets nearly everything through. Half-way between is no error of the first kind.
+fn half_way() -> f64 {
+    0.5 * (1.0 + (-SHEET[0]).exp())
+}
+
 /// Optical depth of a sheet, and the height of its middle: off the faces of boxes that halve the cube.
 const SHEET: [f64; 2] = [0.8, 0.0123];
 
@@ -546,9 +553,9 @@ fn majorants() -> Finding {
             let row = |(&(thickness, seen), found): (&(f64, bool), &Measured)| Row {
                 name: format!("sheet of thickness {thickness}, optical depth {}", SHEET[0]),
                 value: found.mean(),
-                claim: if seen { Claim::Equals(truth) } else { Claim::Differs(truth) },
+                claim: if seen { Claim::Below(half_way()) } else { Claim::Above(half_way()) },
                 truth: Some(truth),
-                formula: "exp(-optical depth)".into(),
+                formula: "exp(-optical depth); claimed against half-way to 1".into(),
             };
             SHEETS.iter().zip(measured).map(row).collect()
         },

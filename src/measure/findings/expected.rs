@@ -128,14 +128,17 @@ pub type Lobes = [[f64; 2]];
 /// Light that is scattered once out of a uniform world, over what the phase function says (1), where the world is sampled, too, and hits of the
 /// phase function are weighted by the density of the lobe that was drawn instead of that of all.
 ///
-/// With the density c of light sampling, next-event estimation gives the integral of p c / (c + p), and lobe i, drawn with its weight, that of
-/// its own density times p_i / (c + p_i): by convexity more than p / (c + p).
+/// With the power heuristic w(a, b) = a^2 / (a^2 + b^2) (Veach 1997, equation 9.13) and the density c of light sampling, next-event
+/// estimation gives the integral of p w(c, p), and lobe i, drawn with its weight, that of p_i w(p_i, c) instead of p_i w(p, c).
 pub fn lobes_weighted_apart(lobes: &Lobes) -> f64 {
     let uniform = 1.0 / (4.0 * std::f64::consts::PI);
+    let heuristic = |own: f64, other: f64| own * own / (own * own + other * other);
     let excess = |cosine: f64| {
         let phases = || lobes.iter().map(|[weight, g]| (*weight, henyey_greenstein(*g, cosine)));
         let all: f64 = phases().map(|(weight, phase)| weight * phase).sum();
-        phases().map(|(weight, phase)| weight * phase * (phase / (phase + uniform) - all / (all + uniform))).sum()
+        let of_lobe =
+            |(weight, phase): (f64, f64)| weight * phase * (heuristic(phase, uniform) - heuristic(all, uniform));
+        phases().map(of_lobe).sum()
     };
     1.0 + 2.0 * std::f64::consts::PI * over_cosines(excess)
 }

@@ -1,7 +1,7 @@
 //! Findings about the reference: where Cycles' pictures are not what light transport says, each with the smallest scene that shows it.
 //!
-//! A finding is a claim, small scenes of which Cycles renders replicas ([`cases`]), and figures of these with what they should be: a closed
-//! form of what Cycles is claimed to do ([`expected`]), or the truth, which it is claimed to miss. Replicas are by seed, or disjoint subsets of one
+//! A finding is a claim, small scenes of which Cycles renders replicas (`cases`), and figures of these with what they should be: a closed
+//! form of what Cycles is claimed to do (`expected`), or the truth, which it is claimed to miss. Replicas are by seed, or disjoint subsets of one
 //! sequence of samples: the first share what depends on the number of a sample alone.
 
 mod cases;
@@ -213,6 +213,10 @@ pub enum Claim {
     Equals(f64),
     /// It is not this, by more than five standard errors.
     Differs(f64),
+    /// It is more, by more than five standard errors.
+    Above(f64),
+    /// It is less, by more than five standard errors.
+    Below(f64),
     /// Nothing.
     Reported,
 }
@@ -245,6 +249,8 @@ impl Row {
         match self.claim {
             Claim::Equals(expected) => Some(self.deviation(expected).abs() <= EQUAL),
             Claim::Differs(from) => Some(self.deviation(from).abs() > DIFFERENT),
+            Claim::Above(from) => Some(self.deviation(from) > DIFFERENT),
+            Claim::Below(from) => Some(self.deviation(from) < -DIFFERENT),
             Claim::Reported => None,
         }
     }
@@ -256,6 +262,8 @@ impl Row {
         let (claimed, from) = match self.claim {
             Claim::Equals(expected) => (figure(Some(expected)), Some(expected)),
             Claim::Differs(from) => (format!("not {}", figure(Some(from))), Some(from)),
+            Claim::Above(from) => (format!("above {}", figure(Some(from))), Some(from)),
+            Claim::Below(from) => (format!("below {}", figure(Some(from))), Some(from)),
             Claim::Reported => (String::new(), None),
         };
         let holds = match (self.holds(), from) {
@@ -339,6 +347,8 @@ impl Findings {
                 let (claim, expected) = match row.claim {
                     Claim::Equals(expected) => ("equals", Some(expected)),
                     Claim::Differs(from) => ("differs", Some(from)),
+                    Claim::Above(from) => ("above", Some(from)),
+                    Claim::Below(from) => ("below", Some(from)),
                     Claim::Reported => ("", None),
                 };
                 let holds = row.holds().map_or_else(String::new, |holds| holds.to_string());
