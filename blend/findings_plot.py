@@ -1,7 +1,7 @@
 """Figures of findings about Cycles, one for each finding, as SVG, PNG and PDF in a folder.
 
-Request: {"findings": [as in findings.json], "folder": DIR, "plain_names": BOOL}; names have the release
-unless they are plain. The finding `order` has the means of single samples of two seeds, and the spread of
+Request: {"findings": [as in findings.json], "folder": DIR, "plain_names": BOOL, "formats": [svg, png, pdf: all
+if left out]}; names have the release unless they are plain. The finding `order` has the means of single samples of two seeds, and the spread of
 replicas by seed and by subset; every other one has its figures against what was claimed of them.
 """
 
@@ -12,6 +12,8 @@ import numpy as np
 import plots
 import protocol
 
+# Findings whose figures are shown over the truth.
+RELATIVE = ("expectation", "marching", "grids", "lobes", "majorants")
 FORMATS = ("svg", "png", "pdf")
 
 
@@ -24,8 +26,8 @@ def draw(request, messages):
         stem = Path(request["folder"]) / f"{finding['name']}{release}"
         if figure is None:
             continue
-        files = {kind: f"{stem}.{kind}" for kind in FORMATS}
-        names += plots.save(figure, files, FORMATS).values()
+        files = {kind: f"{stem}.{kind}" for kind in request.get("formats", FORMATS)}
+        names += plots.save(figure, files, tuple(files)).values()
     return names
 
 
@@ -60,13 +62,18 @@ def _order(finding):
 def _claims(finding):
     """Figures that have an expected value, over it, with the truth beside; others are in the table alone."""
     rows = [row for row in finding["rows"] if _expected(row) is not None]
+    if finding["name"] == "learning":
+        # One scale: what is lost; that nothing is lost by one sample is in the table.
+        rows = [row for row in rows if "equals" not in row["claim"]]
+    relative = finding["name"] in RELATIVE
     if not rows:
         # What is only reported is in the table.
         return None
     height = 0.24 * len(rows) + 0.75
     figure, axis = plots.pyplot().subplots(figsize=(plots.TEXT_WIDTH, height), layout="constrained")
     for place, row in enumerate(rows):
-        value, error = row["value"]["value"], row["value"]["standard_error"]
+        scale = 1.0 / row["truth"] if relative else 1.0
+        value, error = scale * row["value"]["value"], scale * row["value"]["standard_error"]
         axis.errorbar(
             value, -place, xerr=2 * error, fmt="o", color=plots.BLUE, markersize=3.5, capsize=2, linewidth=0.8
         )
@@ -75,7 +82,7 @@ def _claims(finding):
                 row["claim"]["equals"], -place, "|", color=plots.ORANGE, markersize=11, markeredgewidth=1.4
             )
         if row["truth"] is not None:
-            axis.plot(row["truth"], -place, "D", color=plots.BLACK, markersize=3, fillstyle="none")
+            axis.plot(scale * row["truth"], -place, "D", color=plots.BLACK, markersize=3, fillstyle="none")
     axis.plot([], [], "o", color=plots.BLUE, markersize=3.5, label="Cycles, two standard errors")
     axis.plot(
         [], [], "|", color=plots.ORANGE, markersize=11, markeredgewidth=1.4, linestyle="", label="closed form"
@@ -85,9 +92,13 @@ def _claims(finding):
         [-place for place in range(len(rows))], [row["name"] for row in rows], fontsize=plots.SMALLEST
     )
     axis.set_ylim(-len(rows) + 0.5, 0.5)
-    values = [row["value"]["value"] for row in rows]
-    if min(values) > 0 and max(values) > 5 * min(values):
-        axis.set_xscale("log")
+    if relative:
+        axis.set_xlabel("over what light transport says")
+    elif finding["name"] == "learning":
+        axis.set_xlabel("samples")
+        axis.set_xlim(left=-0.005)
+    else:
+        axis.set_xlabel("mean cosine")
     axis.legend(
         fontsize=plots.SMALLEST, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3, frameon=False
     )

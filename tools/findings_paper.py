@@ -103,13 +103,15 @@ def _counts(scenes):
 
 
 def _effect(finding):
-    """The row that lies furthest from the truth, as measured."""
-    rows = [row for row in finding["rows"] if row["truth"]]
-    if not rows:
-        return ""
-    furthest = max(rows, key=lambda row: abs(row["value"]["value"] / row["truth"] - 1))
-    index = finding["rows"].index(furthest)
-    return f"{finding['cells'][index][1]} instead of {finding['cells'][index][4]} ({furthest['name']})"
+    """The row that is surest to miss the truth, as measured."""
+    rows = [row for row in finding["rows"] if row["truth"] is not None and row["value"]["standard_error"] > 0]
+
+    def surety(row):
+        return abs(row["value"]["value"] - row["truth"]) / row["value"]["standard_error"]
+
+    index = finding["rows"].index(max(rows, key=surety))
+    name, measured, _, _, truth = finding["cells"][index]
+    return f"{measured} instead of {truth} ({name})"
 
 
 def _agreement(finding):
@@ -127,8 +129,10 @@ def _caption(finding):
 
 
 def _versions(record, blender):
-    builds = ", ".join(sorted({f"cloudparity {build['version']}" for build in record["builds"]}))
-    return f"{builds} and Blender {blender} as the Python module bpy, on processors alone"
+    # A version and the hash of the sources: its first digits name the build.
+    parts = sorted(build.partition("+") for build in record["builds"])
+    builds = ", ".join(f"{version} ({source[:12]})" for version, _, source in parts)
+    return f"cloudparity {builds} and Blender {blender} as the Python module bpy, on processors alone"
 
 
 def write(record, folder):
@@ -138,7 +142,8 @@ def write(record, folder):
     last = record["findings"][-1]["blender"]
     drawn = [one for one in record["findings"] if one["blender"] == last and one["name"] != "scenes"]
     findings_plot.draw(
-        {"findings": drawn, "folder": str(folder), "plain_names": True}, protocol.Messages(sys.stderr)
+        {"findings": drawn, "folder": str(folder), "plain_names": True, "formats": ["png", "pdf"]},
+        protocol.Messages(sys.stderr),
     )
     page = [
         "--standalone",

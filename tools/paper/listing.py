@@ -17,6 +17,8 @@ FORMAT = "cloudparity-paper/1"
 LIST = "parity/paper.toml"
 HASHES = "parity/paper.sha256.json"
 RECORDS = "parity/records"
+# A paper of its own, which is rebuilt whole (findings.py).
+APART = "docs/findings/"
 PICTURES = (".png", ".jpg", ".jpeg", ".svg", ".gif", ".webp")
 # What a table without a record is: its hash is kept where it was measured.
 KINDS = ("measured", "text")
@@ -203,13 +205,14 @@ def _hashes(path):
 def pages(root):
     """The pages whose figures and tables are listed."""
     found = (str(path.relative_to(root)) for path in (root / "docs").rglob("*.md"))
-    return ["README.md", *sorted(found)]
+    return ["README.md", *sorted(name for name in found if not name.startswith(APART))]
 
 
 def pictures(root):
     """The pictures of the documents."""
     found = (path for path in (root / "docs").rglob("*") if path.suffix.lower() in PICTURES)
-    return sorted(str(path.relative_to(root)) for path in found)
+    names = (str(path.relative_to(root)) for path in found)
+    return sorted(name for name in names if not name.startswith(APART))
 
 
 def matched(listing):

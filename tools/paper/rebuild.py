@@ -3,7 +3,7 @@
 import dataclasses
 import shutil
 
-from paper import archive, expected, figures, files, listing, markdown, tables
+from paper import archive, expected, figures, files, findings, listing, markdown, tables
 from protocol import InputError
 
 # Verdicts, in the order in which they are counted.
@@ -107,6 +107,12 @@ def run(root, out):
         Line(CHANGED, found.records[name].file, reason + "; nothing is drawn from it")
         for name, reason in documents.refused.items()
     ]
+    if findings.RECORD in found.records and findings.RECORD not in documents.refused:
+        compared = findings.compare(root, root / found.records[findings.RECORD].file, out)
+        lines += [
+            Line(CHANGED if words else REBUILT, name, words or f"as {findings.RECORD} gives it")
+            for name, words in compared.items()
+        ]
     wanted = expected.read(root)
     for folder in ("tables", "figures"):
         shutil.rmtree(out / folder, ignore_errors=True)

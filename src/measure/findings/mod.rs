@@ -11,7 +11,7 @@ use crate::base::error::{Error, Result};
 use crate::base::files;
 use crate::base::identity::Identity;
 use crate::base::ledger::{Found, Purpose, to_json};
-use crate::base::numbers::{figure, uncertain};
+use crate::base::numbers::uncertain;
 use crate::base::progress::Progress;
 use crate::bridge::{self, CyclesKernel, Message, releases};
 use crate::measure::errors::Uncertain;
@@ -260,10 +260,10 @@ impl Row {
     /// Name, measured, claimed, whether that holds, truth.
     fn cells(&self) -> [String; 5] {
         let (claimed, from) = match self.claim {
-            Claim::Equals(expected) => (figure(Some(expected)), Some(expected)),
-            Claim::Differs(from) => (format!("not {}", figure(Some(from))), Some(from)),
-            Claim::Above(from) => (format!("above {}", figure(Some(from))), Some(from)),
-            Claim::Below(from) => (format!("below {}", figure(Some(from))), Some(from)),
+            Claim::Equals(expected) => (digits(expected), Some(expected)),
+            Claim::Differs(from) => (format!("not {}", digits(from)), Some(from)),
+            Claim::Above(from) => (format!("above {}", digits(from)), Some(from)),
+            Claim::Below(from) => (format!("below {}", digits(from)), Some(from)),
             Claim::Reported => (String::new(), None),
         };
         let holds = match (self.holds(), from) {
@@ -275,9 +275,20 @@ impl Row {
             }
             _ => String::new(),
         };
-        let truth = self.truth.map_or_else(String::new, |truth| figure(Some(truth)));
+        let truth = self.truth.map_or_else(String::new, digits);
         [self.name.clone(), uncertain(self.value.value, self.value.standard_error), claimed, holds, truth]
     }
+}
+
+/// Five significant digits, which is what the errors of figures call for; what is nothing but rounding is 0.
+fn digits(value: f64) -> String {
+    if value.abs() < 1e-12 {
+        return "0".into();
+    }
+    let decimals = (4.0 - value.abs().log10().floor()).clamp(0.0, 12.0) as usize;
+    let text = format!("{value:.decimals$}");
+    let short = if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.') } else { &text };
+    short.replace('-', "−")
 }
 
 /// A finding as a release shows it.
@@ -571,6 +582,13 @@ mod tests {
         // Without noise: single precision alone.
         assert_eq!(row(1.0 + 1e-7, 0.0, Claim::Equals(1.0)).holds(), Some(true));
         assert_eq!(row(1.0 + 1e-6, 0.0, Claim::Equals(1.0)).holds(), Some(false));
+    }
+
+    #[test]
+    fn cells_have_the_digits_that_errors_call_for() {
+        let cells = row(0.020_653, 0.000_009, Claim::Equals(0.020_658_089)).cells();
+        assert_eq!(cells[1..4], ["0.020653(9)", "0.020658", "yes, −0.6 σ"]);
+        assert_eq!([digits(1.0), digits(-0.5), digits(2.9e-17), digits(1.060_905)], ["1", "−0.5", "0", "1.0609"]);
     }
 
     #[test]
