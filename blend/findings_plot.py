@@ -1,8 +1,9 @@
 """Figures of findings about Cycles, one for each finding, as SVG, PNG and PDF in a folder.
 
-Request: {"findings": [as in findings.json], "folder": DIR, "plain_names": BOOL, "formats": [svg, png, pdf: all
-if left out]}; names have the release unless they are plain. The finding `order` has the means of single samples of two seeds, and the spread of
-replicas by seed and by subset; every other one has its figures against what was claimed of them.
+Request: {"findings": [as in findings.json], "folder": DIR, "plain_names": BOOL, "formats": [svg, png, pdf:
+all if left out]}; names have the release unless they are plain. The finding `order` has the means of single
+samples of two seeds, and the spread of replicas by seed and by subset; every other one has its figures
+against what was claimed of them.
 """
 
 from pathlib import Path
@@ -79,7 +80,12 @@ def _claims(finding):
         )
         if "equals" in row["claim"]:
             axis.plot(
-                row["claim"]["equals"], -place, "|", color=plots.ORANGE, markersize=11, markeredgewidth=1.4
+                scale * row["claim"]["equals"],
+                -place,
+                "|",
+                color=plots.ORANGE,
+                markersize=11,
+                markeredgewidth=1.4,
             )
         if row["truth"] is not None:
             axis.plot(scale * row["truth"], -place, "D", color=plots.BLACK, markersize=3, fillstyle="none")

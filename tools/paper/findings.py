@@ -1,6 +1,10 @@
-"""The paper on findings (docs/findings), which has a tool of its own: all of it again from its record, and compared."""
+"""The paper on findings (docs/findings), which has a tool of its own: all of it from its record, compared."""
+
+import subprocess
+import sys
 
 from paper import figures
+from protocol import InputError
 
 RECORD = "findings"
 FOLDER = "docs/findings"
@@ -9,10 +13,15 @@ TEXTS = ("README.md", "index.html", "findings.tex")
 
 def compare(root, path, out):
     """What differs, by file: sentences, empty where the file is the record's."""
-    import findings_paper  # Pandoc and templates: only who has this paper needs them
-
     folder = out / "findings"
-    findings_paper.write(findings_paper.read(path), folder)
+    # A process of its own: what matplotlib drew before would move its letters.
+    command = [sys.executable, root / "tools/findings_paper.py", path, folder]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    if done.returncode:
+        last = (done.stderr.strip().splitlines() or ["no answer"])[-1]
+        raise InputError(
+            str(path), last, "a record that the paper can be made of", "run `make findings-paper`"
+        )
     found = {}
     for name in TEXTS:
         there = root / FOLDER / name
