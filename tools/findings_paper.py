@@ -21,6 +21,8 @@ import findings_plot  # noqa: E402
 import protocol  # noqa: E402
 
 FORMAT = "cloudparity-findings/1"
+# Relative: some sums of 32 bits.
+ROUNDING = 1e-5
 # Of normal errors, the share beyond two standard errors.
 BEYOND_TWO = 0.0455
 
@@ -107,7 +109,9 @@ def _effect(finding):
     rows = [row for row in finding["rows"] if row["truth"] is not None and row["value"]["standard_error"] > 0]
 
     def surety(row):
-        return abs(row["value"]["value"] - row["truth"]) / row["value"]["standard_error"]
+        error = abs(row["value"]["value"] - row["truth"])
+        # Rounding of single precision is no effect, however sure.
+        return 0.0 if error < ROUNDING * abs(row["truth"]) else error / row["value"]["standard_error"]
 
     index = finding["rows"].index(max(rows, key=surety))
     name, measured, _, _, truth = finding["cells"][index]
