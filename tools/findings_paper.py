@@ -8,6 +8,7 @@ of the Markdown, blend/findings_plot.py the figures.
 
 import argparse
 import json
+import re
 import sys
 from pathlib import Path
 
@@ -21,6 +22,7 @@ import findings_plot  # noqa: E402
 import protocol  # noqa: E402
 
 FORMAT = "cloudparity-findings/1"
+RAISED = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")
 # Relative: some sums of 32 bits.
 ROUNDING = 1e-5
 # Of normal errors, the share beyond two standard errors.
@@ -158,12 +160,27 @@ def write(record, folder):
     ]
     to_html = pypandoc.convert_text(text, "html5", "markdown", extra_args=page)
     latex = ["--standalone", "--variable=geometry:margin=25mm", "--variable=fontsize:10pt"]
-    to_latex = pypandoc.convert_text(text.replace(".png)", ".pdf)"), "latex", "markdown", extra_args=latex)
+    to_latex = pypandoc.convert_text(_for_latex(text), "latex", "markdown", extra_args=latex)
     for name, content in (("README.md", _body(text)), ("index.html", to_html), ("findings.tex", to_latex)):
         path = folder / name
         temporary = path.with_suffix(path.suffix + ".part")
         temporary.write_text(content.rstrip() + "\n", encoding="utf-8")
         temporary.replace(path)
+
+
+def _for_latex(text):
+    """Figures that print as lines, and signs that every LaTeX knows."""
+
+    def raw(latex):
+        return f"`{latex}`{{=latex}}"
+
+    def power(found):
+        return raw(rf"$\times 10^{{{found[1].translate(RAISED)}}}$")
+
+    text = re.sub(r"\u00d710([⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+)", power, text)
+    for sign, latex in (("\N{MINUS SIGN}", "$-$"), ("\N{GREEK SMALL LETTER SIGMA}", r"$\sigma$")):
+        text = text.replace(sign, raw(latex))
+    return text.replace(".png)", ".pdf)")
 
 
 def _body(text):
