@@ -3,7 +3,7 @@
 use crate::measure::findings::expected::{
     Lookup, Noise, STEPS_PER_DEPTH, checkerboard, draine_mean_cosine, lobes_weighted_apart,
 };
-use crate::measure::findings::{Case, Claim, Finding, Measured, Replica, Row};
+use crate::measure::findings::{Case, Claim, Finding, Integrator, Measured, Replica, Row};
 use crate::scene::Scene;
 use serde_json::{Value as Json, json};
 
@@ -71,15 +71,16 @@ pub fn of_scenes(scenes: &[Scene]) -> Finding {
     let [samples, count] = OF_SCENES;
     let pair = |scene: &Scene| {
         let described = json!({
-            "stage": "scene", "scene": scene, "folder": scene.folder, "film_transparent": scene.film.transparent,
+            "stage": "scene", "scene": scene, "film_transparent": scene.film.transparent,
             "volume_bounces": scene.integrator.volume_bounces, "world_sampling": "NONE",
         });
         let by = |way: &str, samples, replicas| Case {
             name: format!("{} by {way}", scene.name),
             scene: described.clone(),
+            folder: Some(scene.folder.clone()),
             samples,
             size: scene.image_size(),
-            march: Some(None),
+            integrator: Integrator::NullCollision,
             replicas,
         };
         [by("seed", samples, seeds(count)), by("subset", samples * count, subsets(1, count, samples).collect())]
@@ -131,7 +132,8 @@ fn order() -> Finding {
         scene: of_noise(SHARED, 2.0),
         samples,
         size: [16, 16],
-        march: Some(None),
+        folder: None,
+        integrator: Integrator::NullCollision,
         replicas,
     };
     Finding {
@@ -209,7 +211,8 @@ fn expectation() -> Finding {
         samples: LONG * 16,
         // The orders, which all pixels share, are nearly all of the noise.
         size: [2, 2],
-        march: Some(None),
+        folder: None,
+        integrator: Integrator::NullCollision,
         replicas: subsets(1, 16, LONG).collect(),
     };
     Finding {
@@ -249,7 +252,8 @@ fn marching() -> Finding {
         scene: of_noise(noise, 2.0),
         samples: 256,
         size: [16, 16],
-        march: Some(Some(rate)),
+        folder: None,
+        integrator: Integrator::March(rate),
         replicas: seeds(16),
     };
     Finding {
@@ -294,7 +298,8 @@ fn grids() -> Finding {
         scene: scene(maximum),
         samples: 64,
         size: [32, 32],
-        march: Some(Some(rate)),
+        folder: None,
+        integrator: Integrator::March(rate),
         replicas: seeds(16),
     };
     let null = move |maximum: bool| Case {
@@ -302,7 +307,8 @@ fn grids() -> Finding {
         scene: scene(maximum),
         samples: LONG * 8,
         size: [2, 2],
-        march: Some(None),
+        folder: None,
+        integrator: Integrator::NullCollision,
         replicas: subsets(1, 8, LONG).collect(),
     };
     Finding {
@@ -348,7 +354,7 @@ fn learning() -> Finding {
     let scene = || furnace(0.5, &[lobe(1.0, 0.0)], "constant");
     let case = |name: String, samples, side, replicas| {
         let (scene, size) = (scene(), [side, side]);
-        Case { name, scene, samples, size, march: None, replicas }
+        Case { name, scene, folder: None, samples, size, integrator: Integrator::Own, replicas }
     };
     let several =
         |seeds: u32, count: u32, length: u32| (1..=seeds).flat_map(move |seed| subsets(seed, count, length)).collect();
@@ -416,7 +422,8 @@ fn lobes() -> Finding {
         scene: ball(lobes, 0, sampled),
         samples: 512,
         size: [32, 32],
-        march: None,
+        folder: None,
+        integrator: Integrator::Own,
         replicas: seeds(8),
     };
     let deep = |name: &str, world: &str| Case {
@@ -424,7 +431,8 @@ fn lobes() -> Finding {
         scene: furnace(2.0, &nodes(LOBES[0].1), world),
         samples: 256,
         size: [16, 16],
-        march: None,
+        folder: None,
+        integrator: Integrator::Own,
         replicas: seeds(8),
     };
     let mut cases: Vec<Case> = LOBES
@@ -488,7 +496,8 @@ fn draine() -> Finding {
         scene: ball(&[json!({"phase": "DRAINE", "weight": 1.0, "anisotropy": g, "alpha": alpha})], cosine, false),
         samples: 512,
         size: [32, 32],
-        march: None,
+        folder: None,
+        integrator: Integrator::Own,
         replicas: (0..8).map(|index| Replica { seed: 1 + 100 * cosine + index, offset: 0, length: None }).collect(),
     };
     Finding {
@@ -538,7 +547,8 @@ fn majorants() -> Finding {
         ),
         samples: 1024 * 16,
         size: [4, 4],
-        march: Some(None),
+        folder: None,
+        integrator: Integrator::NullCollision,
         replicas: subsets(1, 16, 1024).collect(),
     };
     Finding {

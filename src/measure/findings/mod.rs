@@ -12,6 +12,7 @@ use crate::base::files;
 use crate::base::identity::Identity;
 use crate::base::ledger::{Found, Purpose, to_json};
 use crate::base::numbers::uncertain;
+use crate::base::plain_text::csv_cell;
 use crate::base::progress::Progress;
 use crate::bridge::{self, CyclesKernel, Message, releases};
 use crate::measure::errors::Uncertain;
@@ -63,27 +64,39 @@ pub struct Replica {
     pub length: Option<u32>,
 }
 
+/// How Cycles goes through media.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Integrator {
+    /// In the release's own way.
+    Own,
+    /// By null collision, which only some releases have.
+    NullCollision,
+    /// By ray marching, with a step rate.
+    March(f64),
+}
+
 /// A small scene and its replicas.
 #[derive(Debug, Clone)]
 struct Case {
     name: String,
     /// As `blend/cycles_findings.py` reads it.
     scene: Json,
+    /// That file names of the scene are relative to. No picture depends on where it lies.
+    folder: Option<PathBuf>,
     samples: u32,
     /// Width and height in pixels.
     size: [u32; 2],
-    /// The release's own way (none); null collision, which only some have; ray marching with a step rate.
-    march: Option<Option<f64>>,
+    integrator: Integrator,
     replicas: Vec<Replica>,
 }
 
 impl Case {
-    /// What a picture depends on: the request to the script, but for the folder.
+    /// What a picture depends on: the request to the script, but for folders.
     fn request(&self) -> Json {
-        let (biased, rate) = match self.march {
-            None => (Json::Null, 1.0),
-            Some(None) => (json!(false), 1.0),
-            Some(Some(rate)) => (json!(true), rate),
+        let (biased, rate) = match self.integrator {
+            Integrator::Own => (Json::Null, 1.0),
+            Integrator::NullCollision => (json!(false), 1.0),
+            Integrator::March(rate) => (json!(true), rate),
         };
         json!({
             "scene": self.scene, "samples": self.samples, "resolution": self.size, "biased": biased,
@@ -221,6 +234,27 @@ pub enum Claim {
     Reported,
 }
 
+impl Claim {
+    /// What is claimed, in a word; nothing where nothing is.
+    fn name(self) -> &'static str {
+        match self {
+            Self::Equals(_) => "equals",
+            Self::Differs(_) => "differs",
+            Self::Above(_) => "above",
+            Self::Below(_) => "below",
+            Self::Reported => "",
+        }
+    }
+
+    /// Of which number.
+    fn number(self) -> Option<f64> {
+        match self {
+            Self::Equals(number) | Self::Differs(number) | Self::Above(number) | Self::Below(number) => Some(number),
+            Self::Reported => None,
+        }
+    }
+}
+
 /// A figure.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Row {
@@ -254,17 +288,15 @@ impl Row {
             Claim::Reported => None,
         }
     }
-}
 
-impl Row {
     /// Name, measured, claimed, whether that holds, truth.
     fn cells(&self) -> [String; 5] {
-        let (claimed, from) = match self.claim {
-            Claim::Equals(expected) => (digits(expected), Some(expected)),
-            Claim::Differs(from) => (format!("not {}", digits(from)), Some(from)),
-            Claim::Above(from) => (format!("above {}", digits(from)), Some(from)),
-            Claim::Below(from) => (format!("below {}", digits(from)), Some(from)),
-            Claim::Reported => (String::new(), None),
+        let from = self.claim.number();
+        let claimed = match (self.claim, from) {
+            (Claim::Equals(expected), _) => digits(expected),
+            (Claim::Differs(other), _) => format!("not {}", digits(other)),
+            (claim, Some(from)) => format!("{} {}", claim.name(), digits(from)),
+            (_, None) => String::new(),
         };
         let holds = match (self.holds(), from) {
             (Some(holds), Some(from)) => {
@@ -355,25 +387,19 @@ impl Findings {
         let number = |value: Option<f64>| value.map_or_else(String::new, |value| value.to_string());
         for shown in &self.findings {
             for row in &shown.rows {
-                let (claim, expected) = match row.claim {
-                    Claim::Equals(expected) => ("equals", Some(expected)),
-                    Claim::Differs(from) => ("differs", Some(from)),
-                    Claim::Above(from) => ("above", Some(from)),
-                    Claim::Below(from) => ("below", Some(from)),
-                    Claim::Reported => ("", None),
-                };
                 let holds = row.holds().map_or_else(String::new, |holds| holds.to_string());
                 let _ = writeln!(
                     text,
-                    "{},{},\"{}\",{},{},{claim},{},{},{holds},\"{}\"",
-                    shown.blender,
+                    "{},{},{},{},{},{},{},{},{holds},{}",
+                    csv_cell(&shown.blender),
                     shown.name,
-                    row.name,
+                    csv_cell(&row.name),
                     row.value.value,
                     row.value.standard_error,
-                    number(expected),
+                    row.claim.name(),
+                    number(row.claim.number()),
                     number(row.truth),
-                    row.formula
+                    csv_cell(&row.formula)
                 );
             }
         }
@@ -466,10 +492,14 @@ impl Experiment for Running {
         let begin = Instant::now();
         let scenes = folder.join("scenes");
         std::fs::create_dir_all(&scenes).map_err(|cause| Error::io(&scenes, "a folder that can be made", &cause))?;
-        let scenes = absolute(&scenes)?;
+        // Blender has a working folder of its own.
+        let scenes = std::path::absolute(&scenes).unwrap_or(scenes);
         let request = case.request();
         let mut whole = request.clone();
         whole["folder"] = json!(scenes);
+        if let Some(folder) = &case.folder {
+            whole["scene"]["folder"] = json!(folder);
+        }
         let finding = self.findings[job.finding].name;
         let release = &self.asked.releases[job.release];
         whole["blend"] = json!(scenes.join(format!("{finding}-{}-{release}.blend", job.case + 1)));
@@ -539,11 +569,6 @@ struct Answer {
     blender: String,
     replicas: Vec<Picture>,
     pixels: u64,
-}
-
-/// Blender has a working folder of its own.
-fn absolute(path: &Path) -> Result<PathBuf> {
-    std::path::absolute(path).map_err(|cause| Error::io(path, "a folder", &cause))
 }
 
 #[cfg(test)]
