@@ -7,7 +7,6 @@ of the Markdown, blend/findings_plot.py the figures.
 """
 
 import argparse
-import json
 import re
 import sys
 from pathlib import Path
@@ -15,11 +14,10 @@ from pathlib import Path
 import jinja2
 import pypandoc
 
-ROOT = Path(__file__).resolve().parents[1]
-sys.path.insert(0, str(ROOT / "blend"))
+from paper import ROOT, files  # the scripts of blend/ are known from here on
 
-import findings_plot  # noqa: E402
-import protocol  # noqa: E402
+import findings_plot  # isort: skip
+import protocol  # isort: skip
 
 FORMAT = "cloudparity-findings/1"
 RAISED = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")
@@ -50,10 +48,7 @@ def main(arguments=None):
 def read(path):
     """The record."""
     remedy = "make it with `cloudparity measure findings -o DIR`: it is DIR/findings.json"
-    try:
-        record = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise protocol.InputError(str(path), str(error), "a record of findings", remedy) from None
+    record = files.read_json(path, "a record of findings", remedy)
     if not isinstance(record, dict) or record.get("format") != FORMAT:
         found = record.get("format") if isinstance(record, dict) else type(record).__name__
         raise protocol.InputError(f"{path}, format", repr(found), FORMAT, remedy)
@@ -143,7 +138,6 @@ def _versions(record, blender):
 
 def write(record, folder):
     """All files of the paper."""
-    folder.mkdir(parents=True, exist_ok=True)
     text = markdown(record)
     last = record["findings"][-1]["blender"]
     drawn = [one for one in record["findings"] if one["blender"] == last and one["name"] != "scenes"]
@@ -162,10 +156,7 @@ def write(record, folder):
     latex = ["--standalone", "--variable=geometry:margin=25mm", "--variable=fontsize:10pt"]
     to_latex = pypandoc.convert_text(_for_latex(text), "latex", "markdown", extra_args=latex)
     for name, content in (("README.md", _body(text)), ("index.html", to_html), ("findings.tex", to_latex)):
-        path = folder / name
-        temporary = path.with_suffix(path.suffix + ".part")
-        temporary.write_text(content.rstrip() + "\n", encoding="utf-8")
-        temporary.replace(path)
+        files.write(folder / name, content.rstrip() + "\n")
 
 
 def _for_latex(text):
