@@ -182,7 +182,9 @@ def _set_allowance(settings, reference):
         settings["allowance_rule"] = "chosen by the caller"
         return
     facts = reference.files[0]["provenance"]
-    found = _replica_statistics().default_allowance(facts["samples"], facts["renderer"])
+    found = _replica_statistics().default_allowance(
+        facts["samples"], facts["renderer"], by_subset=facts["subset"] is not None
+    )
     if found is None:
         raise image_metrics.Unreadable(
             "no systematic allowance is known for this reference (renderer "

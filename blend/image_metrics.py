@@ -174,13 +174,20 @@ def check_one_side(which, side):
                 f"{file['file']} of {which} is no replica but the {file['provenance']['content']}. "
                 "Name the files of single seeds."
             )
-    _check_seeds(which, side, [fact["seed"] for fact in facts])
+    _check_seeds(which, side, [_own_numbers(fact) for fact in facts])
     samples = {fact["samples"] for fact in facts}
     if len(samples) > 1:
         listed = ", ".join(str(count) for count in sorted(samples, key=lambda count: count or 0))
         raise Unreadable(
             f"the replicas of {which} have {listed} samples; replicas differ in their seed alone."
         )
+
+
+def _own_numbers(fact):
+    """What tells a replica from others: its seed, or its part of the samples of one; None where unknown."""
+    if fact["seed"] is None or fact["subset"] is None:
+        return fact["seed"]
+    return f"{fact['seed']} and the samples from {fact['subset']} on"
 
 
 def _check_seeds(which, side, seeds):
@@ -216,13 +223,13 @@ def block_weights(shape, size):
 
 
 def provenance(path):
-    """What an EXR says of its own making: {"seed", "samples": int or None, "renderer", "content":
-    text or None}.
+    """What an EXR says of its own making: {"seed", "samples", "subset" (first sample of it): int or None,
+    "renderer", "content": text or None}.
 
     Files of this program say so in attributes "cloudparity:...", those of Blender in
     "cycles.<layer>.samples".
     """
-    found = {"seed": None, "samples": None, "renderer": None, "content": None}
+    found = {"seed": None, "samples": None, "subset": None, "renderer": None, "content": None}
     file = oiio.ImageInput.open(path)
     if file is None:
         return found
@@ -230,6 +237,8 @@ def provenance(path):
         name, value = attribute.name, attribute.value
         if name in ("cloudparity:seed", "cloudparity:samples"):
             found[name.split(":")[1]] = _whole_number(value)
+        elif name == "cloudparity:sample_offset":
+            found["subset"] = _whole_number(value)
         elif name in ("cloudparity:renderer", "cloudparity:content"):
             found[name.split(":")[1]] = str(value)
         elif name.startswith("cycles.") and name.endswith(".samples"):

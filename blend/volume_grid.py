@@ -31,7 +31,15 @@ def library():
     for packages in folder.glob("python3.*/site-packages"):
         if str(packages) not in sys.path:
             sys.path.append(str(packages))
-    return importlib.import_module("openvdb")
+    try:
+        return importlib.import_module("openvdb")
+    except ModuleNotFoundError:
+        raise protocol.InputError(
+            "request: a grid of voxels",
+            f"Blender {bpy.app.version_string} without the Python module openvdb",
+            "a release that has it, as 4.4 and later",
+            "take another release for scenes with grids",
+        ) from None
 
 
 def write(path, values, to_object, name="density", half=False):

@@ -10,6 +10,7 @@ use cloudparity::graph::bounds::Bounds3;
 use cloudparity::graph::bounds_check::{Survey, layer, points_in, violations};
 use cloudparity::graph::evaluate::{Arithmetic, Points};
 use cloudparity::nodes::{Column, Interval, Mode, NodeEvaluator, NodeType, Oracle, Role, registry};
+use cloudparity::scene::Release;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
@@ -18,14 +19,20 @@ fn size(name: &str, default: usize) -> usize {
     std::env::var(name).ok().and_then(|text| text.parse().ok()).unwrap_or(default)
 }
 
-/// Every mode of a node type, with all outputs.
+/// Nodes with other values up to Blender 4.5.
+const CHANGED: [&str; 4] = ["Voronoi Texture", "Math", "Vector Math", "RGB to BW"];
+
+/// Every mode of a node type, with all outputs; with the values of each release where these differ.
 fn modes(node_type: &'static NodeType) -> Vec<Mode> {
     let read = |properties| {
         let mode = Mode::read(node_type, &properties, "test").expect("a combination of the node's own values");
         let outputs = node_type.outputs_of(&mode).map(|output| output.identifier).collect();
         mode.with_wanted(outputs)
     };
-    cloudparity::measure::nodes::suite::modes(node_type).into_iter().map(read).collect()
+    let newest: Vec<Mode> = cloudparity::measure::nodes::suite::modes(node_type).into_iter().map(read).collect();
+    let before = newest.iter().filter(|_| CHANGED.contains(&node_type.label));
+    let before: Vec<Mode> = before.map(|mode| mode.clone().with_release(Release::Before5)).collect();
+    [newest, before].concat()
 }
 
 /// A number as graphs hold them, with zeros, integers, tiny and huge ones among them.

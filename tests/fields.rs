@@ -218,6 +218,45 @@ fn random_graphs_agree_with_their_shaders() {
     assert!(compared > 300, "{compared} ordinary values");
 }
 
+/// Up to Blender 4.5 cells were hashed as floats. Coordinates are far from 0 and beyond 2^24, too, where corners have no neighbours.
+#[test]
+fn cells_of_blender_4_5_are_the_same_in_shaders() {
+    if !support::require("vulkan") {
+        return;
+    }
+    let gpu = cloudparity::gpu::Gpu::open().expect("an adapter");
+    let graphs: Vec<_> = [("2D", "F1"), ("3D", "F2"), ("4D", "F1"), ("3D", "SMOOTH_F1"), ("4D", "DISTANCE_TO_EDGE")]
+        .into_iter()
+        .zip(0..)
+        .map(|((dimensions, feature), seed)| {
+            let graph = json!({"material": "Material", "groups": [], "blender": "4.5", "nodes": [
+                {"name": "Position", "type": "ShaderNodeTexCoord"},
+                {"name": "Voronoi", "type": "ShaderNodeTexVoronoi",
+                 "inputs": {"Vector": {"node": "Position", "socket": "Object"}, "Scale": 1.0, "Randomness": 0.9},
+                 "properties": {"feature": feature, "voronoi_dimensions": dimensions}},
+            ]});
+            let outputs: &[&str] = if feature == "DISTANCE_TO_EDGE" { &["Distance"] } else { &["Distance", "Color"] };
+            let trial = Trial {
+                scene: cloudparity::scene::bare_scene("cells of 4.5", graph).expect("a scene"),
+                targets: outputs.iter().map(|output| Target::output("Voronoi", output)).collect(),
+                positions: (0..128)
+                    .map(|index: i32| {
+                        let far = [1.0, 1.0, 1000.0, 3.0e7][index as usize % 4];
+                        [0.37 * index as f32 - 20.0, far * (0.3 * (index % 3) as f32 - 0.2), -0.21 * index as f32]
+                    })
+                    .collect(),
+                attributes: Vec::new(),
+            };
+            random_graphs::RandomGraph { seed, trial }
+        })
+        .collect();
+    let judge = Judge { gpu: Some(&gpu), compile: &random_graphs::compile };
+    for outcome in random_graphs::run(&graphs, &judge, &mut Ours) {
+        assert!(outcome.failures.is_empty(), "seed {}: {:?}", outcome.seed, outcome.failures);
+        assert!(outcome.wgsl.as_ref().is_some_and(|found| found.values >= 128), "seed {}", outcome.seed);
+    }
+}
+
 /// With an exponent of 0 every root is infinite, and the search finds nothing. With a negative one a site is infinitely near
 /// wherever a point has one of its coordinates.
 #[test]

@@ -65,10 +65,13 @@ def markdown(record):
     scenes = next((one for one in own if one["name"] == "scenes"), None)
     names = [one["name"] for one in findings]
     rows = [row for one in findings for row in one["rows"] if row["claim"] != "reported"]
-    held = [_holds(one, index) for one in findings for index in range(len(one["rows"]))]
+    held = [holds for one in findings for holds in one["holding"]]
     equals = sum("equals" in row["claim"] for row in rows)
     failing = [
-        one["cells"][i][0] for one in findings for i in range(len(one["rows"])) if _holds(one, i) is False
+        cells[0]
+        for one in findings
+        for cells, holds in zip(one["cells"], one["holding"], strict=True)
+        if holds is False
     ]
     loader = jinja2.FileSystemLoader(ROOT / "docs/findings")
     environment = jinja2.Environment(loader=loader, undefined=jinja2.StrictUndefined, trim_blocks=True)
@@ -88,12 +91,6 @@ def markdown(record):
         failing="outside lie: " + "; ".join(failing) if failing else "",
         versions=_versions(record, last),
     )
-
-
-def _holds(finding, index):
-    """Whether a row's claim holds; None where nothing is claimed."""
-    text = finding["cells"][index][3]
-    return text.startswith("yes") if text else None
 
 
 def _counts(scenes):
@@ -116,7 +113,7 @@ def _effect(finding):
 
 
 def _agreement(finding):
-    held = [_holds(finding, index) for index in range(len(finding["rows"]))]
+    held = finding["holding"]
     return f"{held.count(True)} of {len(held) - held.count(None)} predictions hold"
 
 

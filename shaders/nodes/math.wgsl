@@ -1,5 +1,5 @@
 // Math node (ShaderNodeMath), scalar: one operation per instance, named by the def OPERATION_<NAME>; USE_CLAMP limits
-// the result to [0, 1].
+// the result to [0, 1]; BEFORE_BLENDER_5 makes negative powers of 0 infinite, as in Blender 4.5.
 // Source: Blender's operation list; a = Value, b = Value_001, c = Value_002, as many as the operation has.
 // Divisions by zero, roots and logarithms of what has none and remainders by zero give 0, not NaN.
 // Domain: finite f32. Limits: +, -, * and comparisons follow the device's f32; see numeric for the functions.
@@ -30,6 +30,11 @@ fn evaluate(a: f32, b: f32, c: f32) -> f32 {
 }
 #else ifdef OPERATION_POWER
 fn evaluate(a: f32, b: f32) -> f32 {
+#ifdef BEFORE_BLENDER_5
+    if b < 0.0 && abs(a) < numeric::SMALLEST_NORMAL {
+        return finish(numeric::exp_of(numeric::LARGEST));
+    }
+#endif
     return finish(safe_pow(a, b));
 }
 #else ifdef OPERATION_LOGARITHM

@@ -4,6 +4,7 @@
 // Divisions and remainders by zero give 0; the direction of a zero vector is the zero vector.
 // Domain: finite f32. Limits: squares overflow for components above 1.8e19. MODULO is not the exact remainder of the
 // Math node, and WRAP has another form than there; both as in Blender.
+#import cloudparity::numeric
 #import cloudparity::numeric::{safe_divide3, safe_pow3, sin3, cos3, tan3}
 
 // Sums in Blender's order; the built-in leaves the order open.
@@ -95,7 +96,12 @@ fn evaluate(a: vec3f) -> vec3f {
 }
 #else ifdef OPERATION_POWER
 fn evaluate(a: vec3f, b: vec3f) -> vec3f {
+#ifdef BEFORE_BLENDER_5
+    let is_pole = (b < vec3f(0.0)) & (abs(a) < vec3f(numeric::SMALLEST_NORMAL));
+    return select(safe_pow3(a, b), vec3f(numeric::exp_of(numeric::LARGEST)), is_pole);
+#else
     return safe_pow3(a, b);
+#endif
 }
 #else ifdef OPERATION_SIGN
 fn evaluate(a: vec3f) -> vec3f {
@@ -123,14 +129,23 @@ fn evaluate(a: vec3f) -> vec3f {
 }
 #else ifdef OPERATION_MODULO
 fn evaluate(a: vec3f, b: vec3f) -> vec3f {
+#ifdef BEFORE_BLENDER_5
+    let rest = vec3f(numeric::fmod(a.x, b.x), numeric::fmod(a.y, b.y), numeric::fmod(a.z, b.z));
+    return select(vec3f(0.0), rest, b != vec3f(0.0));
+#else
     return select(vec3f(0.0), a - trunc(a / b) * b, b != vec3f(0.0));
+#endif
 }
 #else ifdef OPERATION_WRAP
 // b is the maximum, c the minimum.
 fn evaluate(a: vec3f, b: vec3f, c: vec3f) -> vec3f {
     let v = a - c;
     let range = b - c;
+#ifdef BEFORE_BLENDER_5
+    return select(c, a - range * floor(v / range), range != vec3f(0.0));
+#else
     return select(c, (v - floor(v / range) * range) + c, range != vec3f(0.0));
+#endif
 }
 #else ifdef OPERATION_SNAP
 fn evaluate(a: vec3f, b: vec3f) -> vec3f {

@@ -6,7 +6,9 @@
 // Nothing is hashed that cannot change the result: see "Search". Ties go to the first cell of Blender's scan.
 // Domain: finite f32; detail is limited to [0, 15]. Limits: cells from 2^31 on are all the same; above 1 the distance
 // may miss a nearer point outside the searched cells, as it does in Blender.
+// BEFORE_BLENDER_5: the random numbers of a cell in 2D to 4D are hashed from its corner as floats, as in Blender 4.5.
 #import cloudparity::hash::{pcg2_rounds, pcg3_rounds, pcg4_rounds, pcg3, pcg4, hash_float1, hash_float2}
+#import cloudparity::hash::{jenkins2, jenkins3, jenkins4, unit_from_bits}
 #import cloudparity::hash::{PCG_MULTIPLIER, PCG_INCREMENT, PCG_UNIT}
 #import cloudparity::numeric::{exp_of, safe_pow, to_int, LARGEST, SMALLEST_NORMAL}
 
@@ -171,7 +173,80 @@ fn site_of(x: vec4f) -> Site {
     return Site(corner, x - corner, cell);
 }
 
-// Hash of a cell whose linear step is done, times 2^31.
+// The hash of a cell starts from a key per axis: its number after the linear step of the hash, or the bits of its corner.
+#ifdef BEFORE_BLENDER_5
+
+const BITS_OF_ONE: u32 = 0x3f800000u;
+const BITS_OF_TWO: u32 = 0x40000000u;
+
+// From 2^30 on a corner's neighbours are itself. Below, its number has it without the sign of a zero, which counts in a hash.
+fn keys_of(site: Site, o: vec4i) -> vec4i {
+    let corner = select(vec4f(site.cell + o), site.corner, abs(site.corner) >= vec4f(1073741824.0));
+    return bitcast<vec4i>(corner);
+}
+
+fn next_key(key: i32, step: i32) -> i32 {
+    return bitcast<i32>(bitcast<f32>(key) + f32(step));
+}
+
+// Values in [0, 1] of a cell's hash.
+fn rounds(keys: vec4i) -> vec4f {
+    let k = bitcast<vec4u>(keys);
+#ifdef VORONOI_DIMENSIONS_2D
+    return vec4f(unit_from_bits(jenkins2(k.x, k.y)), unit_from_bits(jenkins3(k.x, k.y, BITS_OF_ONE)), 0.0, 0.0);
+#else ifdef VORONOI_DIMENSIONS_3D
+    return vec4f(
+        unit_from_bits(jenkins3(k.x, k.y, k.z)),
+        unit_from_bits(jenkins4(k.x, k.y, k.z, BITS_OF_ONE)),
+        unit_from_bits(jenkins4(k.x, k.y, k.z, BITS_OF_TWO)),
+        0.0
+    );
+#else
+    return vec4f(
+        unit_from_bits(jenkins4(k.x, k.y, k.z, k.w)),
+        unit_from_bits(jenkins4(k.w, k.x, k.y, k.z)),
+        unit_from_bits(jenkins4(k.z, k.w, k.x, k.y)),
+        unit_from_bits(jenkins4(k.y, k.z, k.w, k.x))
+    );
+#endif
+}
+
+// What a component of the hash counts.
+fn jitter(p: Parameters) -> f32 {
+    return p.randomness;
+}
+
+// The colour of White Noise Texture at the cell's corner.
+fn color_of(site: Site, o: vec4i) -> vec3f {
+    let k = bitcast<vec4u>(keys_of(site, o));
+#ifdef VORONOI_DIMENSIONS_2D
+    return vec3f(
+        unit_from_bits(jenkins2(k.x, k.y)),
+        unit_from_bits(jenkins3(k.x, k.y, BITS_OF_ONE)),
+        unit_from_bits(jenkins3(k.x, k.y, BITS_OF_TWO))
+    );
+#else ifdef VORONOI_DIMENSIONS_3D
+    return rounds(bitcast<vec4i>(k)).xyz;
+#else
+    return vec3f(
+        unit_from_bits(jenkins4(k.x, k.y, k.z, k.w)),
+        unit_from_bits(jenkins4(k.z, k.x, k.w, k.y)),
+        unit_from_bits(jenkins4(k.w, k.z, k.y, k.x))
+    );
+#endif
+}
+
+#else
+
+fn keys_of(site: Site, o: vec4i) -> vec4i {
+    return (site.cell + o) * PCG_MULTIPLIER + PCG_INCREMENT;
+}
+
+fn next_key(key: i32, step: i32) -> i32 {
+    return key + step;
+}
+
+// Hash of a cell, times 2^31.
 fn rounds(linear: vec4i) -> vec4f {
 #ifdef VORONOI_DIMENSIONS_2D
     return vec4f(pcg2_rounds(linear.xy), 0.0, 0.0);
@@ -187,12 +262,8 @@ fn jitter(p: Parameters) -> f32 {
     return p.randomness * PCG_UNIT;
 }
 
-// The point of cell C + o, relative to C.
-fn point_of(site: Site, o: vec4i, p: Parameters) -> vec4f {
-    return vec4f(o) + rounds((site.cell + o) * PCG_MULTIPLIER + PCG_INCREMENT) * jitter(p);
-}
-
-fn color_of(cell: vec4i) -> vec3f {
+fn color_of(site: Site, o: vec4i) -> vec3f {
+    let cell = site.cell + o;
 #ifdef VORONOI_DIMENSIONS_2D
     return pcg3(vec3i(cell.xy, 0));
 #else ifdef VORONOI_DIMENSIONS_3D
@@ -201,6 +272,20 @@ fn color_of(cell: vec4i) -> vec3f {
     return pcg4(cell).xyz;
 #endif
 }
+
+#endif
+
+// The point of cell C + o, relative to C.
+fn point_of(site: Site, o: vec4i, p: Parameters) -> vec4f {
+    return vec4f(o) + rounds(keys_of(site, o)) * jitter(p);
+}
+
+// What next_key() takes for one cell.
+#ifdef BEFORE_BLENDER_5
+const KEY_STEP: i32 = 1;
+#else
+const KEY_STEP: i32 = PCG_MULTIPLIER;
+#endif
 
 // Blender's scans run over [-1, 1] (Smooth F1: [-2, 2]) in every axis, x fastest; axes beyond the dimension are still.
 #ifdef VORONOI_DIMENSIONS_2D
@@ -231,9 +316,9 @@ struct Search {
 
 struct Axes {
     local: vec4f,
-    // Linear step of the hash of the own cell, and its change towards the near side.
-    hash: vec4i,
-    hash_step: vec4i,
+    // Keys of the own cell, and the step of next_key() towards the near side.
+    keys: vec4i,
+    key_step: vec4i,
     near: vec4f,
     near_bound: vec4f,
     far_bound: vec4f,
@@ -270,8 +355,8 @@ fn visit_two(s: ptr<function, Search>, r: f32, measure: f32) {
     (*s).nearest = min((*s).nearest, measure);
 }
 
-fn visit(s: ptr<function, Search>, a: Axes, o: vec4f, hash: vec4i) {
-    let v = (o + rounds(hash) * a.jitter) - a.local;
+fn visit(s: ptr<function, Search>, a: Axes, o: vec4f, keys: vec4i) {
+    let v = (o + rounds(keys) * a.jitter) - a.local;
     let measure = comparable(combine(terms(v, a.exponent), a.one), a.exponent);
 #ifdef FEATURE_F2
     visit_two(s, rank(o), measure);
@@ -319,21 +404,21 @@ fn hopeless(s: ptr<function, Search>, a: Axes, bounds: vec4f) -> bool {
 // The loops test at their end: the own cell of an axis is never in doubt, and a wave leaves once all its lanes do.
 // The innermost axis, x, is written out, and only its farther neighbour is tested. An axis' state is three scalars:
 // vectors would be carried around the loops with all their components.
-fn scan_y(s: ptr<function, Search>, a: Axes, o: vec4f, hash: vec4i, bounds: vec4f) {
+fn scan_y(s: ptr<function, Search>, a: Axes, o: vec4f, keys: vec4i, bounds: vec4f) {
     var o_y = 0.0;
-    var hash_y = a.hash.y;
+    var key_y = a.keys.y;
     var bound_y = 0.0;
     var place = 0;
     loop {
-        visit(s, a, vec4f(0.0, o_y, o.zw), vec4i(a.hash.x, hash_y, hash.zw));
-        visit(s, a, vec4f(a.near.x, o_y, o.zw), vec4i(a.hash.x + a.hash_step.x, hash_y, hash.zw));
+        visit(s, a, vec4f(0.0, o_y, o.zw), vec4i(a.keys.x, key_y, keys.zw));
+        visit(s, a, vec4f(a.near.x, o_y, o.zw), vec4i(next_key(a.keys.x, a.key_step.x), key_y, keys.zw));
         if !hopeless(s, a, vec4f(a.far_bound.x, bound_y, bounds.zw)) {
-            visit(s, a, vec4f(-a.near.x, o_y, o.zw), vec4i(a.hash.x - a.hash_step.x, hash_y, hash.zw));
+            visit(s, a, vec4f(-a.near.x, o_y, o.zw), vec4i(next_key(a.keys.x, -a.key_step.x), key_y, keys.zw));
         }
         continuing {
             place += 1;
             o_y = select(-a.near.y, a.near.y, place == 1);
-            hash_y = a.hash.y + select(-a.hash_step.y, a.hash_step.y, place == 1);
+            key_y = next_key(a.keys.y, select(-a.key_step.y, a.key_step.y, place == 1));
             bound_y = select(a.far_bound.y, a.near_bound.y, place == 1);
             break if (place > 2) | hopeless(s, a, vec4f(0.0, bound_y, bounds.zw));
         }
@@ -346,24 +431,24 @@ fn scan_all(s: ptr<function, Search>, a: Axes) {
     for (var y = -1; y <= 1; y++) {
         for (var x = -1; x <= 1; x++) {
             let o = vec4i(x, y, 0, 0);
-            visit(s, a, vec4f(o), a.hash + o * PCG_MULTIPLIER);
+            visit(s, a, vec4f(o), vec4i(next_key(a.keys.x, x * KEY_STEP), next_key(a.keys.y, y * KEY_STEP), a.keys.zw));
         }
     }
 }
 #endif
 
 #ifndef VORONOI_DIMENSIONS_2D
-fn scan_z(s: ptr<function, Search>, a: Axes, o: vec4f, hash: vec4i, bounds: vec4f) {
+fn scan_z(s: ptr<function, Search>, a: Axes, o: vec4f, keys: vec4i, bounds: vec4f) {
     var o_z = 0.0;
-    var hash_z = a.hash.z;
+    var key_z = a.keys.z;
     var bound_z = 0.0;
     var place = 0;
     loop {
-        scan_y(s, a, vec4f(0.0, 0.0, o_z, o.w), vec4i(a.hash.xy, hash_z, hash.w), vec4f(0.0, 0.0, bound_z, bounds.w));
+        scan_y(s, a, vec4f(0.0, 0.0, o_z, o.w), vec4i(a.keys.xy, key_z, keys.w), vec4f(0.0, 0.0, bound_z, bounds.w));
         continuing {
             place += 1;
             o_z = select(-a.near.z, a.near.z, place == 1);
-            hash_z = a.hash.z + select(-a.hash_step.z, a.hash_step.z, place == 1);
+            key_z = next_key(a.keys.z, select(-a.key_step.z, a.key_step.z, place == 1));
             bound_z = select(a.far_bound.z, a.near_bound.z, place == 1);
             break if (place > 2) | hopeless(s, a, vec4f(0.0, 0.0, bound_z, bounds.w));
         }
@@ -374,15 +459,15 @@ fn scan_z(s: ptr<function, Search>, a: Axes, o: vec4f, hash: vec4i, bounds: vec4
 #ifdef VORONOI_DIMENSIONS_4D
 fn scan_w(s: ptr<function, Search>, a: Axes) {
     var o_w = 0.0;
-    var hash_w = a.hash.w;
+    var key_w = a.keys.w;
     var bound_w = 0.0;
     var place = 0;
     loop {
-        scan_z(s, a, vec4f(0.0, 0.0, 0.0, o_w), vec4i(a.hash.xyz, hash_w), vec4f(0.0, 0.0, 0.0, bound_w));
+        scan_z(s, a, vec4f(0.0, 0.0, 0.0, o_w), vec4i(a.keys.xyz, key_w), vec4f(0.0, 0.0, 0.0, bound_w));
         continuing {
             place += 1;
             o_w = select(-a.near.w, a.near.w, place == 1);
-            hash_w = a.hash.w + select(-a.hash_step.w, a.hash_step.w, place == 1);
+            key_w = next_key(a.keys.w, select(-a.key_step.w, a.key_step.w, place == 1));
             bound_w = select(a.far_bound.w, a.near_bound.w, place == 1);
             break if (place > 2) | hopeless(s, a, vec4f(0.0, 0.0, 0.0, bound_w));
         }
@@ -413,9 +498,9 @@ fn search(site: Site, p: Parameters) -> Search {
     let rest = vec4f(1.0) - site.local;
     var a: Axes;
     a.local = site.local;
-    a.hash = site.cell * PCG_MULTIPLIER + PCG_INCREMENT;
+    a.keys = keys_of(site, vec4i(0));
     // GLSL ES selects no integers by a vector.
-    a.hash_step = PCG_MULTIPLIER * (2 * vec4i(upper) - 1);
+    a.key_step = KEY_STEP * (2 * vec4i(upper) - 1);
     a.near = select(vec4f(-1.0), vec4f(1.0), upper);
     a.near_bound = bound_terms(select(site.local, rest, upper), p.exponent);
     a.far_bound = bound_terms(select(rest, site.local, upper), p.exponent);
@@ -425,12 +510,12 @@ fn search(site: Site, p: Parameters) -> Search {
     var s = Search(LARGEST, 0.0, LARGEST, 0.0);
 #ifdef VORONOI_DIMENSIONS_2D
 #ifdef DISTANCE_MINKOWSKI
-    scan_y(&s, a, vec4f(0.0), a.hash, vec4f(0.0));
+    scan_y(&s, a, vec4f(0.0), a.keys, vec4f(0.0));
 #else
     scan_all(&s, a);
 #endif
 #else ifdef VORONOI_DIMENSIONS_3D
-    scan_z(&s, a, vec4f(0.0), a.hash, vec4f(0.0));
+    scan_z(&s, a, vec4f(0.0), a.keys, vec4f(0.0));
 #else
     scan_w(&s, a);
 #endif
@@ -446,7 +531,7 @@ fn octave_at(site: Site, o: vec4i, distance: f32, is_found: bool, p: Parameters)
     var octave: Octave;
     octave.distance = distance;
 #ifdef OUTPUT_COLOR
-    octave.color = color_of(site.cell + o);
+    octave.color = color_of(site, o);
 #endif
 #ifdef OUTPUT_POSITION
     octave.position = select(vec4f(0.0), point_of(site, o, p), is_found) + site.corner;
@@ -486,7 +571,7 @@ fn fold(octave: ptr<function, Octave>, site: Site, o: vec4i, p: Parameters) {
     let correction = (p.smoothness * h) * (1.0 - h);
     (*octave).distance = (*octave).distance + h * (d - (*octave).distance) - correction;
 #ifdef OUTPUT_COLOR
-    (*octave).color = (*octave).color + h * (color_of(site.cell + o) - (*octave).color)
+    (*octave).color = (*octave).color + h * (color_of(site, o) - (*octave).color)
         - correction / (1.0 + 3.0 * p.smoothness);
 #endif
 #ifdef OUTPUT_POSITION

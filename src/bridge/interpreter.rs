@@ -39,6 +39,11 @@ pub(super) fn within<T>(path: PathBuf, work: impl FnOnce() -> T) -> T {
     work()
 }
 
+/// Whether this thread has another interpreter in the place of the chosen one.
+pub(super) fn is_replaced() -> bool {
+    INSTEAD.with_borrow(Option::is_some)
+}
+
 /// The interpreter: what `CLOUDPARITY_PYTHON` names, else the `.venv` of the project, else `python3`.
 ///
 /// The project is the folder that this program was built from, or the folder of cloudparity's sources that the running program lies in. Its

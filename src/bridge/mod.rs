@@ -73,6 +73,7 @@ pub const SCRIPTS: &[(&str, &str)] = scripts!(
     "scene_io.py",
     "scene_reader.py",
     "study_plot.py",
+    "subset_reference.py",
     "tuning_plot.py",
     "volume_grid.py",
     "volume_reader.py",

@@ -2,9 +2,9 @@
 
 use crate::base::error::{Error, Result};
 use crate::base::files;
-use crate::bridge::{CyclesKernel, Message, run_script};
+use crate::bridge::{CyclesKernel, Message, releases, run_script};
 use crate::graph::Target;
-use crate::scene::Scene;
+use crate::scene::{Release, Scene};
 use serde_json::{Value as Json, json};
 
 /// One graph, its points and the sockets asked for.
@@ -39,6 +39,21 @@ pub struct Answers {
     pub jobs: Vec<Answer>,
     /// Blender's version.
     pub blender: String,
+}
+
+/// The release whose values the jobs' graphs have, which is one.
+fn release_of(jobs: &[Job<'_>]) -> Result<Release> {
+    let mut releases = jobs.iter().map(|job| job.scene.graph().blender);
+    let first = releases.next().unwrap_or_default();
+    match releases.find(|release| *release != first) {
+        None => Ok(first),
+        Some(other) => Err(Error::new(
+            "the graphs that are asked together",
+            format!("values of Blender {first} and of {other}"),
+            "values of one release",
+            "Ask for them one after the other.",
+        )),
+    }
 }
 
 /// Evaluates the jobs in one Blender process, on all cores.
@@ -76,7 +91,8 @@ pub fn ask_on(jobs: &[Job<'_>], kernel: CyclesKernel, threads: u32, receive: imp
         }));
     }
     let request = json!({"jobs": requests, "kernel": kernel.name(), "threads": threads});
-    let result = run_script("probe.py", &request, kernel, receive)?;
+    let release = release_of(jobs)?;
+    let result = releases::with_values_of(release, || run_script("probe.py", &request, kernel, receive))?;
     let broken = || Error::new("script probe.py", result.to_string(), "an answer per job", "Run cloudparity doctor.");
     let mut answers = Vec::new();
     for (number, job) in jobs.iter().enumerate() {

@@ -7,7 +7,7 @@
 use crate::base::error::{Error, Result};
 use crate::base::files;
 use crate::base::identity::Identity;
-use crate::bridge::{CyclesKernel, Message, module_version, run_script};
+use crate::bridge::{CyclesKernel, Message, module_version, releases, run_script};
 use crate::scene::Scene;
 use serde::Serialize;
 use serde_json::{Value as Json, json};
@@ -34,6 +34,11 @@ pub struct ReferenceSettings {
     pub multilayer: bool,
     /// Whether the world is sampled as a light.
     pub world_sampling: WorldSampling,
+    /// Replicas are disjoint subsets of one sequence of samples instead of renders with other seeds: these share what Cycles draws by the
+    /// number of a sample alone, such as the order of its estimator of transmittance. The replica that is called by seed
+    /// [`FIRST_REPLICA_SEED`] + k then is subset k.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub by_subset: bool,
 }
 
 /// How Cycles finds the light of the world.
@@ -92,9 +97,13 @@ impl Default for ReferenceSettings {
             threads: 0,
             multilayer: false,
             world_sampling: WorldSampling::None,
+            by_subset: false,
         }
     }
 }
+
+/// Subsets that a sequence of samples has: fixed, so that a subset does not depend on how many are rendered.
+pub const MOST_SUBSETS: u32 = 64;
 
 /// A reference and where it came from.
 #[derive(Debug, Clone, PartialEq)]
@@ -127,6 +136,26 @@ pub fn references(
     cache: &Path,
     receive: impl FnMut(Message),
 ) -> Result<Vec<Reference>> {
+    releases::with_values_of(scene.graph().blender, || references_here(scene, settings, seeds, cache, receive))
+}
+
+/// [`references`] by the present interpreter.
+fn references_here(
+    scene: &Scene,
+    settings: &ReferenceSettings,
+    seeds: &[u32],
+    cache: &Path,
+    receive: impl FnMut(Message),
+) -> Result<Vec<Reference>> {
+    let subsets = FIRST_REPLICA_SEED..FIRST_REPLICA_SEED + MOST_SUBSETS;
+    if settings.by_subset && !seeds.iter().all(|seed| subsets.contains(seed)) {
+        return Err(Error::new(
+            "replicas by subset",
+            format!("{} of them", seeds.len()),
+            format!("at most {MOST_SUBSETS}, and no seed: all are of one sequence"),
+            "Take fewer, or replicas by seed.",
+        ));
+    }
     let blender = blender_version()?;
     let found: Vec<Reference> = seeds
         .iter()
@@ -141,7 +170,13 @@ pub fn references(
         .zip(seeds)
         .filter(|(reference, _)| !reference.cached)
         .map(|(reference, seed)| {
-            json!({"seed": seed, "exr": reference.path, "metadata": {"request_sha256": reference.key}})
+            let mut replica =
+                json!({"seed": seed, "exr": reference.path, "metadata": {"request_sha256": reference.key}});
+            if settings.by_subset {
+                replica["seed"] = json!(FIRST_REPLICA_SEED);
+                replica["subset"] = json!([(seed - FIRST_REPLICA_SEED) * settings.samples, settings.samples]);
+            }
+            replica
         })
         .collect();
     if missing.is_empty() {
@@ -153,7 +188,7 @@ pub fn references(
         "folder": scene.folder,
         "replicas": missing,
         "resolution": scene.image_size(),
-        "samples": settings.samples,
+        "samples": if settings.by_subset { settings.samples * MOST_SUBSETS } else { settings.samples },
         "film_transparent": scene.film.transparent,
         "volume_bounces": scene.integrator.volume_bounces,
         "volume_biased": settings.volume_biased,
@@ -166,13 +201,18 @@ pub fn references(
             "requested_by": format!("cloudparity {}", Identity::current().full()),
         },
     });
-    run_script("reference.py", &request, CyclesKernel::Default, receive)?;
+    run_script(
+        if settings.by_subset { SUBSET_SCRIPT } else { "reference.py" },
+        &request,
+        CyclesKernel::Default,
+        receive,
+    )?;
     Ok(found)
 }
 
 /// The keys of the pictures of `scene` by Cycles with each of `seeds`, whether the cache has them or not.
 pub fn keys(scene: &Scene, settings: &ReferenceSettings, seeds: &[u32]) -> Result<Vec<String>> {
-    let blender = blender_version()?;
+    let blender = releases::with_values_of(scene.graph().blender, blender_version)?;
     Ok(seeds
         .iter()
         .map(|&seed| request_key(scene, &ReferenceSettings { seed, ..settings.clone() }, &blender))
@@ -200,7 +240,7 @@ fn request_key(scene: &Scene, settings: &ReferenceSettings, blender: &str) -> St
     let settings = ReferenceSettings { threads: 0, ..settings.clone() };
     let scripts: String = super::SCRIPTS
         .iter()
-        .filter(|(name, _)| RENDER_SCRIPTS.contains(name))
+        .filter(|(name, _)| RENDER_SCRIPTS.contains(name) || (settings.by_subset && *name == SUBSET_SCRIPT))
         .map(|(_, text)| files::sha256(text.as_bytes()))
         .collect();
     let request = json!({"scene": scene, "settings": settings, "blender": blender, "scripts": scripts});
@@ -217,6 +257,9 @@ const RENDER_SCRIPTS: [&str; 7] = [
     "node_data.py",
     "rna.py",
 ];
+
+/// What renders replicas by subset.
+const SUBSET_SCRIPT: &str = "subset_reference.py";
 
 /// `CLOUDPARITY_CACHE`, else `~/.cache/cloudparity`.
 pub fn cache_folder() -> Result<PathBuf> {

@@ -2,6 +2,7 @@
 
 use crate::base::error::{Error, Result};
 use crate::bridge::{self, interpreter, reference};
+use crate::scene::Release;
 use std::path::PathBuf;
 use std::process::Command;
 
@@ -18,6 +19,23 @@ const STAMP: &str = "complete";
 /// fetched). An error where that cannot be had.
 pub fn within<T>(release: &str, work: impl FnOnce() -> Result<T>) -> Result<T> {
     interpreter::within(environment(release)?, work)
+}
+
+/// The release whose Cycles has the values of graphs of a release of the field.
+fn truth_of(values: Release) -> Option<&'static str> {
+    match values {
+        Release::Newest => None,
+        Release::Before5 => Some("4.5.15"),
+    }
+}
+
+/// Does something with an interpreter whose Blender has the values that a graph has: the usual one, or that of another release.
+/// Where the caller has chosen a release, that one stays.
+pub fn with_values_of<T>(values: Release, work: impl FnOnce() -> Result<T>) -> Result<T> {
+    match truth_of(values) {
+        Some(release) if !interpreter::is_replaced() => within(release, work),
+        _ => work(),
+    }
 }
 
 /// The interpreter of a release.

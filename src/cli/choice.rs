@@ -39,6 +39,7 @@ mod tests {
         check::<crate::media::majorant::Tracking>();
         check::<crate::media::transfer::Integration>();
         check::<crate::measure::study::pareto_front::Metric>();
+        check::<crate::scene::Release>();
     }
 
     #[test]

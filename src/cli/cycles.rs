@@ -14,7 +14,7 @@ use std::path::{Path, PathBuf};
 /// What only `--integrator cycles` takes.
 ///
 /// With several replicas, OUTPUT is their mean; beside it lie OUTPUT.variance.exr (of one replica, per pixel) and every
-/// replica as OUTPUT.seed-N.exr, which `cloudparity diff --reference` takes.
+/// replica as OUTPUT.seed-N.exr or OUTPUT.subset-N.exr, which `cloudparity diff --reference` takes.
 #[derive(clap::Args)]
 pub(super) struct CyclesArguments {
     /// cycles: samples and replicas at once: ci is 64 and 8, standard 1024 and 4, converged 4096 and 4. Sizes that fit are 64x64,
@@ -31,6 +31,10 @@ pub(super) struct CyclesArguments {
     /// picture as world in the others.
     #[arg(long)]
     sample_world: bool,
+    /// cycles: replicas are disjoint subsets of one sequence of samples instead of renders with other seeds, which share a part of
+    /// Cycles' error (docs/findings).
+    #[arg(long, conflicts_with_all = ["seed", "multilayer"])]
+    by_subset: bool,
     /// cycles: threads; 0 takes all [default: 0].
     #[arg(long, value_name = "N")]
     threads: Option<u32>,
@@ -62,12 +66,13 @@ const MOST_SEED: u32 = 2_147_482_623;
 
 impl CyclesArguments {
     /// Options by name, and whether each is given.
-    pub(super) fn given(&self) -> [(&'static str, bool); 6] {
+    pub(super) fn given(&self) -> [(&'static str, bool); 7] {
         [
             ("--effort", self.effort.is_some()),
             ("--volume-biased", self.volume_biased),
             ("--step-rate", self.step_rate.is_some()),
             ("--sample-world", self.sample_world),
+            ("--by-subset", self.by_subset),
             ("--threads", self.threads.is_some()),
             ("--multilayer", self.multilayer),
         ]
@@ -78,7 +83,7 @@ impl CyclesArguments {
         let effort = self.effort.map(Quality::from);
         let default = ReferenceSettings::default();
         let count = replicas.or(effort.map(Quality::replicas)).unwrap_or(1);
-        let first = seed.unwrap_or(if count > 1 { FIRST_REPLICA_SEED } else { default.seed });
+        let first = seed.unwrap_or(if count > 1 || self.by_subset { FIRST_REPLICA_SEED } else { default.seed });
         let settings = ReferenceSettings {
             samples: samples.or(effort.map(Quality::samples)).unwrap_or(default.samples),
             seed: first,
@@ -87,6 +92,7 @@ impl CyclesArguments {
             threads: self.threads.unwrap_or(default.threads),
             multilayer: self.multilayer,
             world_sampling: if self.sample_world { WorldSampling::Automatic } else { WorldSampling::None },
+            by_subset: self.by_subset,
         };
         (settings, (first..first + count).collect())
     }
@@ -114,8 +120,10 @@ impl CyclesArguments {
             copy(only, output)?;
             return Ok(what(only.cached));
         }
+        let first = seeds[0];
         for (reference, seed) in found.iter().zip(&seeds) {
-            let path = super::beside(output, &format!("seed-{seed}"));
+            let name = if self.by_subset { format!("subset-{}", seed - first) } else { format!("seed-{seed}") };
+            let path = super::beside(output, &name);
             copy(reference, &path)?;
             super::print(&line(reference, &path))?;
         }

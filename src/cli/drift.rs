@@ -1,10 +1,13 @@
 //! `cloudparity measure drift`: what other releases of Blender make of the same nodes.
 
 use crate::base::error::Result;
+use crate::base::files;
 use crate::bridge::releases::RELEASES;
+use crate::cli::choice::choice;
 use crate::cli::resume::{ExperimentArguments, whole};
 use crate::measure::nodes::drift::{Asked, measure};
-use crate::scene::Scene;
+use crate::measure::nodes::node_releases::NodeReleases;
+use crate::scene::{Release, Scene};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
@@ -18,6 +21,9 @@ pub(super) struct Arguments {
     /// Releases, by the numbers of their packages.
     #[arg(long, value_name = "LIST", value_delimiter = ',', default_values = RELEASES)]
     releases: Vec<String>,
+    /// The release whose values our evaluators have.
+    #[arg(long, value_name = "RELEASE", value_parser = choice::<Release>(), default_value_t)]
+    blender: Release,
     /// Points per mode (Voronoi Texture: two ninths of it).
     #[arg(long, value_name = "N", default_value_t = 1152)]
     points: usize,
@@ -39,6 +45,9 @@ pub(super) struct Arguments {
     /// Of pictures: replicas of each side, at least 6.
     #[arg(long, value_name = "N", default_value_t = 8)]
     replicas: u32,
+    /// Also put which releases have the values of which nodes into this file, as `parity/node-releases.json` holds it.
+    #[arg(long, value_name = "FILE")]
+    summary: Option<PathBuf>,
     /// The folder for the results.
     #[arg(short, long, value_name = "DIR")]
     output: PathBuf,
@@ -55,9 +64,17 @@ pub(super) fn of_size(path: &Path, resolution: [u32; 2]) -> Result<Scene> {
 }
 
 pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
-    let Arguments { releases, points, seed, node, output, experiment, samples, replicas, .. } = arguments;
+    let Arguments { releases, points, seed, node, output, experiment, samples, replicas, blender, .. } = arguments;
     let (releases, node) = (releases.clone(), node.clone());
-    let asked = Asked { releases, points: *points, seed: *seed, node, samples: *samples, replicas: *replicas };
+    let asked = Asked {
+        releases,
+        points: *points,
+        seed: *seed,
+        node,
+        samples: *samples,
+        replicas: *replicas,
+        blender: *blender,
+    };
     let load = |path: &PathBuf| of_size(path, arguments.resolution);
     let scenes = arguments.scenes.iter().map(load).collect::<Result<Vec<_>>>()?;
     let bar = super::progress_bar(1000);
@@ -65,6 +82,11 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
     let outcome = measure(asked, scenes, output, &experiment.settings(), &progress)?;
     bar.finish_and_clear();
     let Some(drift) = whole(outcome) else { return Ok(ExitCode::SUCCESS) };
+    if let Some(path) = &arguments.summary {
+        let mut known = NodeReleases::load(path)?;
+        known.put(&drift);
+        files::write_atomically(path, known.to_text().as_bytes())?;
+    }
     super::print(&drift.summary())?;
     Ok(if drift.left_out.is_empty() { ExitCode::SUCCESS } else { ExitCode::from(super::COULD_NOT) })
 }

@@ -5,6 +5,7 @@ use crate::base::files;
 use crate::base::kinds::{self, FileKind};
 use crate::bridge;
 use crate::bridge::CyclesKernel;
+use crate::cli::choice::choice;
 use crate::cli::display::DisplayArguments;
 use crate::cli::{build, display};
 use crate::engines;
@@ -12,7 +13,7 @@ use crate::engines::defects::Defects;
 use crate::engines::parameters::Values;
 use crate::graph::closures::ClosureSum;
 use crate::nodes::refused;
-use crate::scene::{Scene, Shape};
+use crate::scene::{Release, Scene, Shape};
 use serde_json::json;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -26,6 +27,7 @@ use std::process::ExitCode;
 #[derive(clap::Args)]
 #[command(after_help = "Examples:
   cloudparity export CLOUD.blend -o CLOUD.scene.json
+  cloudparity export CLOUD.blend --blender 4.5 -o CLOUD-OF-4.5.scene.json
   cloudparity export CLOUD.scene.json -o CLOUD.blend
   cloudparity export CLOUD.scene.json --model bolt -o BOLT.scene.json
   cloudparity export CLOUD.scene.json --sky bolt --sun-elevation 5 -o DUSK.scene.json
@@ -40,6 +42,9 @@ pub(super) struct Arguments {
     /// The frame of the .blend to read it at, one of its scene's; without it the file's current one.
     #[arg(long, value_name = "FRAME", allow_negative_numbers = true)]
     frame: Option<i32>,
+    /// Of a .blend: the release of Blender whose values the nodes get, for who works with an older one.
+    #[arg(long, value_name = "RELEASE", value_parser = choice::<Release>(), default_value_t)]
+    blender: Release,
     /// The file to write.
     #[arg(short, long, value_name = "FILE")]
     output: PathBuf,
@@ -107,7 +112,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
         build::build(first, output)?;
         super::print(&format!("{}\n", output.display()))?;
     } else {
-        let scene = export(first, &arguments.object, arguments.frame, output)?;
+        let scene = export(first, &arguments.object, arguments.frame, arguments.blender, output)?;
         super::print(&format!("{}: {}\n", output.display(), describe(&scene)))?;
     }
     Ok(ExitCode::SUCCESS)
@@ -149,7 +154,13 @@ fn published(arguments: &Arguments, mut scene: Scene) -> Result<String> {
 
 /// Reads a .blend, of all its volumes or of the objects that are named, at its own or another frame, and writes the scene file with what
 /// belongs beside it.
-pub(super) fn export(blend: &Path, objects: &[String], frame: Option<i32>, output: &Path) -> Result<Scene> {
+pub(super) fn export(
+    blend: &Path,
+    objects: &[String],
+    frame: Option<i32>,
+    release: Release,
+    output: &Path,
+) -> Result<Scene> {
     let place = blend.display().to_string();
     kinds::want(blend, FileKind::Blend)?;
     let bar = super::progress_bar(1000);
@@ -167,8 +178,13 @@ pub(super) fn export(blend: &Path, objects: &[String], frame: Option<i32>, outpu
         false => Error { place: format!("{place}: {}", error.place), ..error },
     };
     let result = bridge::run_script("export_scene.py", &request, CyclesKernel::Default, super::report_to(&bar));
-    let result = result.map_err(in_file)?;
+    let mut result = result.map_err(in_file)?;
     bar.finish_and_clear();
+    if !release.is_newest() {
+        let scene = &mut result["scene"];
+        scene["graph"]["blender"] = json!(release);
+        scene["other_graphs"].as_array_mut().into_iter().flatten().for_each(|graph| graph["blender"] = json!(release));
+    }
     let text = serde_json::to_string_pretty(&result["scene"]).expect("JSON serialises") + "\n";
     let mut beside = Vec::new();
     for (name, source) in result["files"].as_object().into_iter().flatten() {

@@ -4,7 +4,8 @@ use super::first_files;
 use crate::base::error::{Error, Result};
 use crate::base::files;
 use crate::base::kinds::FileKind;
-use crate::scene::Scene;
+use crate::cli::choice::choice;
+use crate::scene::{Release, Scene};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
@@ -20,6 +21,9 @@ pub(super) struct Arguments {
     /// The frame of the .blend to read it at, one of its scene's; without it the file's current one.
     #[arg(long, value_name = "FRAME", allow_negative_numbers = true)]
     frame: Option<i32>,
+    /// Of a .blend: the release of Blender whose values the nodes get, for who works with an older one.
+    #[arg(long, value_name = "RELEASE", value_parser = choice::<Release>(), default_value_t)]
+    blender: Release,
     /// The folder to write; without it one beside the .blend that is named after it.
     #[arg(short, long, value_name = "DIR")]
     output: Option<PathBuf>,
@@ -57,7 +61,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
     let scene = if is_scene {
         Scene::load(file)?
     } else {
-        super::export::export(file, &arguments.object, arguments.frame, &scene_file)?
+        super::export::export(file, &arguments.object, arguments.frame, arguments.blender, &scene_file)?
     };
     // A scene that is there already stays where it is.
     let scene_file = if is_scene { file.clone() } else { scene_file };

@@ -4,12 +4,14 @@ mod graphs;
 
 use crate::base::error::Result;
 use crate::base::files;
+use crate::cli::choice::choice;
 use crate::cli::resume::ResumeArguments;
 use crate::gpu::Gpu;
 use crate::measure::nodes::constants;
 use crate::measure::nodes::measurements::NodeErrors;
 use crate::measure::nodes::suite;
 use crate::measure::nodes::suite::{ModeComparison, Selection};
+use crate::scene::Release;
 use std::fmt::Write;
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -31,6 +33,9 @@ pub(super) struct Arguments {
     /// Only this node, by Blender's label: "Math", "Voronoi Texture".
     #[arg(long, value_name = "LABEL")]
     node: Option<String>,
+    /// Compare our values of this release of Blender with its Cycles, which is fetched where it is not the usual one.
+    #[arg(long, value_name = "RELEASE", value_parser = choice::<Release>(), default_value_t, conflicts_with = "graphs")]
+    blender: Release,
     /// Only modes with outputs that jump (Voronoi Color and Position, Snap), at ordinary points.
     #[arg(long)]
     jumping: bool,
@@ -73,6 +78,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
     }
     let selection = if arguments.jumping { Selection::Jumping } else { Selection::Everything };
     let cases = suite::cases(arguments.points, arguments.seed, arguments.node.as_deref(), selection)?;
+    let cases = suite::with_values_of(arguments.blender, cases);
     let gpu = if arguments.without_gpu { None } else { Some(Gpu::open()) };
     let opened = gpu.as_ref().and_then(|found| found.as_ref().ok());
     let bar = super::progress_bar(1000);
@@ -111,7 +117,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
 }
 
 fn run_constants(arguments: &Arguments, sets: usize) -> Result<ExitCode> {
-    let cases = constants::cases(sets.max(1), arguments.seed, arguments.node.as_deref())?;
+    let cases = constants::cases(sets.max(1), arguments.seed, arguments.node.as_deref(), arguments.blender)?;
     let bar = super::progress_bar(1000);
     let outcome = constants::run(&cases, super::report_to(&bar))?;
     bar.finish_and_clear();

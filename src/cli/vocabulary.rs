@@ -9,6 +9,7 @@ use std::path::Path;
 const SHARED: &[(&str, &[&str], &[&str])] = &[
     ("backend", &["BACKEND"], &["where it runs", "all cores, the adapter"]),
     ("background", &["R,G,B"], &["behind a transparent film"]),
+    ("blender", &["RELEASE"], &["release of blender", "release whose values"]),
     ("cache-filter", &["CACHE_FILTER"], &["density cache is read"]),
     ("cache-format", &["CACHE_FORMAT"], &["density cache stores"]),
     ("defects", &["NAMES"], &["defects of the original that are kept"]),

@@ -4,7 +4,7 @@ use crate::base::error::{Error, Result};
 use crate::graph::{Note, Target};
 use crate::nodes::{self, Mode, NodeType, Role, SourceContext, SourceValue, refused};
 use crate::scene::volume_grid::DENSITY;
-use crate::scene::{DEEPEST_NESTING, Graph, Group, Input, Node, Socket, SocketType, Volume};
+use crate::scene::{DEEPEST_NESTING, Graph, Group, Input, Node, Release, Socket, SocketType, Volume};
 use std::collections::{HashMap, HashSet};
 
 /// Where a component comes from, before registers are numbered.
@@ -394,8 +394,18 @@ impl<'a> Flattener<'a> {
         declared: SocketType,
         sources: Vec<Source>,
     ) -> Resolved {
-        if found == declared || !sources.iter().all(|source| self.is_constant(source)) {
+        if found == declared {
             return (found, sources);
+        }
+        if !sources.iter().all(|source| self.is_constant(source)) {
+            // Up to Blender 4.5 every socket of a group and of a muted node converts.
+            let values = [SocketType::Float, SocketType::Vector, SocketType::Color];
+            return match self.graph.blender {
+                Release::Before5 if values.contains(&declared) => {
+                    (declared, self.convert(tree, node, found, declared, sources))
+                }
+                _ => (found, sources),
+            };
         }
         let mut sources = self.convert(tree, node, found, declared, sources);
         let operation = match declared {
@@ -507,7 +517,7 @@ impl<'a> Flattener<'a> {
     ) -> Result<Resolved> {
         let place = self.place(tree, &node.name);
         refuse_settings(node_type, node, &place)?;
-        let mode = Mode::of_node(node_type, node, &place)?;
+        let mode = Mode::of_node(node_type, node, &place)?.with_release(self.graph.blender);
         let existing: Vec<_> = node_type.outputs_of(&mode).collect();
         let Some(position) = existing.iter().position(|output| output.identifier == socket) else {
             let names: Vec<_> = existing.iter().map(|output| output.identifier).collect();
@@ -764,7 +774,7 @@ impl<'a> Flattener<'a> {
         let label = format!("{} {}", self.label(tree, &node.name), node_type.label);
         let mode = Mode::read(node_type, properties, &label).expect("the compiler's own properties are legal");
         let outputs = node_type.outputs_of(&mode).map(|output| output.identifier).collect();
-        let mode = mode.with_wanted(outputs);
+        let mode = mode.with_wanted(outputs).with_release(self.graph.blender);
         // A lookup has no grid yet, and no kernel; but its index varies.
         let constant = self.folds_early(node_type, &mode, &inputs);
         // Conversions are nodes of Cycles; matrices are parts of textures.

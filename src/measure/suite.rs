@@ -4,7 +4,7 @@ use crate::base::error::{Error, Result};
 use crate::base::files;
 use crate::base::identity::Identity;
 use crate::bridge::reference::{
-    FIRST_REPLICA_SEED, Reference, ReferenceSettings, WorldSampling, cache_folder, keys, references,
+    FIRST_REPLICA_SEED, MOST_SUBSETS, Reference, ReferenceSettings, WorldSampling, cache_folder, keys, references,
 };
 use crate::gpu::Backend;
 use crate::integrators::path;
@@ -70,6 +70,8 @@ pub struct Entry {
 pub enum Replicas {
     /// That many renders per side, each with its own seed.
     Seeds(u32),
+    /// That many per side: of Cycles disjoint subsets of one sequence of samples, whose spread has what all seeds share; of ours seeds.
+    Subsets(u32),
     /// One render per side at that many times the resolution per axis; the images at each position of the sub-pixels are the
     /// replicas, in pairs. For scenes whose preparation in Cycles takes minutes.
     SubPixels(u32),
@@ -105,10 +107,15 @@ impl Suite {
             }
             let (count, most) = match entry.replicas {
                 Replicas::Seeds(count) => (count, 1024),
+                Replicas::Subsets(count) => (count, MOST_SUBSETS),
                 Replicas::SubPixels(factor) => (factor.saturating_mul(factor), 64 * 64),
             };
             if !(FEWEST_REPLICAS..=most).contains(&count) {
-                return wrong("replicas", format!("{count} replicas"), "8 or more; 3 to 64 sub-pixels per axis");
+                return wrong(
+                    "replicas",
+                    format!("{count} replicas"),
+                    "8 or more, at most 64 by subset; 3 to 64 sub-pixels per axis",
+                );
             }
         }
         Ok(suite)
@@ -149,13 +156,14 @@ impl Entry {
         ReferenceSettings {
             samples: self.samples,
             world_sampling: if self.sample_world { WorldSampling::Automatic } else { WorldSampling::None },
+            by_subset: matches!(self.replicas, Replicas::Subsets(_)),
             ..ReferenceSettings::default()
         }
     }
 
     pub(crate) fn sub_pixels(&self) -> Option<u32> {
         match self.replicas {
-            Replicas::Seeds(_) => None,
+            Replicas::Seeds(_) | Replicas::Subsets(_) => None,
             Replicas::SubPixels(factor) => Some(factor),
         }
     }
@@ -163,7 +171,7 @@ impl Entry {
     /// How many renders each side takes.
     fn renders(&self) -> u32 {
         match self.replicas {
-            Replicas::Seeds(count) => count,
+            Replicas::Seeds(count) | Replicas::Subsets(count) => count,
             Replicas::SubPixels(_) => 1,
         }
     }
@@ -177,7 +185,9 @@ impl Entry {
     /// Seeds of Cycles' renders.
     fn reference_seeds(&self) -> Vec<u32> {
         match self.replicas {
-            Replicas::Seeds(count) => (FIRST_REPLICA_SEED..FIRST_REPLICA_SEED + count).collect(),
+            Replicas::Seeds(count) | Replicas::Subsets(count) => {
+                (FIRST_REPLICA_SEED..FIRST_REPLICA_SEED + count).collect()
+            }
             Replicas::SubPixels(_) => vec![self.reference_settings().seed],
         }
     }
@@ -292,6 +302,7 @@ mod tests {
             ("samples", json!(0), "$.entries[1].samples"),
             ("replicas", json!({"seeds": 2}), "$.entries[1].replicas"),
             ("replicas", json!({"sub_pixels": 1000}), "$.entries[1].replicas"),
+            ("replicas", json!({"subsets": 65}), "$.entries[1].replicas"),
             ("colour", json!(1), "$.entries[1]"),
         ] {
             let error = loaded(|suite| suite["entries"][1][field] = value).expect_err(field);

@@ -7,9 +7,13 @@
 use crate::nodes::bounds::Interval;
 use crate::nodes::real::Real;
 use crate::nodes::vector_output;
+use crate::scene::Release;
 
 /// Luminance weights of linear Rec. 709 primaries.
 const LUMINANCE: [f32; 3] = [0.212_639_12, 0.715_169_13, 0.072_192_76];
+
+/// The weights of Blender 4.5, as its RGB to BW gives them for pure colours.
+const LUMINANCE_BEFORE_5: [f32; 3] = [0.212_674_04, 0.715_151_6, 0.072_175_42];
 
 /// What an implementation may change in a saturation or a place within a sector, absolute: a few units in
 /// the last place of 1.
@@ -77,15 +81,22 @@ impl ColorSpace {
 
 /// Luminance of a colour.
 #[inline(always)]
-pub fn luminance<R: Real>([red, green, blue]: [R; 3]) -> R {
-    let [r, g, b] = LUMINANCE.map(R::of);
+pub fn luminance<R: Real>([red, green, blue]: [R; 3], release: Release) -> R {
+    let [r, g, b] = luminance_weights(release).map(R::of);
     (red * r + green * g) + blue * b
 }
 
 /// Encloses [`luminance`].
-pub fn enclose_luminance([red, green, blue]: [Interval; 3]) -> Interval {
-    let [r, g, b] = LUMINANCE.map(Interval::point);
+pub fn enclose_luminance([red, green, blue]: [Interval; 3], release: Release) -> Interval {
+    let [r, g, b] = luminance_weights(release).map(Interval::point);
     (red * r + green * g) + blue * b
+}
+
+fn luminance_weights(release: Release) -> [f32; 3] {
+    match release {
+        Release::Newest => LUMINANCE,
+        Release::Before5 => LUMINANCE_BEFORE_5,
+    }
 }
 
 /// Largest channel, which is NaN only if all are, and smallest one.

@@ -11,7 +11,7 @@ use crate::nodes::real::Real;
 use crate::nodes::{
     Column, Evaluate, InputSocket, Interval, NodeType, OutputSocket, Property, Role, Simplified, always, map,
 };
-use crate::scene::SocketType;
+use crate::scene::{Release, SocketType};
 
 /// The node type. It has no counterpart in Blender's interface.
 pub static TYPE: NodeType = NodeType {
@@ -22,7 +22,9 @@ pub static TYPE: NodeType = NodeType {
     properties: &[Property::choice("from", &["VECTOR", "COLOR"])],
     inputs: &[InputSocket::vector("Vector", "Vector", &[0.0; 3], always)],
     outputs: &[OutputSocket::new("Value", SocketType::Float, always)],
-    role: Role::Evaluated(|mode| Box::new(Conversion { luminance: mode.choice("from") == "COLOR" })),
+    role: Role::Evaluated(|mode| {
+        Box::new(Conversion { luminance: mode.choice("from") == "COLOR", release: mode.release() })
+    }),
 };
 
 /// Weights that Blender folds constant colours with.
@@ -30,12 +32,13 @@ const FOLDED_LUMINANCE: [f32; 3] = [0.2126, 0.7152, 0.0722];
 
 struct Conversion {
     luminance: bool,
+    release: Release,
 }
 
 impl Evaluate for Conversion {
     fn evaluate<R: Real>(&self, inputs: &[Column<'_, R>], outputs: &mut [&mut [R]]) {
         if self.luminance {
-            map(inputs, [0, 1, 2], outputs[0], luminance);
+            map(inputs, [0, 1, 2], outputs[0], |color| luminance(color, self.release));
         } else {
             map(inputs, [0, 1, 2], outputs[0], |[x, y, z]: [R; 3]| ((x + y) + z) * R::of(1.0 / 3.0));
         }
@@ -54,7 +57,10 @@ impl Evaluate for Conversion {
 
     fn enclose(&self, inputs: &[Interval], outputs: &mut [Interval]) {
         let [x, y, z] = [inputs[0], inputs[1], inputs[2]];
-        outputs[0] =
-            if self.luminance { enclose_luminance([x, y, z]) } else { ((x + y) + z) * Interval::point(1.0 / 3.0) };
+        outputs[0] = if self.luminance {
+            enclose_luminance([x, y, z], self.release)
+        } else {
+            ((x + y) + z) * Interval::point(1.0 / 3.0)
+        };
     }
 }

@@ -9,7 +9,7 @@ use crate::nodes::real::{Library, Real};
 use crate::nodes::{
     Column, Evaluate, InputSocket, Interval, NodeType, OutputSocket, Property, Role, Simplified, always, map,
 };
-use crate::scene::SocketType;
+use crate::scene::{Release, SocketType};
 
 /// The node type.
 pub static TYPE: NodeType = NodeType {
@@ -25,7 +25,10 @@ pub static TYPE: NodeType = NodeType {
             .zero_in_cycles(),
     ],
     outputs: &[OutputSocket::new("Value", SocketType::Float, always)],
-    role: Role::Evaluated(|mode| Box::new(Math { operation: mode.choice("operation"), clamp: mode.flag("use_clamp") })),
+    role: Role::Evaluated(|mode| {
+        let (operation, clamp) = (mode.choice("operation"), mode.flag("use_clamp"));
+        Box::new(Math { operation, clamp, release: mode.release() })
+    }),
 };
 
 /// Blender's names of the operations.
@@ -86,6 +89,7 @@ fn inputs_of(operation: &str) -> usize {
 struct Math {
     operation: &'static str,
     clamp: bool,
+    release: Release,
 }
 
 /// Smallest tolerance of Compare: the f32 machine epsilon.
@@ -155,6 +159,7 @@ impl Math {
             "MULTIPLY" => binary!(|a, b| a * b),
             "DIVIDE" => binary!(R::safe_divide),
             "MULTIPLY_ADD" => ternary!(|a, b, c| a * b + c),
+            "POWER" if self.release == Release::Before5 => binary!(R::safe_power_before_5),
             "POWER" => binary!(R::safe_power),
             "LOGARITHM" => binary!(|a: R, b: R| {
                 if a <= zero || b <= zero { zero } else { a.library(Library::Ln).safe_divide(b.library(Library::Ln)) }
@@ -210,7 +215,14 @@ impl Evaluate for Math {
     }
 
     fn enclose(&self, inputs: &[Interval], outputs: &mut [Interval]) {
-        let value = bounds::operation(self.operation, inputs);
+        let value = match (self.operation, inputs) {
+            ("POWER", [base, exponent])
+                if self.release == Release::Before5 && base.has_zero() && exponent.low < 0.0 =>
+            {
+                Interval::EVERYTHING
+            }
+            _ => bounds::operation(self.operation, inputs),
+        };
         outputs[0] = if self.clamp { value.saturate() } else { value };
     }
 

@@ -88,7 +88,7 @@ pub use registration::register;
 pub use running_error::RunningError;
 
 use crate::base::texture::TextureHandle;
-use crate::scene::SocketType;
+use crate::scene::{Release, SocketType};
 use serde_json::Value as Json;
 use std::sync::Arc;
 
@@ -437,6 +437,7 @@ pub struct Mode {
     wanted: Vec<&'static str>,
     texture: Option<TextureHandle>,
     frame: Option<vector_transform::Frame>,
+    release: Release,
 }
 
 /// The entry of this name, which the node type declares.
@@ -475,6 +476,7 @@ impl Mode {
             wanted: Vec::new(),
             texture: None,
             frame: None,
+            release: Release::Newest,
         };
         for property in node_type.properties {
             let given = properties.get(property.identifier);
@@ -550,6 +552,7 @@ impl Mode {
             wanted: Vec::new(),
             texture: None,
             frame: None,
+            release: Release::Newest,
         }
     }
 
@@ -657,13 +660,25 @@ impl Mode {
         self.frame.unwrap_or_default()
     }
 
+    /// The same mode with the values of a release of Blender.
+    pub fn with_release(mut self, release: Release) -> Self {
+        self.release = release;
+        self
+    }
+
+    /// The release of Blender whose values it has.
+    pub fn release(&self) -> Release {
+        self.release
+    }
+
     /// Shader definitions of this mode: `PROPERTY_VALUE` for choices, `PROPERTY` for flags that
-    /// are on, `OUTPUT_NAME` for wanted outputs.
+    /// are on, `OUTPUT_NAME` for wanted outputs, `BEFORE_BLENDER_5` for the values of Blender 4.5.
     pub fn shader_definitions(&self) -> Vec<String> {
         let choices = self.choices.iter().map(|(name, value)| shader_name(&format!("{name}_{value}")));
         let flags = self.flags.iter().filter(|(_, on)| *on).map(|(name, _)| shader_name(name));
         let outputs = self.wanted.iter().map(|name| shader_name(&format!("output_{name}")));
-        choices.chain(flags).chain(outputs).collect()
+        let release = (self.release == Release::Before5).then(|| "BEFORE_BLENDER_5".to_owned());
+        choices.chain(flags).chain(outputs).chain(release).collect()
     }
 
     /// The mode's numbers as WGSL constants, for the head of the module's text: `const OFFSET: f32 = 0.5f;`.

@@ -135,6 +135,12 @@ pub trait Real:
             self.powf(exponent)
         }
     }
+    /// [`Self::safe_power`] up to Blender 4.5: without a rule of its own for base 0, whose negative powers are infinite.
+    #[inline]
+    fn safe_power_before_5(self, exponent: Self) -> Self {
+        let is_fractional = exponent != Self::of(exponent.to_int() as f32);
+        if self < Self::of(0.0) && is_fractional { Self::of(0.0) } else { self.powf(exponent) }
+    }
     /// The kernel's cubic step between two edges.
     #[inline(always)]
     fn smooth_step(self, edge0: Self, edge1: Self) -> Self {

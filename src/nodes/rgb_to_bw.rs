@@ -6,7 +6,7 @@
 use crate::nodes::color_space::{enclose_luminance, luminance};
 use crate::nodes::real::Real;
 use crate::nodes::{Column, Evaluate, InputSocket, Interval, NodeType, OutputSocket, Role, always, map};
-use crate::scene::SocketType;
+use crate::scene::{Release, SocketType};
 
 /// The node type.
 pub static TYPE: NodeType = NodeType {
@@ -17,18 +17,20 @@ pub static TYPE: NodeType = NodeType {
     properties: &[],
     inputs: &[InputSocket::color("Color", "Color", &[0.5; 3])],
     outputs: &[OutputSocket::new("Val", SocketType::Float, always)],
-    role: Role::Evaluated(|_| Box::new(RgbToBw)),
+    role: Role::Evaluated(|mode| Box::new(RgbToBw { release: mode.release() })),
 };
 
-struct RgbToBw;
+struct RgbToBw {
+    release: Release,
+}
 
 impl Evaluate for RgbToBw {
     fn evaluate<R: Real>(&self, inputs: &[Column<'_, R>], outputs: &mut [&mut [R]]) {
-        map(inputs, [0, 1, 2], outputs[0], luminance);
+        map(inputs, [0, 1, 2], outputs[0], |color| luminance(color, self.release));
     }
 
     fn enclose(&self, inputs: &[Interval], outputs: &mut [Interval]) {
-        outputs[0] = enclose_luminance([inputs[0], inputs[1], inputs[2]]);
+        outputs[0] = enclose_luminance([inputs[0], inputs[1], inputs[2]], self.release);
     }
 
     fn folds_early(&self) -> bool {

@@ -11,7 +11,7 @@ use crate::nodes::{
     Column, Evaluate, InputSocket, Interval, Mode, NodeType, OutputSocket, Property, Role, Simplified, always,
     vector_at, vector_output,
 };
-use crate::scene::SocketType;
+use crate::scene::{Release, SocketType};
 
 /// The node type.
 pub static TYPE: NodeType = NodeType {
@@ -31,7 +31,8 @@ pub static TYPE: NodeType = NodeType {
         OutputSocket::new("Value", SocketType::Float, |mode| gives_value(mode.choice("operation"))),
     ],
     role: Role::Evaluated(|mode| {
-        Box::new(VectorMath { operation: mode.choice("operation"), vectors: vectors_of(mode) })
+        let (operation, vectors) = (mode.choice("operation"), vectors_of(mode));
+        Box::new(VectorMath { operation, vectors, release: mode.release() })
     }),
 };
 
@@ -84,6 +85,7 @@ fn vectors_of(mode: &Mode) -> usize {
 struct VectorMath {
     operation: &'static str,
     vectors: usize,
+    release: Release,
 }
 
 /// `function` on each component of two vectors.
@@ -145,6 +147,7 @@ fn wrap<R: Real>(a: R, maximum: R, minimum: R) -> R {
 impl Evaluate for VectorMath {
     fn evaluate<R: Real>(&self, inputs: &[Column<'_, R>], outputs: &mut [&mut [R]]) {
         let zero = R::of(0.0);
+        let before_5 = self.release == Release::Before5;
         let scale = 3 * self.vectors;
         if gives_value(self.operation) {
             for index in 0..outputs[0].len() {
@@ -205,6 +208,7 @@ impl Evaluate for VectorMath {
             }),
             "NORMALIZE" => unary!(safe_unit),
             "ABSOLUTE" => unary!(|a: [R; 3]| a.map(R::abs)),
+            "POWER" if before_5 => binary!(|a, b| each(a, b, R::safe_power_before_5)),
             "POWER" => binary!(|a, b| each(a, b, R::safe_power)),
             "SIGN" => unary!(|a: [R; 3]| a.map(sign)),
             "MINIMUM" => binary!(|a, b| each(a, b, R::lesser)),
@@ -212,12 +216,16 @@ impl Evaluate for VectorMath {
             "FLOOR" => unary!(|a: [R; 3]| a.map(R::floor)),
             "CEIL" => unary!(|a: [R; 3]| a.map(R::ceil)),
             "FRACTION" => unary!(|a: [R; 3]| a.map(R::fraction)),
+            "MODULO" if before_5 => {
+                binary!(|a, b| each(a, b, |x: R, y: R| if y != zero { x.fmod(y) } else { zero }))
+            }
             // Not the exact remainder: the rounded quotient is truncated.
             "MODULO" => {
                 binary!(|a, b| each(a, b, |x: R, y: R| { if y != zero { x - (x / y).trunc() * y } else { zero } }))
             }
             "WRAP" => vectors!(|index| {
                 let [a, b, c] = [0, 3, 6].map(|first| vector_at(inputs, first, index));
+                let wrap = if before_5 { super::math::wrap } else { wrap };
                 std::array::from_fn(|axis| wrap(a[axis], b[axis], c[axis]))
             }),
             "SNAP" => binary!(|a, b| each(a, b, |x: R, y: R| x.safe_divide(y).floor() * y)),
@@ -235,7 +243,7 @@ impl Evaluate for VectorMath {
             std::array::from_fn(|axis| inputs[first + axis])
         };
         let scale = inputs.get(3 * self.vectors).copied().unwrap_or(Interval::ONE);
-        let result = bounds::operation(self.operation, [vector(0), vector(1), vector(2)], scale);
+        let result = bounds::operation(self.operation, self.release, [vector(0), vector(1), vector(2)], scale);
         outputs.copy_from_slice(&result[..outputs.len()]);
     }
 

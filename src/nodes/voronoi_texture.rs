@@ -6,16 +6,19 @@
 //! one point at a hashed position. Only cells within one step are searched, so a distance above 1
 //! may miss a nearer point and the field can jump at cell faces: Blender's field does so too.
 //!
+//! Up to Blender 4.5 a cell of 2 to 4 dimensions had other numbers than since 5.0 ([`Hashing`]).
+//!
 //! Coordinates are `Vector * Scale`, `W * Scale`; octaves multiply the rounded coordinate.
 
 mod bounds;
 mod lanes;
 
-use crate::nodes::hash::{hash_floats, pcg_values};
+use crate::nodes::hash::{cell_of_floats, hash_floats, pcg_values};
 use crate::nodes::noise_texture::dimensions;
 use crate::nodes::real::{Real, dot, length};
+use crate::nodes::white_noise_texture;
 use crate::nodes::{Column, Evaluate, InputSocket, Interval, Mode, NodeType, OutputSocket, Property, Role, always};
-use crate::scene::SocketType;
+use crate::scene::{Release, SocketType};
 
 /// The node type.
 pub static TYPE: NodeType = NodeType {
@@ -55,6 +58,7 @@ pub static TYPE: NodeType = NodeType {
             dimensions: dimensions(mode.choice("voronoi_dimensions")),
             metric: Metric::read(mode.choice("distance")),
             feature: Feature::read(mode.choice("feature")),
+            hashing: Hashing::of(mode.release()),
             normalize: mode.flag("normalize"),
             has_exponent: has_exponent(mode),
             distance: mode.wants("Distance"),
@@ -166,9 +170,28 @@ impl Feature {
     }
 }
 
+/// What the random numbers of a cell in 2 to 4 dimensions are the hash of. In one dimension it is the corner as a float.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Hashing {
+    /// Since Blender 5.0: whole numbers.
+    WholeNumbers,
+    /// Up to 4.5: the corner as floats; the colour is that of White Noise Texture there.
+    Floats,
+}
+
+impl Hashing {
+    fn of(release: Release) -> Self {
+        match release {
+            Release::Before5 => Self::Floats,
+            Release::Newest => Self::WholeNumbers,
+        }
+    }
+}
+
 /// The node in one mode.
 pub(super) struct VoronoiTexture {
     dimensions: usize,
+    hashing: Hashing,
     metric: Metric,
     feature: Feature,
     normalize: bool,
@@ -204,15 +227,17 @@ struct Found<R, const N: usize> {
 /// A coordinate taken apart: the cell that holds it and its place within.
 #[derive(Clone, Copy)]
 struct Cell<R, const N: usize> {
+    hashing: Hashing,
     floor: [R; N],
     index: [i32; N],
     local: [R; N],
 }
 
 impl<R: Real, const N: usize> Cell<R, N> {
-    fn of(x: [R; N]) -> Self {
+    fn of(x: [R; N], hashing: Hashing) -> Self {
         let floor = x.map(Real::lattice_floor);
         Self {
+            hashing,
             floor,
             index: floor.map(Real::to_int),
             local: std::array::from_fn(|axis| (x[axis] - floor[axis]).round_coordinate()),
@@ -221,12 +246,17 @@ impl<R: Real, const N: usize> Cell<R, N> {
 
     /// Point of the cell at `offset`, relative to this cell's corner.
     fn point(&self, offset: [i32; N], randomness: R) -> [R; N] {
-        let hash: [R; N] = if N == 1 {
-            [hash_floats([self.floor[0] + R::of(offset[0] as f32)]); N]
+        let hash: [R; N] = if N == 1 || self.hashing == Hashing::Floats {
+            cell_of_floats(self.corner(offset))
         } else {
             pcg_values(std::array::from_fn(|axis| self.index[axis].wrapping_add(offset[axis])))
         };
         std::array::from_fn(|axis| R::of(offset[axis] as f32) + hash[axis] * randomness)
+    }
+
+    /// Corner of the cell at `offset`, which is never -0.
+    fn corner(&self, offset: [i32; N]) -> [R; N] {
+        std::array::from_fn(|axis| self.floor[axis] + R::of(offset[axis] as f32))
     }
 
     /// [`Self::point`] relative to the coordinate.
@@ -237,12 +267,13 @@ impl<R: Real, const N: usize> Cell<R, N> {
 
     /// Colour of the cell at `offset`.
     fn color(&self, offset: [i32; N]) -> [R; 3] {
+        if N == 1 || self.hashing == Hashing::Floats {
+            let corner = self.corner(offset);
+            let p = std::array::from_fn(|axis| corner.get(axis).copied().unwrap_or(R::of(0.0)));
+            return white_noise_texture::color(N, p);
+        }
         let cell: [i32; N] = std::array::from_fn(|axis| self.index[axis].wrapping_add(offset[axis]));
         match N {
-            1 => {
-                let place = self.floor[0] + R::of(offset[0] as f32);
-                [hash_floats([place]), hash_floats([place, R::of(1.0)]), hash_floats([place, R::of(2.0)])]
-            }
             2 => pcg_values([cell[0], cell[1], 0]),
             3 => pcg_values([cell[0], cell[1], cell[2]]),
             _ => {
@@ -267,7 +298,7 @@ fn neighbours<const N: usize>(radius: i32) -> impl Iterator<Item = [i32; N]> {
 
 impl VoronoiTexture {
     fn f1<R: Real, const N: usize>(&self, x: [R; N], parameters: &Parameters<R>) -> Found<R, N> {
-        let cell = Cell::of(x);
+        let cell = Cell::of(x, self.hashing);
         let mut smallest = R::of(f32::MAX);
         let (mut nearest, mut target) = ([R::of(0.0); N], [0; N]);
         for offset in neighbours::<N>(1) {
@@ -289,7 +320,7 @@ impl VoronoiTexture {
     }
 
     fn f2<R: Real, const N: usize>(&self, x: [R; N], parameters: &Parameters<R>) -> Found<R, N> {
-        let cell = Cell::of(x);
+        let cell = Cell::of(x, self.hashing);
         let start = (R::of(f32::MAX), [R::of(0.0); N], [0; N]);
         let (mut first, mut second) = (start, start);
         for offset in neighbours::<N>(1) {
@@ -312,7 +343,7 @@ impl VoronoiTexture {
     }
 
     fn smooth_f1<R: Real, const N: usize>(&self, x: [R; N], parameters: &Parameters<R>) -> Found<R, N> {
-        let cell = Cell::of(x);
+        let cell = Cell::of(x, self.hashing);
         let (half, one, smoothness) = (R::of(0.5), R::of(1.0), parameters.smoothness);
         let mut found =
             Found { distance: R::of(0.0), color: [R::of(0.0); 3], position: [R::of(0.0); N], third: R::of(0.0) };
@@ -343,7 +374,7 @@ impl VoronoiTexture {
     }
 
     fn edge<R: Real, const N: usize>(&self, x: [R; N], parameters: &Parameters<R>) -> R {
-        let cell = Cell::of(x);
+        let cell = Cell::of(x, self.hashing);
         let randomness = parameters.randomness;
         if N == 1 {
             // The middle cell hashes its own floor, sign of zero included.
@@ -384,7 +415,7 @@ impl VoronoiTexture {
     }
 
     fn n_sphere_radius<R: Real, const N: usize>(&self, x: [R; N], parameters: &Parameters<R>) -> R {
-        let cell = Cell::of(x);
+        let cell = Cell::of(x, self.hashing);
         let nearest_of = |centre: [i32; N], to: [R; N], skip_centre: bool| {
             let mut smallest = R::of(f32::MAX);
             let (mut nearest, mut target) = ([R::of(0.0); N], [0; N]);
@@ -611,5 +642,65 @@ impl Evaluate for VoronoiTexture {
             values[0] = empty;
         }
         Some(values)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::{Value as Json, json};
+
+    /// Distance and colour of F1 at a point, with a scale and a randomness of 1.
+    fn f1(dimensions: &str, release: Release, place: [f32; 4]) -> [f32; 4] {
+        let Json::Object(properties) = json!({"voronoi_dimensions": dimensions}) else { unreachable!("an object") };
+        let mode = Mode::read(&TYPE, &properties, "test").expect("a mode").with_release(release);
+        let mode = mode.with_wanted(vec!["Distance", "Color"]);
+        let Role::Evaluated(build) = TYPE.role else { unreachable!("it evaluates") };
+        let coordinates = if dimensions == "4D" { &place[..] } else { &place[..3] };
+        let values: Vec<[f32; 1]> =
+            coordinates.iter().chain(&[1.0, 0.0, 0.5, 2.0, 1.0]).map(|value| [*value]).collect();
+        let inputs: Vec<Column<'_, f32>> = values.iter().map(|values| Column { values, uniform: true }).collect();
+        let mut found = [[0.0]; 4];
+        let mut outputs: Vec<&mut [f32]> = found.iter_mut().map(|output| &mut output[..]).collect();
+        build(&mode).evaluate_f32(&inputs, &mut outputs);
+        found.map(|[value]| value)
+    }
+
+    /// As Cycles 4.5.15 gives them, bit for bit.
+    #[test]
+    fn cells_of_blender_4_5_have_its_numbers() {
+        let places = [[0.3, 0.7, -0.4, 0.9], [-12.25, 3.5, 8.75, 0.9], [1000.6, -0.2, 0.1, 0.9]];
+        let expected = [
+            (
+                "2D",
+                [
+                    [0.476_619_12, 0.149_559_54, 0.152_253_76, 0.818_496_94],
+                    [0.432_566_23, 0.145_068_82, 0.323_835, 0.359_003_87],
+                    [0.502_639_23, 0.358_147, 0.240_641_73, 0.003_468_018_5],
+                ],
+            ),
+            (
+                "3D",
+                [
+                    [0.707_542_1, 0.479_313_43, 0.030_472_752, 0.457_887_77],
+                    [0.608_731_75, 0.515_026_45, 0.342_920_9, 0.210_863_71],
+                    [0.563_466_67, 0.683_670_64, 0.748_228_25, 0.545_194_2],
+                ],
+            ),
+            (
+                "4D",
+                [
+                    [0.809_308_6, 0.606_350_96, 0.739_733_9, 0.522_699_6],
+                    [0.384_076_24, 0.047_180_68, 0.144_101, 0.904_811_4],
+                    [0.595_041_8, 0.478_987_16, 0.465_584_6, 0.902_855_4],
+                ],
+            ),
+        ];
+        for (dimensions, expected) in expected {
+            for (place, expected) in places.into_iter().zip(expected) {
+                assert_eq!(f1(dimensions, Release::Before5, place), expected, "{dimensions} {place:?}");
+                assert_ne!(f1(dimensions, Release::Newest, place), expected, "{dimensions} {place:?}");
+            }
+        }
     }
 }

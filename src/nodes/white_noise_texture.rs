@@ -52,6 +52,12 @@ struct WhiteNoise {
     color: bool,
 }
 
+/// The colour at a point; coordinates beyond the dimension are ignored.
+pub(super) fn color<R: Real>(dimensions: usize, p: [R; 4]) -> [R; 3] {
+    let [green, blue] = further_channels(dimensions, p);
+    [first_channel(dimensions, p), green, blue]
+}
+
 /// The value, which is the colour's first channel too; coordinates beyond the dimension are ignored.
 #[inline(always)]
 fn first_channel<R: Real>(dimensions: usize, [x, y, z, w]: [R; 4]) -> R {
@@ -93,6 +99,13 @@ impl WhiteNoise {
             }
         }
     }
+}
+
+/// [`color`], one point per lane.
+#[inline(always)]
+pub(super) fn color_on_lanes<S: Simd, const N: usize>(simd: S, p: [S::u32s; N]) -> [S::f32s; 3] {
+    let [green, blue] = further_lanes::<S, N>(simd, p);
+    [lanes::hash_value::<S>(lanes::jenkins::<S, N>(simd, p)), green, blue]
 }
 
 /// [`further_channels`], one point per lane.

@@ -17,6 +17,33 @@ pub struct Graph {
     /// Every node group in use, each once.
     #[serde(default)]
     pub groups: Vec<Group>,
+    /// The release of Blender whose values the nodes have.
+    #[serde(default, skip_serializing_if = "Release::is_newest")]
+    pub blender: Release,
+}
+
+choice! {
+    "kebab-case",
+    /// A release of Blender whose values our nodes have.
+    #[derive(Default, Hash, JsonSchema)]
+    pub enum Release {
+        /// Blender 4.5: Voronoi textures in 2D to 4D, weights of luminance, powers of zero and remainders of vectors differ from 5.0.
+        #[serde(rename = "4.5")]
+        #[strum(serialize = "4.5")]
+        Before5,
+        /// Blender 5.0.
+        #[default]
+        #[serde(rename = "5.0")]
+        #[strum(serialize = "5.0")]
+        Newest,
+    }
+}
+
+impl Release {
+    /// Whether it is the release that is meant where none is named.
+    pub fn is_newest(&self) -> bool {
+        *self == Self::Newest
+    }
 }
 
 /// A node group: an interface and a tree.

@@ -14,7 +14,7 @@ mod schema_errors;
 pub mod volume_grid;
 
 pub(crate) use graph_file::DEEPEST_NESTING;
-pub use graph_file::{Graph, Group, Input, Node, Socket, SocketType};
+pub use graph_file::{Graph, Group, Input, Node, Release, Socket, SocketType};
 
 pub use bare::bare_scene;
 
@@ -105,22 +105,28 @@ impl<'de> serde::de::Visitor<'de> for GraphSourceVisitor {
 
     fn visit_map<A: serde::de::MapAccess<'de>>(self, mut map: A) -> std::result::Result<GraphSource, A::Error> {
         use serde::de::Error as _;
-        let (mut file, mut material, mut nodes, mut groups) = (None, None, None, None);
+        let (mut file, mut material, mut nodes, mut groups, mut blender) = (None, None, None, None, None);
         while let Some(key) = map.next_key::<String>()? {
             match key.as_str() {
                 "file" => file = Some(map.next_value()?),
                 "material" => material = Some(map.next_value()?),
                 "nodes" => nodes = Some(map.next_value()?),
                 "groups" => groups = Some(map.next_value()?),
-                other => return Err(A::Error::unknown_field(other, &["file", "material", "nodes", "groups"])),
+                "blender" => blender = Some(map.next_value()?),
+                other => {
+                    return Err(A::Error::unknown_field(other, &["file", "material", "nodes", "groups", "blender"]));
+                }
             }
         }
         match (file, material, nodes, groups) {
-            (Some(file), None, None, None) => Ok(GraphSource::File { file }),
+            (Some(file), None, None, None) if blender.is_none() => Ok(GraphSource::File { file }),
             (Some(_), ..) => Err(A::Error::custom("a file and a graph in place, which exclude each other")),
-            (None, Some(material), Some(nodes), groups) => {
-                Ok(GraphSource::Inline(Graph { material, nodes, groups: groups.unwrap_or_default() }))
-            }
+            (None, Some(material), Some(nodes), groups) => Ok(GraphSource::Inline(Graph {
+                material,
+                nodes,
+                groups: groups.unwrap_or_default(),
+                blender: blender.unwrap_or_default(),
+            })),
             (None, None, ..) => Err(A::Error::missing_field("material")),
             (None, Some(_), None, _) => Err(A::Error::missing_field("nodes")),
         }
@@ -702,7 +708,17 @@ impl Scene {
         self.volumes()?;
         self.graph().check(&format!("{place}: $.graph"), place)?;
         for (number, graph) in self.other_graphs.iter().enumerate() {
-            graph.check(&format!("{place}: $.other_graphs[{number}]"), place)?;
+            let own_place = format!("{place}: $.other_graphs[{number}]");
+            graph.check(&own_place, place)?;
+            let first = self.graph().blender;
+            if graph.blender != first {
+                return Err(Error::new(
+                    format!("{own_place}.blender"),
+                    format!("\"{}\"", graph.blender),
+                    format!("\"{first}\", as in $.graph: one Blender renders the scene"),
+                    "Give all graphs one release.",
+                ));
+            }
         }
         Ok(())
     }

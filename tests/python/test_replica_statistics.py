@@ -334,6 +334,7 @@ def test_the_default_allowance_follows_the_reference():
         default(count, cycles) and default(count, cycles)[0] for count in (16, 64, 256, 1023, 1024, 4096)
     ]
     assert found == [None, 0.01, 0.005, 0.005, 0.002, 0.002]
+    assert default(256, cycles, by_subset=True)[0] == 0.12 / 256
     assert default(64, "Mitsuba")[0] == 0.0 and default(None, cycles) is None and default(64, None) is None
 
 

@@ -112,7 +112,7 @@ struct Finding {
     claim: &'static str,
     advice: &'static str,
     cases: Vec<Case>,
-    /// Figures of what was measured, in the order of the cases.
+    /// Figures of what was measured, in the order of the cases. A case that the release cannot render has no replicas; its figures are NaN.
     rows: fn(&[Measured]) -> Vec<Row>,
 }
 
@@ -147,6 +147,18 @@ pub struct Measured {
 }
 
 impl Measured {
+    /// A case that the release cannot render.
+    fn nothing(finding: &Finding, case: &Case) -> Self {
+        Self {
+            finding: finding.name.to_owned(),
+            name: case.name.clone(),
+            blender: String::new(),
+            request: Json::Null,
+            pixels: 0,
+            replicas: Vec::new(),
+        }
+    }
+
     fn means(&self) -> Vec<f64> {
         self.replicas.iter().map(|replica| replica.mean).collect()
     }
@@ -338,6 +350,8 @@ pub struct Shown {
     pub advice: String,
     /// Whether the claims of all figures hold.
     pub confirmed: bool,
+    /// Whether the claim of each figure holds; none where there is none.
+    pub holding: Vec<Option<bool>>,
     /// Figures.
     pub rows: Vec<Row>,
     /// The same in words: name, measured, claimed, whether that holds, truth.
@@ -528,25 +542,36 @@ impl Experiment for Running {
         for (release, _) in self.asked.releases.iter().enumerate() {
             for (index, finding) in self.findings.iter().enumerate() {
                 let of = |job: &Job| job.release == release && job.finding == index;
-                let mut measured = Vec::new();
+                let (mut measured, mut done) = (Vec::new(), 0);
                 for Done { job, found } in found.iter().filter(|done| of(&done.job)) {
+                    done += 1;
                     match found {
                         Found::Record(record) => measured.push(record.clone()),
-                        Found::LeftOut(reason) => left_out.push([self.label(job), reason.clone()]),
+                        Found::LeftOut(reason) => {
+                            left_out.push([self.label(job), reason.clone()]);
+                            measured.push(Measured::nothing(finding, self.case(job)));
+                        }
                     }
                 }
-                // Rows belong to cases by position: a finding that lacks one cannot be read.
-                if measured.len() < finding.cases.len() {
+                // Rows belong to cases by position: a finding that is not measured to its end cannot be read.
+                if done < finding.cases.len() {
                     continue;
                 }
-                let rows = (finding.rows)(&measured);
+                let mut rows = (finding.rows)(&measured);
+                rows.retain(|row| !row.value.value.is_nan());
+                measured.retain(|one| !one.replicas.is_empty());
+                if rows.is_empty() {
+                    continue;
+                }
+                let holding: Vec<Option<bool>> = rows.iter().map(Row::holds).collect();
                 findings.push(Shown {
                     name: finding.name.to_owned(),
                     title: finding.title.to_owned(),
                     blender: measured.first().map_or_else(String::new, |one| one.blender.clone()),
                     claim: finding.claim.to_owned(),
                     advice: finding.advice.to_owned(),
-                    confirmed: rows.iter().all(|row| row.holds() != Some(false)),
+                    confirmed: holding.iter().all(|holds| *holds != Some(false)),
+                    holding,
                     cells: rows.iter().map(Row::cells).collect(),
                     rows,
                     measured,
@@ -626,6 +651,18 @@ mod tests {
         assert!((Measured::correlation(&one, &twice).value - 1.0).abs() < 1e-12);
         assert!((Measured::variance_ratio(&twice, &one).value - 4.0).abs() < 1e-12);
         assert!((Measured::ratio(&twice, &one).value - 2.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn figures_of_what_a_release_cannot_render_are_no_numbers() {
+        for finding in cases::findings() {
+            let nothing: Vec<Measured> = finding.cases.iter().map(|case| Measured::nothing(&finding, case)).collect();
+            assert!((finding.rows)(&nothing).iter().all(|row| row.value.value.is_nan()), "{}", finding.name);
+            // Of one case of several, the others' figures stay.
+            let mut found: Vec<Measured> = finding.cases.iter().map(|_| measured(&[0.5, 0.6, 0.55])).collect();
+            *found.last_mut().expect("cases") = Measured::nothing(&finding, &finding.cases[0]);
+            assert!((finding.rows)(&found).iter().any(|row| !row.value.value.is_nan()), "{}", finding.name);
+        }
     }
 
     #[test]

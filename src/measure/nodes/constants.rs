@@ -13,8 +13,7 @@ use crate::measure::errors::values::equal;
 use crate::measure::nodes::limits;
 use crate::measure::nodes::suite::{ModeComparison, Tally, json_number, modes, normal};
 use crate::nodes::{self, Mode, NodeType, Role};
-use crate::scene::bare_scene;
-use crate::scene::{Scene, SocketType};
+use crate::scene::{Release, Scene, SocketType, bare_scene};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde_json::{Map, Value as Json, json};
@@ -162,7 +161,7 @@ impl Case {
 }
 
 /// Cases of every mode, for both; `node` restricts to one label.
-pub fn cases(sets: usize, seed: u64, node: Option<&str>) -> Result<Vec<Case>> {
+pub fn cases(sets: usize, seed: u64, node: Option<&str>, release: Release) -> Result<Vec<Case>> {
     let mut cases = Vec::new();
     for node_type in nodes::registry() {
         // Left out: Blender folds textures by functions of its own, which are within 5e-7 at ordinary values
@@ -176,7 +175,9 @@ pub fn cases(sets: usize, seed: u64, node: Option<&str>) -> Result<Vec<Case>> {
         for properties in modes(node_type) {
             for by in [FoldedBy::Blender, FoldedBy::Cycles] {
                 let seed = seed.wrapping_add(cases.len() as u64);
-                cases.push(Case::new(node_type, &properties, by, sets, seed)?);
+                let mut case = Case::new(node_type, &properties, by, sets, seed)?;
+                case.scene.graph_mut().blender = release;
+                cases.push(case);
             }
         }
     }

@@ -1,6 +1,6 @@
 //! Drift: what other releases of Blender make of the same nodes at the same points.
 //!
-//! Our evaluators have the values of one release ([`crate::bridge::releases`] lists them; the last is ours). Every mode of every node is asked
+//! Our evaluators have the values of 5.0 or, where a graph says so, of 4.5 ([`crate::scene::Release`]). Every mode of every node is asked
 //! of each release, by its own Cycles, at equal points: it is equal bit for bit, within its limit, different, different at strange values alone (NaN,
 //! infinities, denormals, parameters beyond their limits), or not there. Pictures of scenes by each release's Cycles, in replicas, are compared with path
 //! tracing. A release runs in an environment of its own, which is made when it is first asked for.
@@ -21,8 +21,8 @@ use crate::measure::experiment;
 use crate::measure::experiment::{Desk, Done, Experiment, Outcome, Settings};
 use crate::measure::nodes::suite::{self, Case, ModeComparison, ModeComparisons, Selection};
 use crate::measure::seeds;
-use crate::scene::Scene;
 use crate::scene::image::Image;
+use crate::scene::{self, Scene};
 use indexmap::IndexMap;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value as Json, json};
@@ -49,6 +49,9 @@ pub struct Asked {
     pub samples: u32,
     /// Replicas of each side, at least 6.
     pub replicas: u32,
+    /// The release whose values our evaluators have.
+    #[serde(default)]
+    pub blender: scene::Release,
 }
 
 /// A scene by a release's Cycles, beside path tracing.
@@ -289,6 +292,7 @@ pub fn measure(
         ));
     }
     let cases = suite::cases(asked.points, asked.seed, asked.node.as_deref(), Selection::Everything)?;
+    let cases = suite::with_values_of(asked.blender, cases);
     experiment::run(&mut Running { asked, cases, scenes }, Some(folder), settings, progress)
 }
 
@@ -458,9 +462,15 @@ impl Experiment for Running {
     }
 
     fn inputs(&self, job: &Job) -> Result<Json> {
-        let Asked { releases, points, seed, node, .. } = &self.asked;
+        let Asked { releases, points, seed, node, blender, .. } = &self.asked;
         Ok(match *job {
-            Job::Nodes(release) => json!({"release": releases[release], "points": points, "seed": seed, "node": node}),
+            Job::Nodes(release) => {
+                let mut inputs = json!({"release": releases[release], "points": points, "seed": seed, "node": node});
+                if !blender.is_newest() {
+                    inputs["blender"] = json!(blender);
+                }
+                inputs
+            }
             Job::Picture(release, scene) => {
                 json!({"release": releases[release], "picture": self.inputs_of_truth(&self.scenes[scene])})
             }
@@ -531,7 +541,15 @@ mod tests {
             seconds: 1.0,
             rows: vec![row("Math", statuses[0], 0.0), row("Mix", statuses[1], 0.25), row("Mix", statuses[2], 0.5)],
         };
-        let asked = Asked { releases: Vec::new(), points: 8, seed: 1, node: None, samples: 1, replicas: 6 };
+        let asked = Asked {
+            releases: Vec::new(),
+            points: 8,
+            seed: 1,
+            node: None,
+            samples: 1,
+            replicas: 6,
+            blender: scene::Release::Newest,
+        };
         let drift = Drift {
             format: FORMAT.into(),
             builds: Vec::new(),
@@ -565,6 +583,7 @@ mod tests {
             node: None,
             samples: 1,
             replicas,
+            blender: scene::Release::Newest,
         };
         let ask = |asked: Asked| measure(asked, Vec::new(), folder.path(), &Settings::default(), &|_, _| ());
         assert!(ask(asked("five", 6)).expect_err("refused").found.contains("five"));

@@ -5,6 +5,7 @@ pub mod costs;
 pub mod drift;
 pub mod limits;
 pub mod measurements;
+pub mod node_releases;
 pub mod random_graphs;
 pub mod settings;
 pub mod suite;

@@ -14,8 +14,7 @@ use crate::measure::errors::values::{equal, ulp_distance};
 use crate::measure::nodes::limits;
 use crate::measure::nodes::limits::Limit;
 use crate::nodes::{self, Mode, NodeType, PropertyValues, Role};
-use crate::scene::Scene;
-use crate::scene::bare_scene;
+use crate::scene::{Release, Scene, bare_scene};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde::Serialize;
@@ -257,6 +256,12 @@ pub enum Selection {
     /// Outputs that jump, all points ordinary; modes that differ in the normalisation of distances, which
     /// these outputs do not show, once.
     Jumping,
+}
+
+/// The cases with the values of a release of Blender, which is also asked for its own.
+pub fn with_values_of(release: Release, mut cases: Vec<Case>) -> Vec<Case> {
+    cases.iter_mut().for_each(|case| case.scene.graph_mut().blender = release);
+    cases
 }
 
 /// Every case, with about `points` points each; `node` restricts to one label.

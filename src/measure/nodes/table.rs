@@ -7,6 +7,7 @@ use crate::base::error::Result;
 use crate::measure::nodes::costs::NodeCost;
 use crate::measure::nodes::measurements;
 use crate::measure::nodes::measurements::ErrorRow;
+use crate::measure::nodes::node_releases;
 use crate::measure::nodes::suite;
 use crate::nodes::closure::ClosureRole;
 use crate::nodes::refused::{self, Part};
@@ -68,6 +69,8 @@ pub struct NodeEntry {
     pub outputs: Vec<OutputEntry>,
     /// What of it is refused, and what to do instead.
     pub restrictions: Vec<String>,
+    /// Releases of Blender that have its values, in words; empty where none was measured.
+    pub releases: Vec<String>,
     /// Its modes, as comparisons with Cycles try them.
     pub modes: Vec<ModeEntry>,
 }
@@ -245,6 +248,7 @@ fn entry(node_type: &'static NodeType, modes: &[Known], names: Vec<String>) -> N
                 format!("{what} {}. {}", refused.reason, refused.instead)
             })
             .collect(),
+        releases: node_releases::committed().in_words(node_type.label),
         modes: names
             .into_iter()
             .map(|mode| ModeEntry {
@@ -388,7 +392,7 @@ impl NodeEntry {
         worst
     }
 
-    fn summary_cells(&self) -> [String; 6] {
+    fn summary_cells(&self) -> [String; COLUMNS] {
         let worst = self.worst();
         let unmeasured = || if self.modes.is_empty() { String::new() } else { NOT_MEASURED.to_owned() };
         let (cpu, wgsl) = match (worst.measured, worst.differing_modes) {
@@ -404,7 +408,8 @@ impl NodeEntry {
         let modes = if self.modes.is_empty() { String::new() } else { self.modes.len().to_string() };
         let failing =
             if worst.failing > 0 { format!("; {} beyond their limits", worst.failing) } else { String::new() };
-        [self.label.to_owned(), modes, cpu + &failing, wgsl, cost, ratio]
+        let releases = node_releases::committed().cell(self.label);
+        [self.label.to_owned(), modes, cpu + &failing, wgsl, cost, ratio, releases]
     }
 }
 
@@ -439,8 +444,17 @@ fn head(text: &mut String, names: &[&str]) {
     row(text, &vec!["---"; names.len()]);
 }
 
-const SUMMARY_HEAD: [&str; 6] =
-    ["node", "modes", "f32 against Cycles", "WGSL: largest error", "CPU per point", "Cycles / CPU"];
+const COLUMNS: usize = 7;
+
+const SUMMARY_HEAD: [&str; COLUMNS] = [
+    "node",
+    "modes",
+    "f32 against Cycles",
+    "WGSL: largest error",
+    "CPU per point",
+    "Cycles / CPU",
+    "equal in releases",
+];
 
 impl Table {
     /// Labels that the compiler gives its own nodes begin with a parenthesis.
@@ -450,8 +464,8 @@ impl Table {
 
     /// A line per node.
     pub fn text(&self) -> String {
-        let rows: Vec<[String; 6]> = self.blenders().map(NodeEntry::summary_cells).collect();
-        let widths: [usize; 6] = std::array::from_fn(|column| {
+        let rows: Vec<[String; COLUMNS]> = self.blenders().map(NodeEntry::summary_cells).collect();
+        let widths: [usize; COLUMNS] = std::array::from_fn(|column| {
             rows.iter().map(|row| row[column].chars().count()).chain([SUMMARY_HEAD[column].len()]).max().unwrap_or(0)
         });
         let mut text = String::new();
@@ -502,6 +516,11 @@ impl Table {
         text.push_str(
             "\nA *range* is what the node limits a value to, stored or linked; beyond it, the value at its end holds. Colours stored \
              in Blender are\nat least 0; other sockets take every finite number.\n\n",
+        );
+        text.push_str(
+            "*Equal in releases* says which releases of Blender have the same values in all modes, bit for bit (`cloudparity measure \
+             drift`, [releases](releases.md));\nin brackets: at ordinary values. Where a release needs `--blender 4.5`, `cloudparity \
+             export --blender 4.5` writes scenes with its values.\n\n",
         );
         head(&mut text, &SUMMARY_HEAD);
         for node in self.blenders() {
@@ -578,6 +597,9 @@ impl NodeEntry {
         for output in &self.outputs {
             let exists = if output.refused { "refused" } else { &output.exists };
             row(text, &[output.identifier, &output.kind.to_string(), exists]);
+        }
+        if !self.releases.is_empty() {
+            line(text, format_args!("\nEqual in releases: {}.", self.releases.join("; ")));
         }
         if !self.restrictions.is_empty() {
             text.push('\n');

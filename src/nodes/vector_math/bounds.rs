@@ -2,6 +2,7 @@
 
 use crate::nodes::bounds::Interval;
 use crate::nodes::math::bounds::{may_overflow, modulo, sign, snap, wrap};
+use crate::scene::Release;
 
 type Vector = [Interval; 3];
 
@@ -91,7 +92,7 @@ fn refract(a: Vector, b: Vector, eta: Interval) -> Vector {
 }
 
 /// Bounds of `operation`; a single result stands in the first component.
-pub(super) fn operation(operation: &str, [a, b, c]: [Vector; 3], scale: Interval) -> Vector {
+pub(super) fn operation(operation: &str, release: Release, [a, b, c]: [Vector; 3], scale: Interval) -> Vector {
     match operation {
         "ADD" => each(a, b, |x, y| x + y),
         "SUBTRACT" => each(a, b, |x, y| x - y),
@@ -118,6 +119,10 @@ pub(super) fn operation(operation: &str, [a, b, c]: [Vector; 3], scale: Interval
         "SCALE" => a.map(|x| x * scale),
         "NORMALIZE" => safe_unit(a),
         "ABSOLUTE" => a.map(Interval::abs),
+        "POWER" if release == Release::Before5 => each(a, b, |base, exponent| {
+            let has_pole = base.has_zero() && exponent.low < 0.0;
+            if has_pole { Interval::EVERYTHING } else { base.safe_power(exponent) }
+        }),
         "POWER" => each(a, b, Interval::safe_power),
         "SIGN" => a.map(sign),
         "MINIMUM" => each(a, b, Interval::lesser),
@@ -125,6 +130,7 @@ pub(super) fn operation(operation: &str, [a, b, c]: [Vector; 3], scale: Interval
         "FLOOR" => a.map(Interval::floor),
         "CEIL" => a.map(Interval::ceil),
         "FRACTION" => a.map(Interval::fraction),
+        "MODULO" if release == Release::Before5 => each(a, b, modulo),
         "MODULO" => each(a, b, truncated_modulo),
         "WRAP" => std::array::from_fn(|axis| wrap(a[axis], b[axis], c[axis])),
         "SNAP" => each(a, b, snap),

@@ -16,8 +16,9 @@
 //! Everything here is in f64 on the exact hashes; [`ERROR`] covers the evaluators' rounding.
 
 use crate::nodes::bounds::Interval;
-use crate::nodes::hash::{hash_floats, pcg, pcg_values};
-use crate::nodes::voronoi_texture::{Feature, Metric, VoronoiTexture, neighbours};
+use crate::nodes::hash::{cell_of_floats, hash_floats, pcg, pcg_values};
+use crate::nodes::voronoi_texture::{Feature, Hashing, Metric, VoronoiTexture, neighbours};
+use crate::nodes::white_noise_texture;
 
 /// Error of a distance in cell units. Hash, product with the randomness, sum with the cell, local
 /// coordinate and difference round by at most 3e-8, 6e-8, 1.2e-7, 6e-8 and 1.2e-7 per axis: 4e-7,
@@ -61,6 +62,7 @@ struct CellBox<const N: usize> {
     first: [i32; N],
     last: [i32; N],
     randomness: [f64; 2],
+    hashing: Hashing,
 }
 
 /// A cell's point: the cell and the box that holds the point (one place unless the randomness varies).
@@ -189,15 +191,15 @@ macro_rules! with_measure {
 }
 
 impl<const N: usize> CellBox<N> {
-    fn new(low: [f64; N], high: [f64; N], randomness: [f64; 2]) -> Self {
+    fn new(low: [f64; N], high: [f64; N], randomness: [f64; 2], hashing: Hashing) -> Self {
         let cell = |x: f64| x.floor() as i32;
-        Self { low, high, first: low.map(cell), last: high.map(cell), randomness }
+        Self { low, high, first: low.map(cell), last: high.map(cell), randomness, hashing }
     }
 
     fn point(&self, cell: [i32; N]) -> CellPoint<N> {
-        let hash: [f64; N] = if N == 1 {
-            // One axis hashes the float; the interface hashes -0 as 0 here, see `edge` for the other.
-            [hash_floats([f64::from(cell[0])]); N]
+        let hash: [f64; N] = if N == 1 || self.hashing == Hashing::Floats {
+            // The interface hashes -0 as 0 here; of one axis see `edge` for the other.
+            cell_of_floats(cell.map(f64::from))
         } else {
             pcg(cell).map(|bits| f64::from(bits) * (1.0 / 2_147_483_648.0))
         };
@@ -389,7 +391,7 @@ impl VoronoiTexture {
             return None;
         }
         let ends = x.map(Interval::ends);
-        Some(CellBox::new(ends.map(|x| x[0]), ends.map(|x| x[1]), parameters.randomness.ends()))
+        Some(CellBox::new(ends.map(|x| x[0]), ends.map(|x| x[1]), parameters.randomness.ends(), self.hashing))
     }
 
     /// Bounds of the least (or second least) distance over a window, with the points that may attain it.
@@ -516,7 +518,7 @@ impl VoronoiTexture {
                 |value: &dyn Fn(&CellPoint<N>) -> Interval| candidates.iter().map(value).reduce(Interval::hull);
             for channel in 0..3 {
                 let color = hull_of(&|point| {
-                    let color = cell_color(point.cell)[channel];
+                    let color = cell_color(point.cell, self.hashing)[channel];
                     Interval::with_error(color, color, 1e-7, false)
                 });
                 found.color[channel] = color.map_or(found.color[channel], |color| color.meet(found.color[channel]));
@@ -708,7 +710,7 @@ impl VoronoiTexture {
         let Some(candidates) = scanned.candidates else { return range };
         let mut result: Option<Interval> = None;
         for nearest in &candidates {
-            let from = CellBox::new(nearest.low, nearest.high, place.randomness);
+            let from = CellBox::new(nearest.low, nearest.high, place.randomness, place.hashing);
             let mut least = [f64::INFINITY; 2];
             for offset in neighbours::<N>(1).filter(|offset| *offset != [0; N]) {
                 let cell = std::array::from_fn(|axis| nearest.cell[axis].wrapping_add(offset[axis]));
@@ -890,12 +892,12 @@ fn color_undershoot(smoothness: f64) -> f64 {
 }
 
 /// Colour of a cell.
-fn cell_color<const N: usize>(cell: [i32; N]) -> [f64; 3] {
+fn cell_color<const N: usize>(cell: [i32; N], hashing: Hashing) -> [f64; 3] {
+    if N == 1 || hashing == Hashing::Floats {
+        let p = std::array::from_fn(|axis| cell.get(axis).copied().map_or(0.0, f64::from));
+        return white_noise_texture::color(N, p);
+    }
     match N {
-        1 => {
-            let place = f64::from(cell[0]);
-            [hash_floats([place]), hash_floats([place, 1.0]), hash_floats([place, 2.0])]
-        }
         2 => pcg_values([cell[0], cell[1], 0]),
         3 => pcg_values([cell[0], cell[1], cell[2]]),
         _ => {

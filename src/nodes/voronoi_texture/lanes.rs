@@ -7,12 +7,15 @@ mod distances;
 mod line;
 
 use crate::nodes::lanes::{self, each};
-use crate::nodes::voronoi_texture::{Feature, Metric, Parameters, VoronoiTexture};
+use crate::nodes::voronoi_texture::{Feature, Hashing, Metric, Parameters, VoronoiTexture};
 use crate::nodes::{Column, Evaluate, Real, columns_at, lane_level};
 use fearless_simd::{dispatch, prelude::*};
 
 /// Cells beyond this magnitude are left to the scalar evaluation, which knows what x86 does there.
 const LARGEST_COORDINATE: f32 = 1.0e9;
+
+/// The same where cells are hashed as floats: beyond 2^24 the sum of a corner and two steps depends on their order.
+const LARGEST_FLOAT_COORDINATE: f32 = 1.0e7;
 
 /// Exponents of Minkowski's metric for which bounds on powers and roots are derived. Others are left to the scalar evaluation.
 const EXPONENTS: std::ops::RangeInclusive<f32> = 0.05..=64.0;
@@ -29,8 +32,12 @@ pub(super) fn evaluate(node: &VoronoiTexture, inputs: &[Column<'_, f32>], output
         3 => dispatch!(level, simd => run::<_, 3>(simd, &plan, inputs, outputs, &mut redone)),
         _ => dispatch!(level, simd => run::<_, 4>(simd, &plan, inputs, outputs, &mut redone)),
     }
+    let limit = match node.hashing {
+        Hashing::WholeNumbers => LARGEST_COORDINATE,
+        Hashing::Floats => LARGEST_FLOAT_COORDINATE,
+    };
     redone.extend((0..outputs[0].len()).filter(|&index| {
-        let near = |axis: usize| (inputs[axis].values[index] * plan.largest_factor).abs() < LARGEST_COORDINATE;
+        let near = |axis: usize| (inputs[axis].values[index] * plan.largest_factor).abs() < limit;
         !(0..node.dimensions).all(near)
     }));
     for index in redone {
@@ -55,6 +62,7 @@ impl Measure {
 #[derive(Clone, Copy)]
 struct Search {
     measure: Measure,
+    hashing: Hashing,
     randomness: f32,
     smoothness: f32,
     /// Whether the colour is wanted.
@@ -169,6 +177,7 @@ impl Plan {
                 measure: Measure { metric: node.metric, exponent: parameters.exponent },
                 randomness: parameters.randomness,
                 smoothness: parameters.smoothness,
+                hashing: node.hashing,
                 color: node.color,
                 position: node.position || node.w,
             },
@@ -397,7 +406,7 @@ fn n_sphere_radius<S: Simd, const N: usize>(simd: S, plan: &Plan, x: [S::f32s; N
 
 #[cfg(test)]
 mod tests {
-    use super::{Feature, Metric, VoronoiTexture, evaluate};
+    use super::{Feature, Hashing, Metric, VoronoiTexture, evaluate};
     use crate::nodes::lane_tests::adversarial_coordinates;
     use crate::nodes::{Column, Evaluate as _};
 
@@ -511,6 +520,7 @@ mod tests {
                             let normalize = (number + set) % 2 == 0;
                             let node = VoronoiTexture {
                                 dimensions,
+                                hashing: [Hashing::WholeNumbers, Hashing::Floats][(number + set / 2) % 2],
                                 metric,
                                 feature,
                                 normalize,

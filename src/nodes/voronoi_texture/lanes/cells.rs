@@ -15,7 +15,9 @@
 //! counts, and the cells are visited as in the full scan.
 
 use crate::nodes::lanes;
+use crate::nodes::voronoi_texture::Hashing;
 use crate::nodes::voronoi_texture::lanes::{Found, Measure, Metric, Search, each};
+use crate::nodes::white_noise_texture;
 use fearless_simd::prelude::*;
 use std::sync::OnceLock;
 
@@ -59,18 +61,33 @@ fn wide_order<const N: usize>() -> &'static [Kinds] {
     &ORDERS.get_or_init(|| combinations(5))[N - 2]
 }
 
-/// Linear part of the hash of a cell's index along one axis.
+/// What a cell's hash starts from along one axis: the linear part of the hash of its number, or the bits of its corner.
 #[inline(always)]
-fn linear_hash<S: Simd>(floor: S::f32s) -> S::i32s {
-    S::i32s::truncate_from(floor) * MULTIPLIER + INCREMENT
+fn key<S: Simd>(floor: S::f32s, hashing: Hashing) -> S::i32s {
+    match hashing {
+        Hashing::WholeNumbers => S::i32s::truncate_from(floor) * MULTIPLIER + INCREMENT,
+        // The sum is never -0.
+        Hashing::Floats => (floor + 0.0).bitcast(),
+    }
 }
 
-/// Per kind of neighbour along one axis (own, near, far): the offset of the cell, the linear part of
-/// its hash, and the least magnitude (as it enters what is compared) of an offset to its point.
+/// The key of the cell that is so many cells farther on.
+#[inline(always)]
+fn stepped<S: Simd>(key: S::i32s, step: S::i32s, hashing: Hashing) -> S::i32s {
+    match hashing {
+        Hashing::WholeNumbers => key + step * MULTIPLIER,
+        Hashing::Floats => {
+            let corner: S::f32s = key.bitcast();
+            (corner + S::f32s::float_from(step)).bitcast()
+        }
+    }
+}
+
+/// Per kind of neighbour along one axis (own, near, far): the offset of the cell, its [`key`], and the least magnitude (as it enters what is compared) of an offset to its point.
 #[derive(Clone, Copy)]
 pub(super) struct Axis<S: Simd> {
     pub(super) offset: [S::f32s; 3],
-    pub(super) hash: [S::i32s; 3],
+    pub(super) keys: [S::i32s; 3],
     pub(super) least: [S::f32s; 3],
     /// The place from which distances are measured.
     pub(super) place: S::f32s,
@@ -79,15 +96,17 @@ pub(super) struct Axis<S: Simd> {
 impl<S: Simd> Axis<S> {
     /// The neighbours of the cell at `corner`, which holds `place`.
     #[inline(always)]
-    fn around(simd: S, corner: S::f32s, hash: S::i32s, place: S::f32s, measure: Measure) -> Self {
+    fn around(simd: S, corner: S::f32s, key: S::i32s, place: S::f32s, search: Search) -> Self {
+        let Search { measure, hashing, .. } = search;
         let (zero, one) = (S::f32s::splat(simd, 0.0), S::f32s::splat(simd, 1.0));
         let (down, up) = (place - corner, (corner + one) - place);
         let upper = down.simd_ge(0.5);
         let near = upper.select(one, -one);
-        let step = S::i32s::splat(simd, MULTIPLIER);
+        let step = S::i32s::splat(simd, 1);
+        let [after, before] = [stepped::<S>(key, step, hashing), stepped::<S>(key, -step, hashing)];
         Self {
             offset: [corner, corner + near, corner - near],
-            hash: [hash, upper.select(hash + step, hash - step), upper.select(hash - step, hash + step)],
+            keys: [key, upper.select(after, before), upper.select(before, after)],
             least: [
                 zero,
                 least_part(simd, measure, upper.select(up, down)),
@@ -104,12 +123,12 @@ pub(super) fn axes<S: Simd, const N: usize>(
     simd: S,
     floor: [S::f32s; N],
     x: [S::f32s; N],
-    measure: Measure,
+    search: Search,
 ) -> [Axis<S>; N] {
     let zero = S::f32s::splat(simd, 0.0);
     each(
         #[inline(always)]
-        |axis| Axis::around(simd, zero, linear_hash::<S>(floor[axis]), x[axis] - floor[axis], measure),
+        |axis| Axis::around(simd, zero, key::<S>(floor[axis], search.hashing), x[axis] - floor[axis], search),
     )
 }
 
@@ -199,10 +218,15 @@ pub(super) fn least<S: Simd, const N: usize>(axes: &[Axis<S>; N], measure: Measu
 
 /// Offset from the place to the point of a cell.
 #[inline(always)]
-pub(super) fn offset_to<S: Simd, const N: usize>(axes: &[Axis<S>; N], randomness: f32, cell: &Kinds) -> [S::f32s; N] {
+pub(super) fn offset_to<S: Simd, const N: usize>(
+    simd: S,
+    axes: &[Axis<S>; N],
+    search: Search,
+    cell: &Kinds,
+) -> [S::f32s; N] {
     let kind = |axis: usize| usize::from(cell[axis]);
-    let values = hash_values::<S, N>(each(|axis| axes[axis].hash[kind(axis)]));
-    each(|axis| (axes[axis].offset[kind(axis)] + values[axis] * randomness) - axes[axis].place)
+    let values = hash_values::<S, N>(simd, each(|axis| axes[axis].keys[kind(axis)]), search.hashing);
+    each(|axis| (axes[axis].offset[kind(axis)] + values[axis] * search.randomness) - axes[axis].place)
 }
 
 /// Rank of each neighbour by kind, two bits per axis, first axis lowest.
@@ -222,7 +246,7 @@ fn rank_of<S: Simd, const N: usize>(ranks: &[[S::i32s; 3]; N], cell: &Kinds) -> 
 /// A cell that a search has found.
 struct Winner<S: Simd, const N: usize> {
     offset: [S::f32s; N],
-    hash: [S::i32s; N],
+    keys: [S::i32s; N],
     values: [S::f32s; N],
     /// Its point, relative to the corner of the coordinate's cell.
     point: [S::f32s; N],
@@ -231,30 +255,33 @@ struct Winner<S: Simd, const N: usize> {
 impl<S: Simd, const N: usize> Winner<S, N> {
     /// The cell of a rank among the neighbours of the coordinate's cell.
     #[inline(always)]
-    fn of(axes: &[Axis<S>; N], rank: S::i32s, randomness: f32) -> Self {
+    fn of(simd: S, axes: &[Axis<S>; N], rank: S::i32s, search: Search) -> Self {
         let steps: [S::i32s; N] = each(|axis| ((rank >> (2 * axis as u32)) & 3) - 1);
         let offset: [S::f32s; N] = each(|axis| S::f32s::float_from(steps[axis]));
-        let hash: [S::i32s; N] = each(|axis| axes[axis].hash[0] + steps[axis] * MULTIPLIER);
-        let values = hash_values::<S, N>(hash);
-        let point = each(|axis| offset[axis] + values[axis] * randomness);
-        Self { offset, hash, values, point }
+        let keys: [S::i32s; N] = each(|axis| stepped::<S>(axes[axis].keys[0], steps[axis], search.hashing));
+        let values = hash_values::<S, N>(simd, keys, search.hashing);
+        let point = each(|axis| offset[axis] + values[axis] * search.randomness);
+        Self { offset, keys, values, point }
     }
 
     #[inline(always)]
-    fn found(&self, simd: S, distance: S::f32s, floor: [S::f32s; N]) -> Found<S, N> {
+    fn found(&self, simd: S, search: Search, distance: S::f32s, floor: [S::f32s; N]) -> Found<S, N> {
+        let no_color = [S::f32s::splat(simd, 0.0); 3];
         Found {
             distance,
-            color: color::<S, N>(simd, self.hash, self.values),
+            color: if search.color { color::<S, N>(simd, self.keys, self.values, search.hashing) } else { no_color },
             position: each(|axis| self.point[axis] + floor[axis]),
         }
     }
 }
 
-/// Colour of a cell from the linear part of its hash and its hash values.
+/// Colour of a cell from its keys and its hash values.
 #[inline(always)]
-fn color<S: Simd, const N: usize>(simd: S, hash: [S::i32s; N], values: [S::f32s; N]) -> [S::f32s; 3] {
-    if N == 2 {
-        hash_values::<S, 3>([hash[0], hash[1], S::i32s::splat(simd, INCREMENT)])
+fn color<S: Simd, const N: usize>(simd: S, keys: [S::i32s; N], values: [S::f32s; N], hashing: Hashing) -> [S::f32s; 3] {
+    if hashing == Hashing::Floats {
+        white_noise_texture::color_on_lanes::<S, N>(simd, each(|axis| keys[axis].bitcast()))
+    } else if N == 2 {
+        whole_number_values::<S, 3>([keys[0], keys[1], S::i32s::splat(simd, INCREMENT)])
     } else {
         each(|channel| values[channel.min(N - 1)])
     }
@@ -272,7 +299,7 @@ fn smallest<S: Simd, const N: usize>(simd: S, axes: &[Axis<S>; N], search: Searc
                 if least(axes, search.measure, cell).simd_lt(best).all_false() {
                     continue;
                 }
-                best = best.min(compared::<S, N>(simd, search.measure, offset_to(axes, search.randomness, cell)));
+                best = best.min(compared::<S, N>(simd, search.measure, offset_to(simd, axes, search, cell)));
             }
             best
         },
@@ -292,7 +319,7 @@ fn nearest<S: Simd, const N: usize>(simd: S, axes: &[Axis<S>; N], search: Search
                 if least(axes, search.measure, cell).simd_le(best).all_false() {
                     continue;
                 }
-                let value = compared::<S, N>(simd, search.measure, offset_to(axes, search.randomness, cell));
+                let value = compared::<S, N>(simd, search.measure, offset_to(simd, axes, search, cell));
                 let rank = rank_of::<S, N>(&ranks, cell);
                 let wins = precedes::<S>(value, rank, best, best_rank);
                 best = wins.select(value, best);
@@ -313,11 +340,11 @@ fn precedes<S: Simd>(value: S::f32s, rank: S::i32s, other: S::f32s, other_rank: 
 #[inline(always)]
 pub(super) fn f1<S: Simd, const N: usize>(simd: S, x: [S::f32s; N], search: Search) -> Found<S, N> {
     let floor: [S::f32s; N] = each(|axis| x[axis].floor());
-    let axes = axes(simd, floor, x, search.measure);
+    let axes = axes(simd, floor, x, search);
     if search.color || search.position {
         let (compared, rank) = nearest(simd, &axes, search);
         let distance = distance_of::<S>(simd, search.measure, compared);
-        return Winner::of(&axes, rank, search.randomness).found(simd, distance, floor);
+        return Winner::of(simd, &axes, rank, search).found(simd, search, distance, floor);
     }
     let compared = smallest(simd, &axes, search, visiting_order::<N>());
     Found::of_distance(simd, distance_of::<S>(simd, search.measure, compared))
@@ -327,11 +354,11 @@ pub(super) fn f1<S: Simd, const N: usize>(simd: S, x: [S::f32s; N], search: Sear
 #[inline(always)]
 pub(super) fn f2<S: Simd, const N: usize>(simd: S, x: [S::f32s; N], search: Search) -> Found<S, N> {
     let floor: [S::f32s; N] = each(|axis| x[axis].floor());
-    let axes = axes(simd, floor, x, search.measure);
+    let axes = axes(simd, floor, x, search);
     // The full scan compares roots; powers of the C library need not keep the order.
     if search.color || search.position || search.measure.metric == Metric::Minkowski {
         let (distance, rank) = second_nearest(simd, &axes, search);
-        return Winner::of(&axes, rank, search.randomness).found(simd, distance, floor);
+        return Winner::of(simd, &axes, rank, search).found(simd, search, distance, floor);
     }
     Found::of_distance(simd, distance_of::<S>(simd, search.measure, second_smallest(simd, &axes, search)))
 }
@@ -344,7 +371,7 @@ fn second_smallest<S: Simd, const N: usize>(simd: S, axes: &[Axis<S>; N], search
         if least(axes, search.measure, cell).simd_lt(second).all_false() {
             continue;
         }
-        let value = compared::<S, N>(simd, search.measure, offset_to(axes, search.randomness, cell));
+        let value = compared::<S, N>(simd, search.measure, offset_to(simd, axes, search, cell));
         second = second.min(first.max(value));
         first = first.min(value);
     }
@@ -363,7 +390,7 @@ fn second_nearest<S: Simd, const N: usize>(simd: S, axes: &[Axis<S>; N], search:
         if least(axes, search.measure, cell).simd_le(reach).all_false() {
             continue;
         }
-        let value = compared::<S, N>(simd, search.measure, offset_to(axes, search.randomness, cell));
+        let value = compared::<S, N>(simd, search.measure, offset_to(simd, axes, search, cell));
         let distance = distance_of::<S>(simd, search.measure, value);
         let rank = rank_of::<S, N>(&ranks, cell);
         let is_first = precedes::<S>(distance, rank, first, first_rank);
@@ -377,24 +404,25 @@ fn second_nearest<S: Simd, const N: usize>(simd: S, axes: &[Axis<S>; N], search:
     (second, second_rank)
 }
 
-/// Per offset along one axis: the linear part of the cell's hash, and the least magnitude (as it
+/// Per offset along one axis: the cell's [`key`], and the least magnitude (as it
 /// enters what is compared) of an offset to its point.
 #[derive(Clone, Copy)]
 struct WideAxis<S: Simd> {
-    hash: [S::i32s; 5],
+    keys: [S::i32s; 5],
     least: [S::f32s; 5],
     local: S::f32s,
 }
 
 impl<S: Simd> WideAxis<S> {
     #[inline(always)]
-    fn around(simd: S, floor: S::f32s, x: S::f32s, measure: Measure) -> Self {
+    fn around(simd: S, floor: S::f32s, x: S::f32s, search: Search) -> Self {
+        let Search { measure, hashing, .. } = search;
         let local = x - floor;
         let (one, two) = (S::f32s::splat(simd, 1.0), S::f32s::splat(simd, 2.0));
-        let hash = linear_hash::<S>(floor);
+        let own = key::<S>(floor, hashing);
         let least = [local + one, local, S::f32s::splat(simd, 0.0), one - local, two - local];
         Self {
-            hash: each(|kind| hash + (WIDE_OFFSETS[kind] as i32).wrapping_mul(MULTIPLIER)),
+            keys: each(|kind| stepped::<S>(own, S::i32s::splat(simd, WIDE_OFFSETS[kind] as i32), hashing)),
             least: each(|kind| least_part(simd, measure, least[kind])),
             local,
         }
@@ -407,7 +435,7 @@ pub(super) fn smooth_f1<S: Simd, const N: usize>(simd: S, x: [S::f32s; N], searc
     let floor: [S::f32s; N] = each(|axis| x[axis].floor());
     let axes: [WideAxis<S>; N] = each(
         #[inline(always)]
-        |axis| WideAxis::around(simd, floor[axis], x[axis], search.measure),
+        |axis| WideAxis::around(simd, floor[axis], x[axis], search),
     );
     let mut smooth = Smooth::start(simd, search);
     for cell in wide_order::<N>() {
@@ -416,8 +444,8 @@ pub(super) fn smooth_f1<S: Simd, const N: usize>(simd: S, x: [S::f32s; N], searc
         if least.simd_le(smooth.reach).all_false() {
             continue;
         }
-        let hash: [S::i32s; N] = each(|axis| axes[axis].hash[kind(axis)]);
-        let values = hash_values::<S, N>(hash);
+        let keys: [S::i32s; N] = each(|axis| axes[axis].keys[kind(axis)]);
+        let values = hash_values::<S, N>(simd, keys, search.hashing);
         let point: [S::f32s; N] = each(|axis| values[axis] * search.randomness + WIDE_OFFSETS[kind(axis)]);
         let v = each(|axis| point[axis] - axes[axis].local);
         let distance = distance_of::<S>(simd, search.measure, compared::<S, N>(simd, search.measure, v));
@@ -427,7 +455,7 @@ pub(super) fn smooth_f1<S: Simd, const N: usize>(simd: S, x: [S::f32s; N], searc
             distance,
             point,
             #[inline(always)]
-            || color::<S, N>(simd, hash, values),
+            || color::<S, N>(simd, keys, values, search.hashing),
         );
     }
     let mut found = smooth.found;
@@ -498,9 +526,9 @@ impl<S: Simd, const N: usize> Smooth<S, N> {
 #[inline(always)]
 pub(super) fn edge<S: Simd, const N: usize>(simd: S, x: [S::f32s; N], search: Search) -> S::f32s {
     let search = Search { measure: Measure::EUCLIDEAN, ..search };
-    let axes = axes(simd, each(|axis| x[axis].floor()), x, search.measure);
+    let axes = axes(simd, each(|axis| x[axis].floor()), x, search);
     let (square, rank) = nearest(simd, &axes, search);
-    let point = Winner::of(&axes, rank, search.randomness).point;
+    let point = Winner::of(simd, &axes, rank, search).point;
     let nearest: [S::f32s; N] = each(|axis| point[axis] - axes[axis].place);
     let one = S::f32s::splat(simd, 1.0);
     let mut edge = S::f32s::splat(simd, f32::MAX);
@@ -510,7 +538,7 @@ pub(super) fn edge<S: Simd, const N: usize>(simd: S, x: [S::f32s; N], search: Se
         if least(&axes, search.measure, cell).simd_le(reach).all_false() {
             continue;
         }
-        let v = offset_to(&axes, search.randomness, cell);
+        let v = offset_to(simd, &axes, search, cell);
         let across: [S::f32s; N] = each(|axis| v[axis] - nearest[axis]);
         let square = compared::<S, N>(simd, search.measure, across);
         let norm = square.sqrt();
@@ -533,21 +561,49 @@ pub(super) fn edge<S: Simd, const N: usize>(simd: S, x: [S::f32s; N], search: Se
 #[inline(always)]
 pub(super) fn n_sphere_radius<S: Simd, const N: usize>(simd: S, x: [S::f32s; N], search: Search) -> S::f32s {
     let search = Search { measure: Measure::EUCLIDEAN, ..search };
-    let measure = search.measure;
-    let around_place = axes(simd, each(|axis| x[axis].floor()), x, measure);
+    let around_place = axes(simd, each(|axis| x[axis].floor()), x, search);
     let (_, rank) = nearest(simd, &around_place, search);
-    let closest = Winner::of(&around_place, rank, search.randomness);
+    let closest = Winner::of(simd, &around_place, rank, search);
     let around_closest: [Axis<S>; N] = each(
         #[inline(always)]
-        |axis| Axis::around(simd, closest.offset[axis], closest.hash[axis], closest.point[axis], measure),
+        |axis| Axis::around(simd, closest.offset[axis], closest.keys[axis], closest.point[axis], search),
     );
     // The first cell is the one that holds the point itself.
     smallest(simd, &around_closest, search, &visiting_order::<N>()[1..]).sqrt() / 2.0
 }
 
-/// Values in [0, 1] of the hash with the given linear part. The product with 2^-31 is exact.
+/// Values in [0, 1] of a cell's hash.
 #[inline(always)]
-fn hash_values<S: Simd, const N: usize>(linear: [S::i32s; N]) -> [S::f32s; N] {
+fn hash_values<S: Simd, const N: usize>(simd: S, keys: [S::i32s; N], hashing: Hashing) -> [S::f32s; N] {
+    match hashing {
+        Hashing::WholeNumbers => whole_number_values::<S, N>(keys),
+        Hashing::Floats => float_values::<S, N>(simd, keys),
+    }
+}
+
+/// [`crate::nodes::hash::cell_of_floats`] of the bits of a corner.
+#[inline(always)]
+fn float_values<S: Simd, const N: usize>(simd: S, keys: [S::i32s; N]) -> [S::f32s; N] {
+    let keys: [S::u32s; N] = each(|axis| keys[axis].bitcast());
+    let number = |number: f32| S::u32s::splat(simd, number.to_bits());
+    each(
+        #[inline(always)]
+        |place| {
+            let hash = match (N, place) {
+                (2, 0) => lanes::jenkins::<S, 2>(simd, [keys[0], keys[1]]),
+                (2, _) => lanes::jenkins::<S, 3>(simd, [keys[0], keys[1], number(1.0)]),
+                (3, 0) => lanes::jenkins::<S, 3>(simd, [keys[0], keys[1], keys[2]]),
+                (3, _) => lanes::jenkins::<S, 4>(simd, [keys[0], keys[1], keys[2], number(place as f32)]),
+                _ => lanes::jenkins::<S, 4>(simd, each(|axis| keys[(axis + 4 - place) % 4])),
+            };
+            lanes::hash_value::<S>(hash)
+        },
+    )
+}
+
+/// Values of the hash with the given linear part. The product with 2^-31 is exact.
+#[inline(always)]
+fn whole_number_values<S: Simd, const N: usize>(linear: [S::i32s; N]) -> [S::f32s; N] {
     let bits = hash::<S, N>(linear);
     each(|axis| S::f32s::float_from(bits[axis]) * (1.0 / 2_147_483_648.0))
 }

@@ -9,9 +9,9 @@
 
 use crate::nodes::Column;
 use crate::nodes::lanes;
-use crate::nodes::voronoi_texture::Metric;
 use crate::nodes::voronoi_texture::lanes::cells::{Axis, Kinds, axes, compared, distance_of, hash, least, offset_to};
 use crate::nodes::voronoi_texture::lanes::{Octave, Plan, Search, blended, cells, each};
+use crate::nodes::voronoi_texture::{Hashing, Metric};
 use fearless_simd::prelude::*;
 
 /// Places that are searched together. A power of two, and a multiple of every vector's width.
@@ -35,14 +35,15 @@ pub(super) fn run<S: Simd, const N: usize>(
     outputs: &mut [&mut [f32]],
 ) {
     let search = plan.search;
-    if search.measure.metric == Metric::Euclidean && search.randomness == 1.0 {
+    let is_plain = search.measure.metric == Metric::Euclidean && search.randomness == 1.0;
+    if is_plain && search.hashing == Hashing::WholeNumbers {
         run_as::<S, N, true>(simd, plan, inputs, outputs[0]);
     } else {
         run_as::<S, N, false>(simd, plan, inputs, outputs[0]);
     }
 }
 
-/// `PLAIN`: Euclidean distances with a randomness of 1.
+/// `PLAIN`: Euclidean distances with a randomness of 1, cells hashed as whole numbers.
 #[inline(always)]
 fn run_as<S: Simd, const N: usize, const PLAIN: bool>(
     simd: S,
@@ -118,7 +119,7 @@ fn around<S: Simd, const N: usize>(simd: S, x: [S::f32s; N], search: Search) -> 
             |axis| x[axis].floor(),
         ),
         x,
-        search.measure,
+        search,
     )
 }
 
@@ -291,12 +292,12 @@ fn value<S: Simd, const N: usize, const PLAIN: bool>(
     cell: Kinds,
 ) -> S::f32s {
     if !PLAIN {
-        return compared::<S, N>(simd, search.measure, offset_to(axes, search.randomness, &cell));
+        return compared::<S, N>(simd, search.measure, offset_to(simd, axes, search, &cell));
     }
     let kind = |axis: usize| usize::from(cell[axis]);
     let bits = hash::<S, N>(each(
         #[inline(always)]
-        |axis| axes[axis].hash[kind(axis)],
+        |axis| axes[axis].keys[kind(axis)],
     ));
     let squares = each(
         #[inline(always)]
@@ -316,7 +317,7 @@ fn search_corners<S: Simd, const N: usize>(simd: S, axes: &[Axis<S>; N], search:
     for cell in cells::visiting_order::<N>() {
         let is_corner = cell.iter().filter(|&&kind| kind == 2).count() > 1;
         if is_corner && least(axes, search.measure, cell).simd_lt(best).any_true() {
-            best = best.min(compared::<S, N>(simd, search.measure, offset_to(axes, search.randomness, cell)));
+            best = best.min(compared::<S, N>(simd, search.measure, offset_to(simd, axes, search, cell)));
         }
     }
     best
