@@ -1,8 +1,8 @@
 """Renders replicas of a reference that are disjoint subsets of one sequence of samples.
 
 Request and result: as reference.py with "replicas", each of which has "subset": [first sample, number of
-samples]; the request's "samples" are those of the whole sequence. Replicas by seed share what Cycles draws by
-the number of a sample alone (docs/findings), so that their spread does not show it; the spread of subsets does.
+samples]; the request's "samples" are those of the whole sequence. Replicas by seed share what Cycles draws
+by the number of a sample alone (docs/findings), so that their spread does not show it; that of subsets does.
 """
 
 import protocol
@@ -12,7 +12,7 @@ def handle(request, messages):
     """Build the scene of the request, render its subsets, and write an EXR of each."""
     import reference_render
 
-    # The texts of the other scripts are part of what references are known by in caches: they stay as they are.
+    # The texts of the other scripts are part of what references are known by in caches: they stay.
     apply_whole = reference_render.apply_request
     subsets = iter([replica["subset"] for replica in request["replicas"]])
 

@@ -93,6 +93,28 @@ fn shares_add_up_and_planted_errors_are_found() {
 }
 
 /// Mean over pixels and colours.
+/// Cycles' replicas are subsets of its samples. In a homogeneous cube the two renderers agree, so that nothing is left but noise.
+#[test]
+fn beside_cycles_what_is_left_is_the_difference_of_renderers() {
+    if !support::require("bpy") {
+        return;
+    }
+    let folder = tempfile::tempdir().expect("a folder");
+    let text = FILE.replace("orders = 4", "orders = 4\n    cycles = { samples = 256 }");
+    let text = text.replace(r#", { file = "linear-ramp.scene.json", volume_bounces = 0 }"#, "");
+    let mut file = AttributionFile::parse(&text, "test").expect("an attribution");
+    file.engines.truncate(1);
+    let found = run(&toml::to_string(&file).expect("it serialises"), folder.path());
+    let [one] = found.attributed.as_slice() else { panic!("one engine in one scene") };
+    let difference = one.relmse.value - one.remainder.value;
+    assert!((one.sum() - difference).abs() <= 1e-12 * (1.0 + difference.abs()), "{one:?}");
+    assert!(one.remainder.value.abs() <= 4.0 * one.remainder.standard_error, "{one:?}");
+    assert!(
+        one.remainder.standard_error < 0.1 * one.relmse.value,
+        "the noise of both renderers says something: {one:?}"
+    );
+}
+
 fn mean_of(path: &Path) -> f64 {
     let image = cloudparity::scene::image::Image::read_exr(path).expect("a picture");
     let sum: f64 = image.pixels.iter().flat_map(|pixel| &pixel[..3]).map(|&value| f64::from(value)).sum();
@@ -107,6 +129,11 @@ fn mistakes_are_named() {
     };
     assert!(error("attribution/1", "attribution/2").expected.contains("cloudparity-attribution/1"));
     assert!(error("orders = 4", "orders = 1").place.contains("orders"));
+    assert!(error("orders = 4", "orders = 4\n    cycles = { samples = 0 }").place.contains("cycles.samples"));
+    let published = FILE.replacen("\"graph\"", "\"perlin-fbm\"", 1);
+    let published = published.replace("orders = 4", "orders = 4\n    cycles = { samples = 4 }");
+    let refused = AttributionFile::parse(&published, "a.toml").expect_err("Cycles has no such density");
+    assert!(refused.place.contains("engines[0].density"), "{refused}");
     assert!(error("rays = 16", "rays = 257").expected.contains("256"));
     assert!(error("steps = 3", "steps = 0").place.contains("engines[0]"));
     assert!(error("\"mean cosine\"", "\"extinction\"").place.contains("engines[2].name"));

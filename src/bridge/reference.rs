@@ -292,6 +292,12 @@ mod tests {
         assert_ne!(key, request_key(&scene, &sampled, "5.0.1"));
         assert_eq!(serde_json::to_value(&sampled).unwrap()["world_sampling"], "AUTOMATIC");
         assert_ne!(key, request_key(&scene, &settings, "5.0.2"));
+        let by_subset = ReferenceSettings { by_subset: true, ..settings.clone() };
+        assert_ne!(key, request_key(&scene, &by_subset, "5.0.1"));
+        let one_too_many: Vec<u32> = (FIRST_REPLICA_SEED..=FIRST_REPLICA_SEED + MOST_SUBSETS).collect();
+        let cache = tempfile::tempdir().expect("a folder");
+        let error = references_here(&scene, &by_subset, &one_too_many, cache.path(), |_| ()).expect_err("refused");
+        assert!(error.expected.contains("at most 64"), "{error}");
         let mut changed = scene.clone();
         changed.film.transparent = !scene.film.transparent;
         assert_ne!(key, request_key(&changed, &settings, "5.0.1"));

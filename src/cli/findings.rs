@@ -20,7 +20,7 @@ pub(super) struct Arguments {
     /// Findings, by name: order, expectation, marching, grids, learning, lobes, draine, majorants; all if left out.
     #[arg(long, value_name = "LIST", value_delimiter = ',')]
     only: Vec<String>,
-    /// Scenes of which it is measured, too, how much of their references' error all seeds share.
+    /// Scenes of which it is measured, too, by the last release, how much of their references' error all seeds share.
     #[arg(long, value_name = "FILE", num_args = 1..)]
     scenes: Vec<PathBuf>,
     /// Of scenes: width and height in pixels.

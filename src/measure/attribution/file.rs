@@ -35,6 +35,10 @@ pub struct AttributionFile {
     /// How light is path traced.
     #[serde(default)]
     pub truth: Truth,
+    /// Pictures by Cycles as what engines are measured against, instead of path tracing; what is left where every stage is exact is then the
+    /// difference of the two renderers.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub cycles: Option<ByCycles>,
     /// How fine what counts as exact is.
     #[serde(default)]
     pub exact: Exact,
@@ -49,6 +53,15 @@ pub struct AttributionFile {
 
 fn orders() -> u32 {
     12
+}
+
+/// Pictures by Cycles, as many replicas as path tracing has: disjoint subsets of one sequence of samples, whose spread has what all
+/// seeds share.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ByCycles {
+    /// Samples per pixel and replica.
+    pub samples: u32,
 }
 
 /// How fine the exact twins of stages are that march.
@@ -192,6 +205,14 @@ impl AttributionFile {
                 );
             }
             engine.check(place, &path)?;
+            let selection = Selection::parse(&engine.density)?;
+            if self.cycles.is_some() && !selection.model.is_of_scene {
+                let expected = "graph: Cycles renders the scene's own material".into();
+                return wrong(&format!("{path}.density"), format!("\"{}\" beside [cycles]", engine.density), expected);
+            }
+        }
+        if let Some(ByCycles { samples: 0 }) = self.cycles {
+            return wrong("cycles.samples", "0".into(), "at least 1".into());
         }
         Ok(())
     }

@@ -24,10 +24,11 @@ use crate::base::ledger::{Found, Purpose, to_json};
 use crate::base::numbers::uncertain;
 use crate::base::plain_text::csv_cell;
 use crate::base::progress::Progress;
-use crate::bridge::{self, CyclesKernel};
+use crate::bridge::reference::{self, FIRST_REPLICA_SEED, ReferenceSettings};
+use crate::bridge::{self, CyclesKernel, Message};
 use crate::engines::render::{Drawn, EngineRenderer};
 use crate::measure::attribution::components::{Components, Rendered};
-use crate::measure::attribution::file::AttributionFile;
+use crate::measure::attribution::file::{AttributionFile, ByCycles};
 use crate::measure::attribution::shares::Orders;
 use crate::measure::attribution::stage::{Stage, Stages};
 use crate::measure::attribution::stages::{Made, Staged};
@@ -160,6 +161,8 @@ impl Results {
                 percent(one.brightness_remainder),
                 if one.adds_up() {
                     "0 within two standard errors: the shares are the whole"
+                } else if self.attribution.cycles.is_some() {
+                    "not 0: Cycles' pictures differ from path tracing, or the exact twins are too coarse"
                 } else {
                     "not 0: the exact twins are too coarse; raise exact.steps and exact.light_steps"
                 },
@@ -324,10 +327,28 @@ impl Running {
         })
     }
 
+    fn cycles_settings(ByCycles { samples }: ByCycles) -> ReferenceSettings {
+        ReferenceSettings { samples, by_subset: true, ..ReferenceSettings::default() }
+    }
+
+    fn replicas_of_cycles(&self) -> Vec<u32> {
+        (FIRST_REPLICA_SEED..FIRST_REPLICA_SEED + self.file.truth.replicas).collect()
+    }
+
+    /// Cycles' pictures of a scene, in replicas.
+    fn by_cycles(&self, scene: usize, cycles: ByCycles, desk: &Desk<'_>) -> Result<Vec<Image>> {
+        let (settings, replicas) = (Self::cycles_settings(cycles), self.replicas_of_cycles());
+        let report = |message: Message| desk.report(message.done, &message.what);
+        let found =
+            reference::references(&self.scenes[scene], &settings, &replicas, &reference::cache_folder()?, report)?;
+        found.iter().map(|reference| Image::read_exr(&reference.path)).collect()
+    }
+
     fn attributed(&self, scene: usize, engine: usize, desk: &Desk<'_>) -> Result<Attributed> {
         let rendered = self.rendered(scene, engine, desk)?;
         let components = rendered.components(desk, &self.file.truth, self.size())?;
-        let truth = &components.truth;
+        let by_cycles = self.file.cycles.map(|cycles| self.by_cycles(scene, cycles, desk)).transpose()?;
+        let truth = by_cycles.as_ref().unwrap_or(&components.truth);
         let begin = ProcessTime::now();
         let (scene, measured) = (&self.scenes[scene], &self.file.engines[engine]);
         let staged = Staged::new(scene, measured, self.file.exact)?;
@@ -472,10 +493,18 @@ impl Experiment for Running {
     fn inputs(&self, job: &Job) -> Result<Json> {
         Ok(match *job {
             Job::Light(scene, engine) => self.inputs_of_light(scene, engine),
-            Job::Engine(scene, engine) => json!({
-                "light": self.inputs_of_light(scene, engine), "engine": self.file.engines[engine], "exact": self.file.exact,
-                "orders": self.file.orders,
-            }),
+            Job::Engine(scene, engine) => {
+                let mut inputs = json!({
+                    "light": self.inputs_of_light(scene, engine), "engine": self.file.engines[engine],
+                    "exact": self.file.exact, "orders": self.file.orders,
+                });
+                if let Some(cycles) = self.file.cycles {
+                    let settings = Self::cycles_settings(cycles);
+                    inputs["cycles"] =
+                        json!(reference::keys(&self.scenes[scene], &settings, &self.replicas_of_cycles())?);
+                }
+                inputs
+            }
         })
     }
 

@@ -63,6 +63,9 @@ pub fn findings() -> Vec<Finding> {
     vec![order(), expectation(), marching(), grids(), learning(), lobes(), draine(), majorants()]
 }
 
+/// Name of the finding about scenes.
+pub const SCENES: &str = "scenes";
+
 /// Samples and replicas, by seed and by subset, that scenes of the project are rendered with.
 const OF_SCENES: [u32; 2] = [256, 12];
 
@@ -86,7 +89,7 @@ pub fn of_scenes(scenes: &[Scene]) -> Finding {
         [by("seed", samples, seeds(count)), by("subset", samples * count, subsets(1, count, samples).collect())]
     };
     Finding {
-        name: "scenes",
+        name: SCENES,
         title: "What replicas by seed hide in scenes",
         claim: "In a picture of a scene, the part of the error that all seeds share is what the spread by subset has beyond the spread by seed.",
         advice: "Where the hidden part is not small against the tolerance of a verdict, make the reference's replicas by subset.",
