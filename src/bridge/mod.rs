@@ -4,6 +4,7 @@
 //! `warning`, then `done` or `error`). The scripts are embedded in the program and handed to the interpreter on its input
 //! (`blend/start.py`): the program works from any folder, and no file of a script lies where another user could change it.
 
+pub mod cache;
 pub mod interpreter;
 pub mod limits;
 pub mod probe;

@@ -7,14 +7,12 @@
 use crate::base::error::{Error, Result};
 use crate::base::files;
 use crate::base::identity::Identity;
+pub use crate::bridge::cache::{CACHE_VARIABLE, cache_folder};
 use crate::bridge::{CyclesKernel, Message, module_version, releases, run_script};
 use crate::scene::Scene;
 use serde::Serialize;
 use serde_json::{Value as Json, json};
 use std::path::{Path, PathBuf};
-
-/// Environment variable that names the cache folder.
-pub const CACHE_VARIABLE: &str = "CLOUDPARITY_CACHE";
 
 /// What a reference costs and which random numbers it draws. The rest (size, film, bounces, pixel
 /// filter) is the scene's.
@@ -260,21 +258,6 @@ const RENDER_SCRIPTS: [&str; 7] = [
 
 /// What renders replicas by subset.
 const SUBSET_SCRIPT: &str = "subset_reference.py";
-
-/// `CLOUDPARITY_CACHE`, else `~/.cache/cloudparity`.
-pub fn cache_folder() -> Result<PathBuf> {
-    if let Some(folder) = std::env::var_os(CACHE_VARIABLE) {
-        return Ok(PathBuf::from(folder));
-    }
-    std::env::home_dir().map(|home| Path::new(&home).join(".cache/cloudparity")).ok_or_else(|| {
-        Error::new(
-            "cache folder",
-            "no home folder",
-            "a place to keep references",
-            format!("Set {CACHE_VARIABLE} to a folder."),
-        )
-    })
-}
 
 #[cfg(test)]
 mod tests {

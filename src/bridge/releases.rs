@@ -1,7 +1,7 @@
 //! Releases of Blender besides the one that everything is measured with: each in an environment of its own, made when it is first asked for.
 
 use crate::base::error::{Error, Result};
-use crate::bridge::{self, interpreter, reference};
+use crate::bridge::{self, cache, interpreter};
 use crate::scene::Release;
 use std::path::PathBuf;
 use std::process::Command;
@@ -45,7 +45,7 @@ fn environment(release: &str) -> Result<PathBuf> {
     if bridge::module_version("bpy", "bpy.app.version_string").is_ok_and(|found| found == release) {
         return Ok(bridge::interpreter());
     }
-    let folder = reference::cache_folder()?.join("blender").join(release);
+    let folder = cache::cache_folder()?.join("blender").join(release);
     let python = folder.join("bin/python");
     if folder.join(STAMP).exists() {
         return Ok(python);

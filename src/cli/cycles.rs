@@ -114,7 +114,12 @@ impl CyclesArguments {
         bar.finish_and_clear();
         let what = |cached: bool| {
             let origin = if cached { ", from the cache" } else { "" };
-            format!("Cycles, {} samples{origin}", settings.samples)
+            // Null collision came with 5.0; asked for it, older releases march.
+            let way = match scene.graph().blender {
+                release if release.is_newest() => String::new(),
+                release => format!(" {release}, by ray marching at the step rate {}", settings.step_rate),
+            };
+            format!("Cycles{way}, {} samples{origin}", settings.samples)
         };
         if let [only] = found.as_slice() {
             copy(only, output)?;

@@ -183,7 +183,8 @@ pub(super) fn export(
     if !release.is_newest() {
         let scene = &mut result["scene"];
         scene["graph"]["blender"] = json!(release);
-        scene["other_graphs"].as_array_mut().into_iter().flatten().for_each(|graph| graph["blender"] = json!(release));
+        let others = scene.get_mut("other_graphs").and_then(serde_json::Value::as_array_mut);
+        others.into_iter().flatten().for_each(|graph| graph["blender"] = json!(release));
     }
     let text = serde_json::to_string_pretty(&result["scene"]).expect("JSON serialises") + "\n";
     let mut beside = Vec::new();

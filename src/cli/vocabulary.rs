@@ -10,6 +10,7 @@ const SHARED: &[(&str, &[&str], &[&str])] = &[
     ("backend", &["BACKEND"], &["where it runs", "all cores, the adapter"]),
     ("background", &["R,G,B"], &["behind a transparent film"]),
     ("blender", &["RELEASE"], &["release of blender", "release whose values"]),
+    ("summary", &["FILE"], &["line per mode", "which releases have the values"]),
     ("cache-filter", &["CACHE_FILTER"], &["density cache is read"]),
     ("cache-format", &["CACHE_FORMAT"], &["density cache stores"]),
     ("defects", &["NAMES"], &["defects of the original that are kept"]),

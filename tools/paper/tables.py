@@ -355,6 +355,19 @@ def _uncertain(value, error):
     return presentation.uncertain(types.SimpleNamespace(value=value, standard_error=error))
 
 
+@drawer("release-values")
+def release_values(document, place):
+    """`drift.json` with our values of one release: how much of each release's they are."""
+    bits = "the same kernel gives the same bits on every x86-64 processor"
+    rows = []
+    for release in document["releases"]:
+        counts, outputs = _counts(release["rows"]), len(release["rows"])
+        equal, ordinary = counts["equal"], counts["equal"] + counts["strange"]
+        cells = [Cell(f"{count} of {outputs}", count, 0, bits) for count in (equal, ordinary)]
+        rows.append([release["blender"], *cells])
+    return Drawn([f"values of {document['asked']['blender']} against", "equal", "at ordinary values"], rows)
+
+
 @drawer("release-pictures")
 def release_pictures(document, place):
     """`drift.json`: pictures by release."""
@@ -375,6 +388,7 @@ def release_pictures(document, place):
 # Nodes
 
 NODES = ["node", "modes", "f32 against Cycles", "WGSL: largest error", "CPU per point", "Cycles / CPU"]
+NODES += ["equal in releases"]
 MODES = ["mode", "f32: points that differ", "f32: largest error", "WGSL: largest error", "WGSL: ulp"]
 MODES += ["WGSL: beyond its limit", "f32", "f64", "WGSL", "Cycles", "Cycles / f32"]
 
@@ -405,9 +419,10 @@ def _by_node(rows):
 
 @drawer("nodes")
 def nodes(document, place):
-    """`node-errors.json` and `node-costs.json`: every node that was measured."""
+    """`node-errors.json`, `node-costs.json` and `node-releases.json`: every node that was measured."""
     reason = "f32 on the CPU is claimed to have Cycles' bits"
     costs = _by_node(document["node-costs"]["rows"])
+    releases_by_node = _by_node(document["node-releases"]["rows"])
     rows = []
     for node, modes in _by_node(document["node-errors"]["rows"]).items():
         differing = sum(mode["cpu_differing"] > 0 for mode in modes)
@@ -424,10 +439,30 @@ def nodes(document, place):
         cost = _of_range(times, _nanoseconds) if times else "not measured"
         ratio = _of_range(ratios, _ratio) if ratios else ""
         label = node if node.startswith("(") else f"[{node}](#{_anchor(node)})"
-        rows.append([label, str(len(modes)), Cell(words, differing, 0, reason), shown, cost, ratio])
+        releases = _releases_of(releases_by_node.get(node, []))
+        rows.append([label, str(len(modes)), Cell(words, differing, 0, reason), shown, cost, ratio, releases])
     # Blender's nodes and those that the compiler inserts stand in tables of their own.
     inserted = place.heading != "Nodes"
     return Drawn(NODES, [row for row in rows if row[0].startswith("(") == inserted])
+
+
+def _releases_of(rows):
+    """Releases with a node's values, by those of ours that fit best; in brackets: at ordinary values."""
+    best = {}
+    for row in rows:
+        rank = (row["equal"], row["ordinary"], row["values"] == "5.0")
+        if rank > best.get(row["release"], ((),))[0]:
+            best[row["release"]] = (rank, row)
+    words = []
+    for release in sorted(best, key=lambda release: [int(part) for part in release.split(".")]):
+        row = best[release][1]
+        text = release.rpartition(".")[0]
+        text += "" if row["values"] == "5.0" else f" by the values of {row['values']}"
+        if row["equal"] == row["outputs"]:
+            words.append(text)
+        elif row["ordinary"] == row["outputs"]:
+            words.append(f"({text})")
+    return ", ".join(words)
 
 
 def _anchor(label):

@@ -140,9 +140,9 @@ impl NodeReleases {
 }
 
 impl NodeRelease {
-    /// What has to be asked for to get these values.
+    /// Which of our values they are, unless the newest.
     fn option(&self) -> String {
-        if self.values.is_newest() { String::new() } else { format!(" with --blender {}", self.values) }
+        if self.values.is_newest() { String::new() } else { format!(" by the values of {}", self.values) }
     }
 }
 
@@ -176,11 +176,11 @@ mod tests {
             "4.2.23: 3 of 4 outputs at ordinary values",
             "4.3.0 at ordinary values",
             "4.4.0",
-            "4.5.15 with --blender 4.5",
+            "4.5.15 by the values of 4.5",
             "5.0.1",
         ];
         assert_eq!(known.in_words("Mix"), expected);
-        assert_eq!(known.cell("Mix"), "(4.3), 4.4, 4.5 with --blender 4.5, 5.0");
+        assert_eq!(known.cell("Mix"), "(4.3), 4.4, 4.5 by the values of 4.5, 5.0");
         assert!(known.in_words("Math").is_empty());
         assert_eq!(serde_json::from_str::<NodeReleases>(&known.to_text()).expect("it is one"), known);
     }

@@ -519,8 +519,7 @@ impl Table {
         );
         text.push_str(
             "*Equal in releases* says which releases of Blender have the same values in all modes, bit for bit (`cloudparity measure \
-             drift`, [releases](releases.md));\nin brackets: at ordinary values. Where a release needs `--blender 4.5`, `cloudparity \
-             export --blender 4.5` writes scenes with its values.\n\n",
+             drift`, [releases](releases.md));\nin brackets: at ordinary values. *By the values of 4.5*: of scenes that ask for them.\n\n",
         );
         head(&mut text, &SUMMARY_HEAD);
         for node in self.blenders() {
