@@ -2,7 +2,8 @@
 
     python tools/findings_paper.py parity/records/findings.json docs/findings
 
-The text is docs/findings/paper.md.j2; every number in it comes from the record. Pandoc makes HTML and LaTeX
+The text is docs/findings/paper.md.j2; every number in it comes from the record, and of scenes, where that has
+none, from parity/records/findings-scenes.json. Pandoc makes HTML and LaTeX
 of the Markdown, blend/findings_plot.py the figures.
 """
 
@@ -20,6 +21,8 @@ import findings_plot  # isort: skip
 import protocol  # isort: skip
 
 FORMAT = "cloudparity-findings/1"
+# A record of a run of its own, since scenes take longer than all else: what seeds hide in them.
+SCENES = ROOT / "parity/records/findings-scenes.json"
 RAISED = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")
 # Relative: some sums of 32 bits.
 ROUNDING = 1e-5
@@ -36,7 +39,7 @@ def main(arguments=None):
     parser.add_argument("folder", type=Path)
     given = parser.parse_args(arguments)
     try:
-        write(read(given.record), given.folder)
+        write(with_scenes(read(given.record)), given.folder)
     except protocol.InputError as error:
         print(
             f"{error.place}: found {error.found}, expected {error.expected}; {error.remedy}", file=sys.stderr
@@ -57,6 +60,15 @@ def read(path):
     return record
 
 
+def with_scenes(record):
+    """The record, with what SCENES says of the same release where it says nothing of scenes itself."""
+    if any(one["name"] == "scenes" for one in record["findings"]):
+        return record
+    last = record["findings"][-1]["blender"]
+    scenes = [one for one in read(SCENES)["findings"] if one["name"] == "scenes" and one["blender"] == last]
+    return record | {"findings": record["findings"] + scenes}
+
+
 def markdown(record):
     """The text."""
     last = record["findings"][-1]["blender"]
@@ -75,7 +87,7 @@ def markdown(record):
     ]
     loader = jinja2.FileSystemLoader(ROOT / "docs/findings")
     environment = jinja2.Environment(loader=loader, undefined=jinja2.StrictUndefined, trim_blocks=True)
-    environment.globals.update(effect=_effect, caption=_caption, agreement=_agreement)
+    environment.globals.update(effect=_effect, caption=_caption, agreement=_agreement, misses=_misses)
     environment.globals["number"] = lambda name: names.index(name) + 1
     return environment.get_template("paper.md.j2").render(
         version=last,
@@ -83,7 +95,7 @@ def markdown(record):
         scenes=scenes,
         scene_counts=_counts(scenes) if scenes else "",
         others=[one for one in record["findings"] if one["blender"] != last],
-        left_out=record["left_out"],
+        left_out=_reasons(record["left_out"]),
         claims=len(rows),
         holding=sum(one is True for one in held),
         equals=equals,
@@ -91,6 +103,18 @@ def markdown(record):
         failing="outside lie: " + "; ".join(failing) if failing else "",
         versions=_versions(record, last),
     )
+
+
+def _reasons(left_out):
+    """What was left out, by release and reason: [[how many and where, reason]]."""
+    found = {}
+    for what, reason in left_out:
+        where, release = what.rsplit(" by ", 1)
+        found.setdefault((release, reason), []).append(where.partition(":")[0])
+    return [
+        [f"{len(names)} scenes of {', '.join(dict.fromkeys(names))} by {release}", reason]
+        for (release, reason), names in found.items()
+    ]
 
 
 def _counts(scenes):
@@ -115,6 +139,16 @@ def _effect(finding):
 def _agreement(finding):
     held = finding["holding"]
     return f"{held.count(True)} of {len(held) - held.count(None)} predictions hold"
+
+
+def _misses(finding):
+    """Figures whose predictions do not hold, in words."""
+    pairs = zip(finding["cells"], finding["holding"], strict=True)
+    return "; ".join(
+        f"{name}: {measured}, predicted {claimed}"
+        for (name, measured, claimed, *_), holds in pairs
+        if holds is False
+    )
 
 
 def _caption(finding):
