@@ -53,8 +53,8 @@ struct voronoi_texture_1i_Search {
 
 struct voronoi_texture_1i_Axes {
     local: vec4<f32>,
-    hash: vec4<i32>,
-    hash_step: vec4<i32>,
+    keys: vec4<i32>,
+    key_step: vec4<i32>,
     near: vec4<f32>,
     near_bound: vec4<f32>,
     far_bound: vec4<f32>,
@@ -71,6 +71,7 @@ const gradient_noise_PERIOD: f32 = 100000f;
 const gradient_noise_COARSE: f32 = 1000000f;
 const gradient_noise_INVERSE_PERIOD: f32 = 0.00001f;
 const numeric_SMALLEST_NORMAL: f32 = 0.000000000000000000000000000000000000011754944f;
+const numeric_LARGEST: f32 = 0x1.fffffep+127f;
 const numeric_LN_TWO: f32 = 0.6931472f;
 const numeric_QUARTER_PI: f32 = 0.7853982f;
 const numeric_HALF_PI: f32 = 1.5707964f;
@@ -78,7 +79,7 @@ const numeric_PI: f32 = 3.1415927f;
 const hash_PCG_MULTIPLIER: i32 = 1664525i;
 const hash_PCG_INCREMENT: i32 = 1013904223i;
 const hash_PCG_UNIT: f32 = 0.0000000004656613f;
-const numeric_LARGEST: f32 = 0x1.fffffep+127f;
+const voronoi_texture_1i_KEY_STEP: i32 = 1664525i;
 
 @group(0) @binding(0) 
 var<storage> points: array<f32>;
@@ -459,6 +460,10 @@ fn voronoi_texture_1i_site_of(x_9: vec4<f32>) -> voronoi_texture_1i_Site {
     return voronoi_texture_1i_Site(corner, (x_9 - corner), cell_1);
 }
 
+fn voronoi_texture_1i_keys_of(site: voronoi_texture_1i_Site, o: vec4<i32>) -> vec4<i32> {
+    return (((site.cell + o) * hash_PCG_MULTIPLIER) + vec4(1013904223i));
+}
+
 fn voronoi_texture_1i_terms(v_1: vec4<f32>, exponent: f32) -> vec4<f32> {
     return (v_1 * v_1);
 }
@@ -498,14 +503,18 @@ fn voronoi_texture_1i_visit_nearest(s: ptr<function, voronoi_texture_1i_Search>,
     return;
 }
 
-fn voronoi_texture_1i_visit(s_1: ptr<function, voronoi_texture_1i_Search>, a_5: voronoi_texture_1i_Axes, o: vec4<f32>, hash_1: vec4<i32>) {
-    let _e1 = voronoi_texture_1i_rounds(hash_1);
-    let v_4 = ((o + (_e1 * a_5.jitter)) - a_5.local);
+fn voronoi_texture_1i_visit(s_1: ptr<function, voronoi_texture_1i_Search>, a_5: voronoi_texture_1i_Axes, o_1: vec4<f32>, keys: vec4<i32>) {
+    let _e1 = voronoi_texture_1i_rounds(keys);
+    let v_4 = ((o_1 + (_e1 * a_5.jitter)) - a_5.local);
     let _e10 = voronoi_texture_1i_terms(v_4, a_5.exponent);
     let _e12 = voronoi_texture_1i_combine(_e10, a_5.one);
     let _e14 = voronoi_texture_1i_comparable(_e12, a_5.exponent);
     voronoi_texture_1i_visit_nearest(s_1, _e14);
     return;
+}
+
+fn voronoi_texture_1i_next_key(key: i32, step_: i32) -> i32 {
+    return (key + step_);
 }
 
 fn voronoi_texture_1i_hopeless(s_2: ptr<function, voronoi_texture_1i_Search>, a_6: voronoi_texture_1i_Axes, bounds: vec4<f32>) -> bool {
@@ -515,64 +524,68 @@ fn voronoi_texture_1i_hopeless(s_2: ptr<function, voronoi_texture_1i_Search>, a_
     return (_e5 >= _e8);
 }
 
-fn voronoi_texture_1i_scan_y(s_3: ptr<function, voronoi_texture_1i_Search>, a_7: voronoi_texture_1i_Axes, o_1: vec4<f32>, hash_2: vec4<i32>, bounds_1: vec4<f32>) {
+fn voronoi_texture_1i_scan_y(s_3: ptr<function, voronoi_texture_1i_Search>, a_7: voronoi_texture_1i_Axes, o_2: vec4<f32>, keys_1: vec4<i32>, bounds_1: vec4<f32>) {
     var o_y: f32 = 0f;
-    var hash_y: i32;
+    var key_y: i32;
     var bound_y: f32 = 0f;
     var place: i32 = 0i;
 
-    hash_y = a_7.hash.y;
+    key_y = a_7.keys.y;
     loop {
         let _e8 = o_y;
-        let _e15 = hash_y;
-        voronoi_texture_1i_visit(s_3, a_7, vec4<f32>(0f, _e8, o_1.zw), vec4<i32>(a_7.hash.x, _e15, hash_2.zw));
+        let _e15 = key_y;
+        voronoi_texture_1i_visit(s_3, a_7, vec4<f32>(0f, _e8, o_2.zw), vec4<i32>(a_7.keys.x, _e15, keys_1.zw));
         let _e21 = o_y;
-        let _e29 = hash_y;
-        voronoi_texture_1i_visit(s_3, a_7, vec4<f32>(a_7.near.x, _e21, o_1.zw), vec4<i32>((a_7.hash.x + a_7.hash_step.x), _e29, hash_2.zw));
+        let _e28 = voronoi_texture_1i_next_key(a_7.keys.x, a_7.key_step.x);
+        let _e29 = key_y;
+        voronoi_texture_1i_visit(s_3, a_7, vec4<f32>(a_7.near.x, _e21, o_2.zw), vec4<i32>(_e28, _e29, keys_1.zw));
         let _e36 = bound_y;
         let _e39 = voronoi_texture_1i_hopeless(s_3, a_7, vec4<f32>(a_7.far_bound.x, _e36, bounds_1.zw));
         if !(_e39) {
             let _e44 = o_y;
-            let _e52 = hash_y;
-            voronoi_texture_1i_visit(s_3, a_7, vec4<f32>(-(a_7.near.x), _e44, o_1.zw), vec4<i32>((a_7.hash.x - a_7.hash_step.x), _e52, hash_2.zw));
+            let _e52 = voronoi_texture_1i_next_key(a_7.keys.x, -(a_7.key_step.x));
+            let _e53 = key_y;
+            voronoi_texture_1i_visit(s_3, a_7, vec4<f32>(-(a_7.near.x), _e44, o_2.zw), vec4<i32>(_e52, _e53, keys_1.zw));
         }
         continuing {
-            let _e56 = place;
-            place = (_e56 + 1i);
-            let _e64 = place;
-            o_y = select(-(a_7.near.y), a_7.near.y, (_e64 == 1i));
-            let _e75 = place;
-            hash_y = (a_7.hash.y + select(-(a_7.hash_step.y), a_7.hash_step.y, (_e75 == 1i)));
-            let _e84 = place;
-            bound_y = select(a_7.far_bound.y, a_7.near_bound.y, (_e84 == 1i));
-            let _e88 = place;
-            let _e91 = bound_y;
-            let _e95 = voronoi_texture_1i_hopeless(s_3, a_7, vec4<f32>(0f, _e91, bounds_1.zw));
-            break if ((_e88 > 2i) | _e95);
+            let _e57 = place;
+            place = (_e57 + 1i);
+            let _e65 = place;
+            o_y = select(-(a_7.near.y), a_7.near.y, (_e65 == 1i));
+            let _e76 = place;
+            let _e80 = voronoi_texture_1i_next_key(a_7.keys.y, select(-(a_7.key_step.y), a_7.key_step.y, (_e76 == 1i)));
+            key_y = _e80;
+            let _e85 = place;
+            bound_y = select(a_7.far_bound.y, a_7.near_bound.y, (_e85 == 1i));
+            let _e89 = place;
+            let _e92 = bound_y;
+            let _e96 = voronoi_texture_1i_hopeless(s_3, a_7, vec4<f32>(0f, _e92, bounds_1.zw));
+            break if ((_e89 > 2i) | _e96);
         }
     }
     return;
 }
 
-fn voronoi_texture_1i_scan_z(s_4: ptr<function, voronoi_texture_1i_Search>, a_8: voronoi_texture_1i_Axes, o_2: vec4<f32>, hash_3: vec4<i32>, bounds_2: vec4<f32>) {
+fn voronoi_texture_1i_scan_z(s_4: ptr<function, voronoi_texture_1i_Search>, a_8: voronoi_texture_1i_Axes, o_3: vec4<f32>, keys_2: vec4<i32>, bounds_2: vec4<f32>) {
     var o_z: f32 = 0f;
-    var hash_z: i32;
+    var key_z: i32;
     var bound_z: f32 = 0f;
     var place_1: i32 = 0i;
 
-    hash_z = a_8.hash.z;
+    key_z = a_8.keys.z;
     loop {
         let _e8 = o_z;
-        let _e16 = hash_z;
+        let _e16 = key_z;
         let _e21 = bound_z;
-        voronoi_texture_1i_scan_y(s_4, a_8, vec4<f32>(0f, 0f, _e8, o_2.w), vec4<i32>(a_8.hash.xy, _e16, hash_3.w), vec4<f32>(0f, 0f, _e21, bounds_2.w));
+        voronoi_texture_1i_scan_y(s_4, a_8, vec4<f32>(0f, 0f, _e8, o_3.w), vec4<i32>(a_8.keys.xy, _e16, keys_2.w), vec4<f32>(0f, 0f, _e21, bounds_2.w));
         continuing {
             let _e28 = place_1;
             place_1 = (_e28 + 1i);
             let _e36 = place_1;
             o_z = select(-(a_8.near.z), a_8.near.z, (_e36 == 1i));
             let _e47 = place_1;
-            hash_z = (a_8.hash.z + select(-(a_8.hash_step.z), a_8.hash_step.z, (_e47 == 1i)));
+            let _e51 = voronoi_texture_1i_next_key(a_8.keys.z, select(-(a_8.key_step.z), a_8.key_step.z, (_e47 == 1i)));
+            key_z = _e51;
             let _e56 = place_1;
             bound_z = select(a_8.far_bound.z, a_8.near_bound.z, (_e56 == 1i));
             let _e60 = place_1;
@@ -586,23 +599,24 @@ fn voronoi_texture_1i_scan_z(s_4: ptr<function, voronoi_texture_1i_Search>, a_8:
 
 fn voronoi_texture_1i_scan_w(s_5: ptr<function, voronoi_texture_1i_Search>, a_9: voronoi_texture_1i_Axes) {
     var o_w: f32 = 0f;
-    var hash_w: i32;
+    var key_w: i32;
     var bound_w: f32 = 0f;
     var place_2: i32 = 0i;
 
-    hash_w = a_9.hash.w;
+    key_w = a_9.keys.w;
     loop {
         let _e7 = o_w;
-        let _e14 = hash_w;
+        let _e14 = key_w;
         let _e17 = bound_w;
-        voronoi_texture_1i_scan_z(s_5, a_9, vec4<f32>(0f, 0f, 0f, _e7), vec4<i32>(a_9.hash.xyz, _e14), vec4<f32>(0f, 0f, 0f, _e17));
+        voronoi_texture_1i_scan_z(s_5, a_9, vec4<f32>(0f, 0f, 0f, _e7), vec4<i32>(a_9.keys.xyz, _e14), vec4<f32>(0f, 0f, 0f, _e17));
         continuing {
             let _e24 = place_2;
             place_2 = (_e24 + 1i);
             let _e32 = place_2;
             o_w = select(-(a_9.near.w), a_9.near.w, (_e32 == 1i));
             let _e43 = place_2;
-            hash_w = (a_9.hash.w + select(-(a_9.hash_step.w), a_9.hash_step.w, (_e43 == 1i)));
+            let _e47 = voronoi_texture_1i_next_key(a_9.keys.w, select(-(a_9.key_step.w), a_9.key_step.w, (_e43 == 1i)));
+            key_w = _e47;
             let _e52 = place_2;
             bound_w = select(a_9.far_bound.w, a_9.near_bound.w, (_e52 == 1i));
             let _e56 = place_2;
@@ -614,28 +628,29 @@ fn voronoi_texture_1i_scan_w(s_5: ptr<function, voronoi_texture_1i_Search>, a_9:
     return;
 }
 
-fn voronoi_texture_1i_search(site: voronoi_texture_1i_Site, p_7: voronoi_texture_1i_Parameters) -> voronoi_texture_1i_Search {
+fn voronoi_texture_1i_search(site_1: voronoi_texture_1i_Site, p_7: voronoi_texture_1i_Parameters) -> voronoi_texture_1i_Search {
     var a_10: voronoi_texture_1i_Axes;
     var s_6: voronoi_texture_1i_Search = voronoi_texture_1i_Search(0x1.fffffep+127f, 0f, 0x1.fffffep+127f, 0f);
 
-    let upper = (site.local >= vec4(0.5f));
-    let rest = (vec4(1f) - site.local);
-    a_10.local = site.local;
-    a_10.hash = ((site.cell * hash_PCG_MULTIPLIER) + vec4(1013904223i));
-    a_10.hash_step = (hash_PCG_MULTIPLIER * ((2i * vec4<i32>(upper)) - vec4(1i)));
+    let upper = (site_1.local >= vec4(0.5f));
+    let rest = (vec4(1f) - site_1.local);
+    a_10.local = site_1.local;
+    let _e18 = voronoi_texture_1i_keys_of(site_1, vec4(0i));
+    a_10.keys = _e18;
+    a_10.key_step = (voronoi_texture_1i_KEY_STEP * ((2i * vec4<i32>(upper)) - vec4(1i)));
     a_10.near = select(vec4(-1f), vec4(1f), upper);
-    let _e42 = voronoi_texture_1i_bound_terms(select(site.local, rest, upper), p_7.exponent);
-    a_10.near_bound = _e42;
-    let _e47 = voronoi_texture_1i_bound_terms(select(rest, site.local, upper), p_7.exponent);
-    a_10.far_bound = _e47;
-    let _e49 = voronoi_texture_1i_jitter(p_7);
-    a_10.jitter = _e49;
+    let _e39 = voronoi_texture_1i_bound_terms(select(site_1.local, rest, upper), p_7.exponent);
+    a_10.near_bound = _e39;
+    let _e44 = voronoi_texture_1i_bound_terms(select(rest, site_1.local, upper), p_7.exponent);
+    a_10.far_bound = _e44;
+    let _e46 = voronoi_texture_1i_jitter(p_7);
+    a_10.jitter = _e46;
     a_10.exponent = p_7.exponent;
     a_10.one = p_7.one;
-    let _e54 = a_10;
-    voronoi_texture_1i_scan_w((&s_6), _e54);
-    let _e56 = s_6;
-    return _e56;
+    let _e51 = a_10;
+    voronoi_texture_1i_scan_w((&s_6), _e51);
+    let _e53 = s_6;
+    return _e53;
 }
 
 fn voronoi_texture_1i_offset_of(rank: f32) -> vec4<i32> {
@@ -647,7 +662,7 @@ fn voronoi_texture_1i_root(measure_2: f32, exponent_3: f32) -> f32 {
     return sqrt(measure_2);
 }
 
-fn voronoi_texture_1i_octave_at(site_1: voronoi_texture_1i_Site, o_3: vec4<i32>, distance_: f32, is_found: bool, p_8: voronoi_texture_1i_Parameters) -> voronoi_texture_1i_Octave {
+fn voronoi_texture_1i_octave_at(site_2: voronoi_texture_1i_Site, o_4: vec4<i32>, distance_: f32, is_found: bool, p_8: voronoi_texture_1i_Parameters) -> voronoi_texture_1i_Octave {
     var octave: voronoi_texture_1i_Octave;
 
     octave.distance = distance_;
