@@ -97,7 +97,7 @@ fn search_near<S: Simd, const N: usize, const PLAIN: bool>(
                     #[inline(always)]
                     |axis| lanes::load::<S>(simd, &columns[axis][start..start + used]) * plan.scale * octave.scale,
                 );
-                let axes = around(simd, x, plan.search);
+                let axes = around(simd, x, known::<PLAIN>(plan.search));
                 let best = S::f32s::splat(simd, f32::MAX);
                 search_block::<S, N, PLAIN, N>(simd, &axes, plan.search, best)
                     .store_slice(&mut places.best[start..start + width]);
@@ -108,6 +108,12 @@ fn search_near<S: Simd, const N: usize, const PLAIN: bool>(
             }
         },
     );
+}
+
+/// The search, with a kind of hash that the compiler sees where it is known.
+#[inline(always)]
+fn known<const PLAIN: bool>(search: Search) -> Search {
+    if PLAIN { Search { hashing: Hashing::WholeNumbers, ..search } } else { search }
 }
 
 #[inline(always)]
@@ -137,7 +143,7 @@ fn search_far<S: Simd, const N: usize, const PLAIN: bool>(
     if N == 4 {
         search_far_along::<S, N, PLAIN, 3>(simd, search, count, places);
     }
-    search_where(
+    search_where::<S, N, PLAIN>(
         simd,
         count,
         search,
@@ -157,7 +163,7 @@ fn search_far<S: Simd, const N: usize, const PLAIN: bool>(
             needed
         },
         #[inline(always)]
-        |axes, best| search_corners::<S, N>(simd, axes, search, best),
+        |axes, best| search_corners::<S, N>(simd, axes, known::<PLAIN>(search), best),
     );
 }
 
@@ -169,7 +175,7 @@ fn search_far_along<S: Simd, const N: usize, const PLAIN: bool, const AXIS: usiz
     count: usize,
     places: &mut Places<N>,
 ) {
-    search_where(
+    search_where::<S, N, PLAIN>(
         simd,
         count,
         search,
@@ -183,7 +189,7 @@ fn search_far_along<S: Simd, const N: usize, const PLAIN: bool, const AXIS: usiz
 
 /// Searches cells with `visit` for the places that `is_needed` asks for.
 #[inline(always)]
-fn search_where<S: Simd, const N: usize>(
+fn search_where<S: Simd, const N: usize, const PLAIN: bool>(
     simd: S,
     count: usize,
     search: Search,
@@ -225,7 +231,7 @@ fn search_where<S: Simd, const N: usize>(
                     x[axis] = gather(&places.coordinates[axis]);
                 }
                 let best = gather(&places.best);
-                visit(&around(simd, x, search), best).store_slice(&mut gathered[..width]);
+                visit(&around(simd, x, known::<PLAIN>(search)), best).store_slice(&mut gathered[..width]);
                 for (&place, &best) in group.iter().zip(&gathered) {
                     places.best[place % BATCH] = best;
                 }
