@@ -6,7 +6,7 @@
 //! one point at a hashed position. Only cells within one step are searched, so a distance above 1
 //! may miss a nearer point and the field can jump at cell faces: Blender's field does so too.
 //!
-//! Up to Blender 4.5 a cell of 2 to 4 dimensions had other numbers than since 5.0 ([`Hashing`]).
+//! Up to Blender 4.5 a cell of 2 to 4 dimensions had other numbers than since 5.0 (`Hashing`).
 //!
 //! Coordinates are `Vector * Scale`, `W * Scale`; octaves multiply the rounded coordinate.
 
