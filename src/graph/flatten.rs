@@ -599,9 +599,12 @@ impl<'a> Flattener<'a> {
         Ok(number)
     }
 
-    /// Whether Blender itself evaluates a node with these inputs.
+    /// Whether Blender itself evaluates a node with these inputs. Up to 4.5 it leaves all to Cycles.
     fn folds_early(&self, node_type: &NodeType, mode: &Mode, inputs: &[Source]) -> bool {
         let Role::Evaluated(build) = node_type.role else { return false };
+        if self.graph.blender == Release::Before5 {
+            return false;
+        }
         inputs.iter().all(|source| self.is_constant(source)) && build(mode).folds_early()
     }
 
