@@ -357,15 +357,19 @@ def _uncertain(value, error):
 
 @drawer("release-values")
 def release_values(document, place):
-    """`drift.json` with our values of one release: how much of each release's they are."""
+    """`node-releases.json`: how many outputs of each release have our values of 4.5."""
     bits = "the same kernel gives the same bits on every x86-64 processor"
-    rows = []
-    for release in document["releases"]:
-        counts, outputs = _counts(release["rows"]), len(release["rows"])
-        equal, ordinary = counts["equal"], counts["equal"] + counts["strange"]
-        cells = [Cell(f"{count} of {outputs}", count, 0, bits) for count in (equal, ordinary)]
-        rows.append([release["blender"], *cells])
-    return Drawn([f"values of {document['asked']['blender']} against", "equal", "at ordinary values"], rows)
+    sums = {}
+    for row in document["rows"]:
+        if row["values"] == "4.5":
+            counts = [row[key] for key in ("outputs", "equal", "ordinary")]
+            known = sums.get(row["release"], [0, 0, 0])
+            sums[row["release"]] = [a + b for a, b in zip(known, counts, strict=True)]
+    rows = [
+        [release, *(Cell(f"{count} of {outputs}", count, 0, bits) for count in counts)]
+        for release, (outputs, *counts) in sums.items()
+    ]
+    return Drawn(["values of 4.5 against", "equal", "at ordinary values"], rows)
 
 
 @drawer("release-pictures")
