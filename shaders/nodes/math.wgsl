@@ -31,11 +31,10 @@ fn evaluate(a: f32, b: f32, c: f32) -> f32 {
 #else ifdef OPERATION_POWER
 fn evaluate(a: f32, b: f32) -> f32 {
 #ifdef BEFORE_BLENDER_5
-    if b < 0.0 && abs(a) < numeric::SMALLEST_NORMAL {
-        return finish(numeric::exp_of(numeric::LARGEST));
-    }
-#endif
+    return finish(numeric::safe_pow_before_5(a, b));
+#else
     return finish(safe_pow(a, b));
+#endif
 }
 #else ifdef OPERATION_LOGARITHM
 fn evaluate(a: f32, b: f32) -> f32 {

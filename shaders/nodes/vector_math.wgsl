@@ -97,8 +97,11 @@ fn evaluate(a: vec3f) -> vec3f {
 #else ifdef OPERATION_POWER
 fn evaluate(a: vec3f, b: vec3f) -> vec3f {
 #ifdef BEFORE_BLENDER_5
-    let is_pole = (b < vec3f(0.0)) & (abs(a) < vec3f(numeric::SMALLEST_NORMAL));
-    return select(safe_pow3(a, b), vec3f(numeric::exp_of(numeric::LARGEST)), is_pole);
+    return vec3f(
+        numeric::safe_pow_before_5(a.x, b.x),
+        numeric::safe_pow_before_5(a.y, b.y),
+        numeric::safe_pow_before_5(a.z, b.z)
+    );
 #else
     return safe_pow3(a, b);
 #endif

@@ -220,11 +220,7 @@ fn jitter(p: Parameters) -> f32 {
 fn color_of(site: Site, o: vec4i) -> vec3f {
     let k = bitcast<vec4u>(keys_of(site, o));
 #ifdef VORONOI_DIMENSIONS_2D
-    return vec3f(
-        unit_from_bits(jenkins2(k.x, k.y)),
-        unit_from_bits(jenkins3(k.x, k.y, BITS_OF_ONE)),
-        unit_from_bits(jenkins3(k.x, k.y, BITS_OF_TWO))
-    );
+    return vec3f(rounds(bitcast<vec4i>(k)).xy, unit_from_bits(jenkins3(k.x, k.y, BITS_OF_TWO)));
 #else ifdef VORONOI_DIMENSIONS_3D
     return rounds(bitcast<vec4i>(k)).xyz;
 #else

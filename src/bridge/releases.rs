@@ -41,14 +41,14 @@ pub fn with_values_of<T>(values: Release, work: impl FnOnce() -> Result<T>) -> R
 /// The interpreter of a release.
 fn environment(release: &str) -> Result<PathBuf> {
     check(release)?;
-    // Where the usual one is of that release, it has all that is needed.
-    if bridge::module_version("bpy", "bpy.app.version_string").is_ok_and(|found| found == release) {
-        return Ok(bridge::interpreter());
-    }
     let folder = cache::cache_folder()?.join("blender").join(release);
     let python = folder.join("bin/python");
     if folder.join(STAMP).exists() {
         return Ok(python);
+    }
+    // Where the usual one is of that release, it has all that is needed. To ask it takes a start of Python.
+    if bridge::module_version("bpy", "bpy.app.version_string").is_ok_and(|found| found == release) {
+        return Ok(bridge::interpreter());
     }
     // One that was interrupted is made anew.
     if folder.exists() {

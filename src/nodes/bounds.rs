@@ -511,6 +511,13 @@ impl Interval {
         }
         result.unwrap_or(Self::EVERYTHING).or_nan(nan)
     }
+
+    /// [`Self::safe_power`] up to Blender 4.5, where negative powers of 0 are infinite.
+    #[must_use]
+    pub fn safe_power_before_5(self, exponent: Self) -> Self {
+        let has_pole = self.has_zero() && exponent.low < 0.0;
+        if has_pole { Self::EVERYTHING } else { self.safe_power(exponent) }
+    }
 }
 
 /// Smallest and largest; NaN entries (0 times infinity and the like) say nothing.

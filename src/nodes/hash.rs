@@ -46,26 +46,6 @@ pub fn hash_floats<R: Real, const N: usize>(values: [R; N]) -> R {
     R::from_hash_32(jenkins(values.map(|value| value.to_f32().to_bits())))
 }
 
-/// Values in [0, 1] of a cell whose corner is known as floats, for the points of Voronoi Texture up to Blender 4.5: in 4D the
-/// coordinates are rotated, otherwise numbered.
-#[inline]
-pub fn cell_of_floats<R: Real, const N: usize>(corner: [R; N]) -> [R; N] {
-    let [one, two] = [R::of(1.0), R::of(2.0)];
-    std::array::from_fn(|number| match (corner.as_slice(), number) {
-        (&[x], _) => hash_floats([x]),
-        (&[x, y], 0) => hash_floats([x, y]),
-        (&[x, y], _) => hash_floats([x, y, one]),
-        (&[x, y, z], 0) => hash_floats([x, y, z]),
-        (&[x, y, z], 1) => hash_floats([x, y, z, one]),
-        (&[x, y, z], _) => hash_floats([x, y, z, two]),
-        (&[x, y, z, w], 0) => hash_floats([x, y, z, w]),
-        (&[x, y, z, w], 1) => hash_floats([w, x, y, z]),
-        (&[x, y, z, w], 2) => hash_floats([z, w, x, y]),
-        (&[x, y, z, w], _) => hash_floats([y, z, w, x]),
-        _ => unreachable!("one to four dimensions"),
-    })
-}
-
 const MULTIPLIER: i32 = 1_664_525;
 const INCREMENT: i32 = 1_013_904_223;
 

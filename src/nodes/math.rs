@@ -216,11 +216,7 @@ impl Evaluate for Math {
 
     fn enclose(&self, inputs: &[Interval], outputs: &mut [Interval]) {
         let value = match (self.operation, inputs) {
-            ("POWER", [base, exponent])
-                if self.release == Release::Before5 && base.has_zero() && exponent.low < 0.0 =>
-            {
-                Interval::EVERYTHING
-            }
+            ("POWER", &[base, exponent]) if self.release == Release::Before5 => base.safe_power_before_5(exponent),
             _ => bounds::operation(self.operation, inputs),
         };
         outputs[0] = if self.clamp { value.saturate() } else { value };

@@ -13,7 +13,7 @@
 mod bounds;
 mod lanes;
 
-use crate::nodes::hash::{cell_of_floats, hash_floats, pcg_values};
+use crate::nodes::hash::{hash_floats, pcg_values};
 use crate::nodes::noise_texture::dimensions;
 use crate::nodes::real::{Real, dot, length};
 use crate::nodes::white_noise_texture;
@@ -268,9 +268,7 @@ impl<R: Real, const N: usize> Cell<R, N> {
     /// Colour of the cell at `offset`.
     fn color(&self, offset: [i32; N]) -> [R; 3] {
         if N == 1 || self.hashing == Hashing::Floats {
-            let corner = self.corner(offset);
-            let p = std::array::from_fn(|axis| corner.get(axis).copied().unwrap_or(R::of(0.0)));
-            return white_noise_texture::color(N, p);
+            return color_of_floats(self.corner(offset));
         }
         let cell: [i32; N] = std::array::from_fn(|axis| self.index[axis].wrapping_add(offset[axis]));
         match N {
@@ -282,6 +280,25 @@ impl<R: Real, const N: usize> Cell<R, N> {
             }
         }
     }
+}
+
+/// Colour of a cell whose corner is known as floats: that of White Noise Texture there.
+#[inline(always)]
+fn color_of_floats<R: Real, const N: usize>(corner: [R; N]) -> [R; 3] {
+    white_noise_texture::color(N, std::array::from_fn(|axis| corner.get(axis).copied().unwrap_or(R::of(0.0))))
+}
+
+/// Values in [0, 1] of the point of a cell whose corner is known as floats: those of its colour, but in 4D hashes of the coordinates,
+/// each time rotated by one more.
+#[inline(always)]
+fn cell_of_floats<R: Real, const N: usize>(corner: [R; N]) -> [R; N] {
+    if N == 4 {
+        return std::array::from_fn(|turn| {
+            hash_floats::<R, 4>(std::array::from_fn(|axis| corner[(axis + 4 - turn) % 4]))
+        });
+    }
+    let color = color_of_floats(corner);
+    std::array::from_fn(|axis| color[axis])
 }
 
 /// Offsets of the (2 radius + 1)^N cells around one, first axis fastest.

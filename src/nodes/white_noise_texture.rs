@@ -53,6 +53,7 @@ struct WhiteNoise {
 }
 
 /// The colour at a point; coordinates beyond the dimension are ignored.
+#[inline(always)]
 pub(super) fn color<R: Real>(dimensions: usize, p: [R; 4]) -> [R; 3] {
     let [green, blue] = further_channels(dimensions, p);
     [first_channel(dimensions, p), green, blue]

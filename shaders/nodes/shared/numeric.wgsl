@@ -235,6 +235,14 @@ fn safe_pow(a: f32, b: f32) -> f32 {
     return select(magnitude, -magnitude, a < 0.0 && (whole & 1) != 0);
 }
 
+// safe_pow up to Blender 4.5: negative powers of 0 are infinite.
+fn safe_pow_before_5(a: f32, b: f32) -> f32 {
+    if b < 0.0 && abs(a) < SMALLEST_NORMAL {
+        return exp_of(LARGEST);
+    }
+    return safe_pow(a, b);
+}
+
 fn safe_pow3(a: vec3f, b: vec3f) -> vec3f {
     return vec3f(safe_pow(a.x, b.x), safe_pow(a.y, b.y), safe_pow(a.z, b.z));
 }

@@ -119,10 +119,7 @@ pub(super) fn operation(operation: &str, release: Release, [a, b, c]: [Vector; 3
         "SCALE" => a.map(|x| x * scale),
         "NORMALIZE" => safe_unit(a),
         "ABSOLUTE" => a.map(Interval::abs),
-        "POWER" if release == Release::Before5 => each(a, b, |base, exponent| {
-            let has_pole = base.has_zero() && exponent.low < 0.0;
-            if has_pole { Interval::EVERYTHING } else { base.safe_power(exponent) }
-        }),
+        "POWER" if release == Release::Before5 => each(a, b, Interval::safe_power_before_5),
         "POWER" => each(a, b, Interval::safe_power),
         "SIGN" => a.map(sign),
         "MINIMUM" => each(a, b, Interval::lesser),

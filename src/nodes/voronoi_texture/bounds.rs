@@ -16,9 +16,10 @@
 //! Everything here is in f64 on the exact hashes; [`ERROR`] covers the evaluators' rounding.
 
 use crate::nodes::bounds::Interval;
-use crate::nodes::hash::{cell_of_floats, hash_floats, pcg, pcg_values};
-use crate::nodes::voronoi_texture::{Feature, Hashing, Metric, VoronoiTexture, neighbours};
-use crate::nodes::white_noise_texture;
+use crate::nodes::hash::{hash_floats, pcg, pcg_values};
+use crate::nodes::voronoi_texture::{
+    Feature, Hashing, Metric, VoronoiTexture, cell_of_floats, color_of_floats, neighbours,
+};
 
 /// Error of a distance in cell units. Hash, product with the randomness, sum with the cell, local
 /// coordinate and difference round by at most 3e-8, 6e-8, 1.2e-7, 6e-8 and 1.2e-7 per axis: 4e-7,
@@ -894,8 +895,7 @@ fn color_undershoot(smoothness: f64) -> f64 {
 /// Colour of a cell.
 fn cell_color<const N: usize>(cell: [i32; N], hashing: Hashing) -> [f64; 3] {
     if N == 1 || hashing == Hashing::Floats {
-        let p = std::array::from_fn(|axis| cell.get(axis).copied().map_or(0.0, f64::from));
-        return white_noise_texture::color(N, p);
+        return color_of_floats(cell.map(f64::from));
     }
     match N {
         2 => pcg_values([cell[0], cell[1], 0]),

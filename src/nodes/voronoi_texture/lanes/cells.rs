@@ -278,12 +278,12 @@ impl<S: Simd, const N: usize> Winner<S, N> {
 /// Colour of a cell from its keys and its hash values.
 #[inline(always)]
 fn color<S: Simd, const N: usize>(simd: S, keys: [S::i32s; N], values: [S::f32s; N], hashing: Hashing) -> [S::f32s; 3] {
-    if hashing == Hashing::Floats {
-        white_noise_texture::color_on_lanes::<S, N>(simd, each(|axis| keys[axis].bitcast()))
-    } else if N == 2 {
-        whole_number_values::<S, 3>([keys[0], keys[1], S::i32s::splat(simd, INCREMENT)])
-    } else {
-        each(|channel| values[channel.min(N - 1)])
+    match (hashing, N) {
+        (Hashing::Floats, 2 | 4) => {
+            white_noise_texture::color_on_lanes::<S, N>(simd, each(|axis| keys[axis].bitcast()))
+        }
+        (Hashing::WholeNumbers, 2) => whole_number_values::<S, 3>([keys[0], keys[1], S::i32s::splat(simd, INCREMENT)]),
+        _ => each(|channel| values[channel.min(N - 1)]),
     }
 }
 
@@ -581,24 +581,18 @@ fn hash_values<S: Simd, const N: usize>(simd: S, keys: [S::i32s; N], hashing: Ha
     }
 }
 
-/// [`crate::nodes::hash::cell_of_floats`] of the bits of a corner.
+/// The point of a cell from the bits of its corner, as the scalar evaluation's `cell_of_floats`.
 #[inline(always)]
 fn float_values<S: Simd, const N: usize>(simd: S, keys: [S::i32s; N]) -> [S::f32s; N] {
     let keys: [S::u32s; N] = each(|axis| keys[axis].bitcast());
-    let number = |number: f32| S::u32s::splat(simd, number.to_bits());
-    each(
-        #[inline(always)]
-        |place| {
-            let hash = match (N, place) {
-                (2, 0) => lanes::jenkins::<S, 2>(simd, [keys[0], keys[1]]),
-                (2, _) => lanes::jenkins::<S, 3>(simd, [keys[0], keys[1], number(1.0)]),
-                (3, 0) => lanes::jenkins::<S, 3>(simd, [keys[0], keys[1], keys[2]]),
-                (3, _) => lanes::jenkins::<S, 4>(simd, [keys[0], keys[1], keys[2], number(place as f32)]),
-                _ => lanes::jenkins::<S, 4>(simd, each(|axis| keys[(axis + 4 - place) % 4])),
-            };
-            lanes::hash_value::<S>(hash)
-        },
-    )
+    if N == 4 {
+        return each(
+            #[inline(always)]
+            |turn| lanes::hash_value::<S>(lanes::jenkins::<S, 4>(simd, each(|axis| keys[(axis + 4 - turn) % 4]))),
+        );
+    }
+    let color = white_noise_texture::color_on_lanes::<S, N>(simd, keys);
+    each(|axis| color[axis])
 }
 
 /// Values of the hash with the given linear part. The product with 2^-31 is exact.
