@@ -28,6 +28,8 @@ class Session:
 
     def __init__(self):
         self._strategy = None
+        self._dimensions = 0
+        self._asked = []
         self._truths = []
 
     def answer(self, request, messages):
@@ -60,14 +62,22 @@ class Session:
             "popsize": int(request["population"]),
             "verbose": -9,
         }
-        self._strategy = cma.CMAEvolutionStrategy(request["initial"], request["deviation"], options)
+        initial = list(request["initial"])
+        # The library searches in two dimensions at least: beside a single parameter there is one that nothing depends on.
+        self._dimensions = len(initial)
+        if self._dimensions == 1:
+            initial.append(0.5)
+        self._strategy = cma.CMAEvolutionStrategy(initial, request["deviation"], options)
         return {"library": f"pycma {cma.__version__.split()[0]}"}
 
     def _ask(self, request):
-        return {"candidates": [list(map(float, candidate)) for candidate in self._strategy.ask()]}
+        self._asked = self._strategy.ask()
+        return {"candidates": [list(map(float, candidate[: self._dimensions])) for candidate in self._asked]}
 
     def _tell(self, request):
         candidates = [np.array(candidate, float) for candidate in request["candidates"]]
+        if self._dimensions == 1:
+            candidates = [np.append(told, asked[1]) for told, asked in zip(candidates, self._asked, strict=True)]
         self._strategy.tell(candidates, list(request["objectives"]))
         return {"stop": sorted(self._strategy.stop())}
 

@@ -54,6 +54,7 @@ const SHARED: &[&str] = &[
     "evaluators",
     "experiment",
     "images",
+    "light_volume",
     "provenance",
     "scenes",
     "seeds",

@@ -16,13 +16,16 @@ use cloudparity::engines::render::{EngineJitter, EngineRenderer, EngineSettings}
 use cloudparity::gpu::{Backend, Gpu};
 use cloudparity::integrators::path;
 use cloudparity::integrators::path::{GivenMedium, PathSettings, Subject};
+use cloudparity::measure::light_volume;
 use cloudparity::measure::voxels;
+use cloudparity::media::light_volume::LightVolumeSettings;
 use cloudparity::scene::image::Image;
 use cloudparity::scene::{self, Scene};
 use glam::{DMat4, DVec3};
 use rand::{Rng as _, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use std::sync::Arc;
+use support::estimate::{bounces, furnace};
 use support::published;
 
 const SETTINGS: EngineSettings =
@@ -169,6 +172,77 @@ fn a_cache_is_the_same_on_the_adapter() {
     for format in ["cache_format=0", "cache_format=1", "cache_format=2"] {
         compare(format, &scene, &engine_in(None, &scene, &["cache_cells=24", format]), &gpu);
     }
+}
+
+/// The engine with its light found beforehand.
+fn with_volume(scene: &Scene, mut engine: Engine, settings: LightVolumeSettings) -> Engine {
+    engine.light_volume =
+        Some(light_volume::found(scene, &engine, &settings, &|_, _| ()).expect("an object's medium has light"));
+    engine
+}
+
+#[test]
+fn light_that_was_found_beforehand_is_the_same_on_the_adapter() {
+    let Some(gpu) = adapter() else { return };
+    let mut scene = clouds();
+    scene.lights.push(scene.lights[0].clone());
+    turn_sun(&mut scene, 1, DVec3::new(-0.9, 0.1, 0.2));
+    for (bands, shadow_cells) in [(0, 20), (1, 33), (2, 0), (3, 20)] {
+        let settings = LightVolumeSettings { paths: 4, bands, shadow_cells, ..LightVolumeSettings::of_cells(12) };
+        let name = format!("bands to {bands}, {shadow_cells} cells towards the suns");
+        compare(&name, &scene, &with_volume(&scene, engine_in(None, &scene, &["cache_cells=24"]), settings), &gpu);
+    }
+    // A box of another shape, in 3 x 5 x 2 cells.
+    let scene = placed(scene, matrices()[1].1);
+    let settings = LightVolumeSettings { paths: 4, ..LightVolumeSettings::of_cells(5) };
+    compare("a box that is no cube", &scene, &with_volume(&scene, engine(&scene), settings), &gpu);
+}
+
+/// In a medium that absorbs nothing, in a world that is everywhere alike, radiance is everywhere and in all directions that of the world: whatever
+/// the phase function, the density and the grid.
+#[test]
+fn a_white_furnace_is_white_by_light_that_was_found_beforehand() {
+    let mut scene = furnace();
+    bounces(&mut scene, 1 << 20);
+    set_density(&mut scene, 4.0);
+    scene.film.resolution = [24, 18];
+    scene.film.transparent = false;
+    let light = |seed: u32| {
+        let settings = LightVolumeSettings { paths: 64, bands: 3, seed, ..LightVolumeSettings::of_cells(6) };
+        with_volume(&scene, engine(&scene), settings)
+    };
+    let pictures = [1, 2, 3, 4].map(|seed| values(&picture(&scene, &light(seed), None)));
+    let world = cloudparity::view::lights::world_radiance(&scene);
+    let mut farthest = 0.0_f64;
+    for index in (0..pictures[0].len()).filter(|index| index % 4 != 3) {
+        let found: Vec<f64> = pictures.iter().map(|picture| picture[index] / world[index % 4]).collect();
+        let mean = found.iter().sum::<f64>() / 4.0;
+        let spread = found.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / 3.0;
+        // The mean of four volumes: six standard errors of Student's distribution with three degrees of freedom and a thousand values,
+        // and what roulette and a limited number of scatterings take.
+        assert!((mean - 1.0).abs() < 12.0 * (spread / 4.0).sqrt() + 1e-3, "value {index}: {mean}");
+        farthest = farthest.max((mean - 1.0).abs());
+    }
+    println!("white within {farthest:.2e}");
+    assert!(farthest < 0.05, "noise would hide an error");
+}
+
+#[test]
+fn light_volumes_are_refused_where_they_would_be_wrong() {
+    let scene = clouds();
+    let settings = LightVolumeSettings { paths: 1, ..LightVolumeSettings::of_cells(2) };
+    let refusal = |scene: &Scene, engine: &Engine| EngineRenderer::new(scene, engine, None).err().expect("refused");
+    let mut other = with_volume(&scene, engine(&scene), settings);
+    models::find("octaves").expect("it is there").apply(&mut other.light).expect("in range");
+    assert!(refusal(&scene, &other).to_string().contains("single"));
+    let mut moved = scene.clone();
+    turn_sun(&mut moved, 0, DVec3::new(-0.7, 0.7, 0.3));
+    assert!(refusal(&moved, &with_volume(&scene, engine(&scene), settings)).to_string().contains("same suns"));
+    let found = |engine: &Engine, settings| light_volume::found(&scene, engine, &settings, &|_, _| ()).err();
+    let slab = engine_in(Some("slab:-1,1".parse().expect("a domain")), &scene, &[]);
+    assert!(found(&slab, settings).expect("refused").to_string().contains("object"));
+    let many = LightVolumeSettings { cells: 1000, ..settings };
+    assert!(found(&engine(&scene), many).expect("refused").place.contains("cells"));
 }
 
 /// Gives the object another matrix on top of its own.

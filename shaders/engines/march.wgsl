@@ -4,7 +4,8 @@
 // ray, else by the density), SOURCE_DENSITY (else extinction times albedo), EMPTY_CELLS (the table of what is provably empty is read),
 // SHADOW_AT_MOST (but not beyond a length), SHADOW_GROWTH (steps that grow), SHADOW_BY_ANGLE, DRAINE (else Henyey and Greenstein's),
 // OWN_PHASE (a gain and a rim), PHASE_TWICE (lobes once more), LEFTOVER_DROPPED and LEFTOVER_RESCALED (what an ended ray has left),
-// NO_SUN, SEVERAL_SUNS, SHADOW_MAP (what lies beyond the march is read), SHELL (the domain lies between spheres), MESH (in a mesh), else in a box, TERMS (those of a system's own), and
+// NO_SUN, SEVERAL_SUNS, SHADOW_MAP (what lies beyond the march is read), SHELL (the domain lies between spheres), MESH (in a mesh), else in a box, TERMS (those of a system's own), LIGHT_VOLUME (light that was found
+// beforehand), COLUMNS (so was what lies towards the suns), MAPS (one of what is in the buffer of maps), and
 // the terms of src/engines/light/terms.rs: OCTAVES (else one), COMPRESSION, SILVER, POWDER, AMBIENT_GRADIENT, RAY_POWDER, BOOST,
 // BOOST_BY_ANGLE, BODY, COARSE_SHADOW (both read averages of the density).
 #define_import_path cloudparity::march
@@ -15,6 +16,9 @@
 #import cloudparity::engines::own_terms
 #ifdef MESH
 #import cloudparity::mesh
+#endif
+#ifdef LIGHT_VOLUME
+#import cloudparity::harmonics
 #endif
 #import cloudparity::phase
 #import cloudparity::rays::{Pixel, Ray}
@@ -83,6 +87,19 @@ struct March {
     map_size: u32,
     // 1 where the cells that may hold something are not known: parameters of the density have changed.
     everywhere: u32,
+    // A light volume: place of its first vertex, its first row behind the maps, vertices per length, coefficients of a vertex, vertices, and
+    // moments of the phase function by band. Then its columns towards the suns: their first row, vertices per length, and vertices.
+    volume_low: vec3f,
+    volume_first: u32,
+    volume_scale: vec3f,
+    volume_coefficients: u32,
+    volume_size: vec3u,
+    columns_first: u32,
+    volume_moments: vec4f,
+    columns_scale: vec3f,
+    columns_padding: u32,
+    columns_size: vec3u,
+    columns_end_padding: u32,
 }
 
 struct Sun {
@@ -97,7 +114,8 @@ struct Sun {
 }
 
 // Whether each cell of the box may hold something, x fastest: `is_occupied`. Of each sun three rows that give a place's column, row and
-// distance below its shadow map, then the map's texels (front depth, density, density times length, tail): `map_row`.
+// distance below its shadow map, then the map's texels (front depth, density, density times length, tail), and behind those of all suns the
+// coefficients of a light volume: `map_row`.
 #ifdef IN_FRAGMENT
 @group(0) @binding(1) var<uniform> march: March;
 @group(0) @binding(3) var<uniform> suns: array<Sun, data::SUNS>;
@@ -123,7 +141,7 @@ fn is_occupied(cell: u32) -> bool {
     return march.everywhere != 0u || occupied[cell] != 0u;
 }
 
-#ifdef SHADOW_MAP
+#ifdef MAPS
 @group(0) @binding(6) var<storage, read> maps: array<vec4f>;
 
 fn map_row(index: u32) -> vec4f {
@@ -299,8 +317,54 @@ fn from_map(sun: u32, place: vec3f, marched: f32) -> f32 {
 }
 #endif
 
+#ifdef LIGHT_VOLUME
+// A place in a grid: the vertex before it on each axis, and the part of the way to the next.
+struct InGrid {
+    corner: vec3u,
+    part: vec3f,
+    size: vec3u,
+}
+
+fn in_grid(place: vec3f, scale: vec3f, size: vec3u) -> InGrid {
+    let last = size - vec3u(1u);
+    let at = clamp((place - march.volume_low) * scale, vec3f(0.0), vec3f(last));
+    let corner = min(vec3u(at), last - vec3u(1u));
+    return InGrid(corner, at - vec3f(corner), size);
+}
+
+// One of the eight vertices around a place: its number, and its share.
+fn vertex_of(grid: InGrid, number: u32) -> u32 {
+    let vertex = grid.corner + vec3u(number & 1u, (number >> 1u) & 1u, number >> 2u);
+    return (vertex.z * grid.size.y + vertex.y) * grid.size.x + vertex.x;
+}
+
+fn share_of(grid: InGrid, number: u32) -> f32 {
+    let shares = select(1.0 - grid.part, grid.part, vec3u(number & 1u, (number >> 1u) & 1u, number >> 2u) == vec3u(1u));
+    return shares.x * shares.y * shares.z;
+}
+#endif
+
+#ifdef COLUMNS
+// Density times length from a place towards a sun: twin of `Columns::read` in src/media/light_volume.rs.
+fn column(sun: u32, place: vec3f) -> f32 {
+    let grid = in_grid(place, march.columns_scale, march.columns_size);
+    let begin = sun * march.columns_size.x * march.columns_size.y * march.columns_size.z;
+    var sum = 0.0;
+    for (var number = 0u; number < 8u; number++) {
+        let index = begin + vertex_of(grid, number);
+        let row = map_row(march.columns_first + index / 4u);
+        sum += share_of(grid, number) * row[index % 4u];
+    }
+    return sum;
+}
+#endif
+
 // Optical depth towards a sun with a number, whose cosine to the view ray is given.
 fn shadow_depth(sun: u32, place: vec3f, way: vec3f, cosine: f32) -> vec3f {
+#ifdef COLUMNS
+    let sum = column(sun, place);
+    var step = 1.0;
+#else
 #ifdef MESH
     let found = sum_in_mesh(place, way);
     let sum = found.x;
@@ -332,12 +396,15 @@ fn shadow_depth(sun: u32, place: vec3f, way: vec3f, cosine: f32) -> vec3f {
     }
 #endif
 #endif
+#endif
 #ifdef SHADOW_BY_ANGLE
     step *= 1.0 - march.shadow_by_angle * cosine;
 #endif
     var dense = sum * step;
+#ifndef COLUMNS
 #ifdef SHADOW_MAP
     dense += from_map(sun, place, length * march.map_from);
+#endif
 #endif
 #ifdef SHADOW_VIEW
     let depth = march.extinction * dense;
@@ -442,6 +509,31 @@ fn from_suns(weights: ptr<function, array<f32, constants::MOST_SUNS * 16u>>, pla
 }
 #endif
 
+#ifdef LIGHT_VOLUME
+// Weights of the coefficients of a light volume for a ray.
+fn volume_weights(weights: ptr<function, array<f32, 16>>, direction: vec3f) {
+    var own = harmonics::basis(direction);
+    for (var number = 0u; number < march.volume_coefficients; number++) {
+        let band = u32(number >= 1u) + u32(number >= 4u) + u32(number >= 9u);
+        (*weights)[number] = march.volume_moments[band] * own[number];
+    }
+}
+
+// Radiance of a light volume at a place, under the weights of a ray: twin of src/media/light_volume.rs.
+fn from_volume(weights: ptr<function, array<f32, 16>>, place: vec3f) -> vec3f {
+    let grid = in_grid(place, march.volume_scale, march.volume_size);
+    var sum = vec3f(0.0);
+    for (var number = 0u; number < 8u; number++) {
+        let share = share_of(grid, number);
+        let first = march.volume_first + march.volume_coefficients * vertex_of(grid, number);
+        for (var one = 0u; one < march.volume_coefficients; one++) {
+            sum += (share * (*weights)[one]) * map_row(first + one).xyz;
+        }
+    }
+    return select(sum, vec3f(0.0), sum < vec3f(0.0));
+}
+#endif
+
 // What a ray comes to in the steps from `first_step` to before `end_step`, after what it came to before them.
 fn marched(ray: Ray, begun: Pixel, first_step: u32, end_step: u32) -> Pixel {
     var pixel = begun;
@@ -456,6 +548,10 @@ fn marched(ray: Ray, begun: Pixel, first_step: u32, end_step: u32) -> Pixel {
 #else
         var weights: array<f32, 16>;
         weigh(&weights, ray.direction, suns[0].direction);
+#endif
+#ifdef LIGHT_VOLUME
+        var of_volume: array<f32, 16>;
+        volume_weights(&of_volume, ray.direction);
 #endif
         for (var number = first_step; number < min(march.steps, end_step); number++) {
             let passed = (f32(number) + ray.jitter) * step;
@@ -499,6 +595,9 @@ fn marched(ray: Ray, begun: Pixel, first_step: u32, end_step: u32) -> Pixel {
 #ifdef BODY
             let body = around::evaluate(place) * (march.extinction.x + march.extinction.y + march.extinction.z) / 3.0;
             lit *= terms::powder(march.body_strength, march.body_length, body);
+#endif
+#ifdef LIGHT_VOLUME
+            from_world += from_volume(&of_volume, place);
 #endif
 #ifdef TERMS
             from_world += own_terms::source(place, height_of(place), mean_extinction);

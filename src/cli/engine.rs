@@ -11,7 +11,9 @@ use crate::engines::render;
 use crate::engines::render::{EngineJitter, EngineSettings};
 use crate::engines::{Engine, parameters};
 use crate::gpu::Backend;
+use crate::measure::light_volume;
 use crate::measure::tuning::preset::Preset;
+use crate::media::light_volume::LightVolumeSettings;
 use crate::scene::Scene;
 use std::path::Path;
 use std::process::ExitCode;
@@ -48,11 +50,44 @@ pub(super) struct EngineArguments {
     /// engine: add the system's god rays.
     #[arg(long)]
     god_rays: bool,
+    #[command(flatten)]
+    light_volume: LightVolumeArguments,
+}
+
+/// Light that path tracing finds before an engine marches.
+#[derive(Clone, clap::Args)]
+struct LightVolumeArguments {
+    /// engine: find all light behind the suns' first scattering beforehand, by path tracing at the vertices of a grid with so many cells along its
+    /// longest side; for light models without orders of their own, such as single.
+    #[arg(long, value_name = "CELLS")]
+    light_volume: Option<u32>,
+    /// engine: paths from each vertex of the light volume [default: 16].
+    #[arg(long, value_name = "N", requires = "light_volume")]
+    light_volume_paths: Option<u32>,
+    /// engine: largest band of spherical harmonics that the light volume keeps, 0 to 3 [default: 1].
+    #[arg(long, value_name = "N", requires = "light_volume")]
+    light_volume_bands: Option<u32>,
+    /// engine: cells along the longest side of the grid of what lies towards the suns, in the place of a march towards them; 0 leaves the march
+    /// [default: 128].
+    #[arg(long, value_name = "CELLS", requires = "light_volume")]
+    light_volume_shadow_cells: Option<u32>,
+}
+
+impl LightVolumeArguments {
+    fn settings(&self) -> Option<LightVolumeSettings> {
+        let default = LightVolumeSettings::of_cells(self.light_volume?);
+        Some(LightVolumeSettings {
+            paths: self.light_volume_paths.unwrap_or(default.paths),
+            bands: self.light_volume_bands.unwrap_or(default.bands),
+            shadow_cells: self.light_volume_shadow_cells.unwrap_or(default.shadow_cells),
+            ..default
+        })
+    }
 }
 
 impl EngineArguments {
     /// Options by name, and whether each is given.
-    pub(super) fn given(&self) -> [(&'static str, bool); 10] {
+    pub(super) fn given(&self) -> [(&'static str, bool); 14] {
         [
             ("--model", self.model.is_some()),
             ("--light", self.light.is_some()),
@@ -64,17 +99,22 @@ impl EngineArguments {
             ("--domain", self.domain.is_some()),
             ("--jitter-frame", self.jitter_frame.is_some()),
             ("--god-rays", self.god_rays),
+            ("--light-volume", self.light_volume.light_volume.is_some()),
+            ("--light-volume-paths", self.light_volume.light_volume_paths.is_some()),
+            ("--light-volume-bands", self.light_volume.light_volume_bands.is_some()),
+            ("--light-volume-shadow-cells", self.light_volume.light_volume_shadow_cells.is_some()),
         ]
     }
 
-    /// An error where options are given that a picture in motion has not: jitter and god rays; or any of them beside a preset.
+    /// An error where options are given that a picture in motion has not: jitter, god rays, light of suns that stand still; or any of them beside a preset.
     pub(super) fn refuse_for_views(&self, has_preset: bool) -> Result<()> {
         let given: Vec<&str> = self.given().into_iter().filter(|(_, given)| *given).map(|(name, _)| name).collect();
-        if let Some(name) = given.iter().find(|name| ["--jitter-frame", "--god-rays"].contains(name)) {
+        let of_pictures = ["--jitter-frame", "--god-rays", "--light-volume"];
+        if let Some(name) = given.iter().find(|name| of_pictures.contains(name)) {
             return Err(Error::new(
                 *name,
                 "an option of pictures",
-                "options of the engine: there is no jitter here, and there are no god rays",
+                "options of the engine: here there is no jitter, there are no god rays, and suns and parameters may move",
                 format!("Leave {name} out."),
             ));
         }
@@ -112,6 +152,11 @@ impl EngineArguments {
             return Err(Error::new("--seconds", seconds.to_string(), "a finite number", "Correct the option."));
         }
         let mut engine = model.engine_in(domain, scene, &values, &self.defects.read()?, seconds)?;
+        if let Some(settings) = self.light_volume.settings() {
+            let bar = super::progress_bar(1000);
+            engine.light_volume = Some(light_volume::found(scene, &engine, &settings, &super::progress_on(&bar))?);
+            bar.finish_and_clear();
+        }
         if let Some(light) = &self.light {
             models::find(light)?.apply(&mut engine.light)?;
         }

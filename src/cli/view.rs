@@ -221,6 +221,7 @@ impl Viewed {
                 steps: engine.march.steps,
                 light_steps: engine.light.shadow.steps,
                 cache: no_cache()[0],
+                light_volume: None,
                 sub_pixels: 1,
                 defects: engine.defects.clone(),
             },

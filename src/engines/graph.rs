@@ -178,5 +178,6 @@ fn engine(request: &Request<'_>) -> Result<Engine> {
         god_rays: GodRays::default(),
         warnings: Vec::new(),
         averages: std::sync::OnceLock::new(),
+        light_volume: None,
     })
 }

@@ -29,6 +29,7 @@ use crate::base::error::{Error, Result};
 use crate::engines::defects::{Defect, Defects};
 use crate::engines::domain::{Container, Domain, DomainKind, Outline};
 use crate::engines::light::{LightModel, LightTerm, SourceFactor};
+use crate::engines::march::light_volume::ReadVolume;
 use crate::engines::march::{Marched, RealTimeSettings};
 use crate::engines::node_graph::{GraphDensity, Input, NodeGraph};
 use crate::engines::passes::Pass;
@@ -36,6 +37,7 @@ use crate::engines::passes::compositing::Compositing;
 use crate::engines::passes::god_rays::GodRays;
 use crate::media::averages::Averages;
 use crate::media::density::Density;
+use crate::media::light_volume::LightVolume;
 use crate::media::objects::ObjectMedium;
 use crate::scene::Scene;
 use std::sync::{Arc, OnceLock, PoisonError, RwLock};
@@ -110,6 +112,7 @@ impl Request<'_> {
             god_rays: GodRays::default(),
             warnings: Vec::new(),
             averages: OnceLock::new(),
+            light_volume: None,
         })
     }
 }
@@ -162,6 +165,9 @@ pub struct Engine {
     pub warnings: Vec<String>,
     /// Averages of the density, made when a light model asks for them.
     pub averages: OnceLock<Averages>,
+    /// Light of all suns behind the first order of scattering, and of the world: what path tracing found in this cloud under the lights of a
+    /// scene, for its pictures alone. In its place no ambient light counts.
+    pub light_volume: Option<Arc<LightVolume>>,
 }
 
 impl Engine {
@@ -178,7 +184,8 @@ impl Engine {
     pub fn marched<'a>(&'a self, light: &'a LightModel) -> Result<Marched<'a>> {
         let averages = if light.terms.needs_coarse() { Some(self.averages()?) } else { None };
         let Self { container, density, extinction, terms, .. } = self;
-        Ok(Marched { container, density, extinction: *extinction, averages, maps: &[], light, terms })
+        let light_volume = self.light_volume.as_deref().map(|volume| ReadVolume::new(volume, light));
+        Ok(Marched { container, density, extinction: *extinction, averages, maps: &[], light, terms, light_volume })
     }
 
     /// Extinction and scattering per unit of density and metre, for light transport. An error where the source is no albedo times
@@ -250,7 +257,7 @@ impl Engine {
         )
     }
 
-    /// The same engine with another density in the same domain.
+    /// The same engine with another density in the same domain; a light volume stays, as the light is that of the same cloud.
     pub fn with_density(&self, density: Density) -> Self {
         Self {
             density,
@@ -265,6 +272,7 @@ impl Engine {
             march: self.march.clone(),
             warnings: self.warnings.clone(),
             averages: OnceLock::new(),
+            light_volume: self.light_volume.clone(),
             ..*self
         }
     }

@@ -187,7 +187,11 @@ impl<'a> EngineRenderer<'a> {
 
     fn prepared(scene: &'a Scene, engine: &'a Engine) -> Result<Self> {
         let background = Background::of(scene)?;
-        let light = lit_by(scene, &background, engine.light.clone())?;
+        let mut light = lit_by(scene, &background, engine.light.clone())?;
+        if engine.light_volume.is_some() {
+            // It has the light of the world.
+            light.ambient = [0.0; 3];
+        }
         let camera = Camera::new(scene, scene.image_size())?;
         let maps = ShadowMap::of(&engine.marched(&light)?)?;
         let renderer = Self { scene, engine, light, background, camera, maps, adapter: None };
@@ -462,6 +466,9 @@ impl<'a> EngineRenderer<'a> {
             ("render_seconds", format!("{seconds:.3}")),
         ] {
             image.provenance.insert(name.to_owned(), value);
+        }
+        if let Some(volume) = &engine.light_volume {
+            image.provenance.insert("light_volume".into(), json(&volume.report()));
         }
     }
 }

@@ -52,6 +52,7 @@ const LIGHT: &[(&str, &str)] = &[
     ("media/mesh.wgsl", include_str!("../../shaders/media/mesh.wgsl")),
     ("media/phase.wgsl", include_str!("../../shaders/media/phase.wgsl")),
     ("media/transfer.wgsl", include_str!("../../shaders/media/transfer.wgsl")),
+    ("engines/light/harmonics.wgsl", include_str!("../../shaders/engines/light/harmonics.wgsl")),
     ("engines/rays.wgsl", include_str!("../../shaders/engines/rays.wgsl")),
     ("engines/light/terms.wgsl", include_str!("../../shaders/engines/light/terms.wgsl")),
 ];

@@ -5,7 +5,9 @@ use crate::engines::defects::Defects;
 use crate::engines::light::models;
 use crate::engines::render::{EngineJitter, EngineSettings};
 use crate::engines::{Engine, Selection};
+use crate::measure::light_volume;
 use crate::media::density_cache::CacheFormat;
+use crate::media::light_volume::LightVolumeSettings;
 use crate::scene::Scene;
 use serde::{Deserialize, Serialize};
 
@@ -40,6 +42,9 @@ pub struct Combination {
     pub light_steps: u32,
     /// Density cache of the graph.
     pub cache: CacheAxis,
+    /// Light that path tracing finds beforehand; left out where there is none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub light_volume: Option<LightVolumeSettings>,
     /// Rays per pixel and axis.
     pub sub_pixels: u32,
     /// Where in its steps a ray takes its samples.
@@ -83,6 +88,10 @@ impl Combination {
         }
         settings.extend_from_slice(parameters);
         let mut engine = selection.engine_at(scene, &settings, &self.defects, seconds)?;
+        if let Some(settings) = &self.light_volume {
+            // Before the light model: the medium has the system's own phase function, whatever its light is tuned to.
+            engine.light_volume = Some(light_volume::found(scene, &engine, settings, &|_, _| ())?);
+        }
         models::apply(&mut engine.light, &self.light)?;
         Ok(engine)
     }
@@ -97,6 +106,9 @@ impl Combination {
         let mut text = format!("{}, {} steps, {} light steps", self.light, self.steps, self.light_steps);
         if self.cache.cells > 0 {
             text += &format!(", cache of {} cells", self.cache.cells);
+        }
+        if let Some(volume) = &self.light_volume {
+            text += &format!(", light volume of {} cells and {} paths", volume.cells, volume.paths);
         }
         if self.sub_pixels > 1 {
             text += &format!(", {0} x {0} rays", self.sub_pixels);

@@ -10,6 +10,7 @@ pub mod errors;
 pub mod evaluators;
 pub mod experiment;
 pub mod images;
+pub mod light_volume;
 pub mod scenes;
 pub mod seeds;
 pub mod sequence;

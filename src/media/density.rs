@@ -121,6 +121,19 @@ impl Density {
         cells[(place[2] * CELLS + place[1]) * CELLS + place[0]]
     }
 
+    /// Whether there may be something in a box of the program's frame.
+    pub fn may_hold_within(&self, region: &Region) -> bool {
+        let Some(cells) = &self.cells else { return true };
+        let side = (self.bounds.high - self.bounds.low) / CELLS as f64;
+        let [first, last] = [region.low, region.high].map(|corner| (corner - self.bounds.low) / side);
+        let cell = |at: f64| (at.max(0.0) as usize).min(CELLS - 1);
+        let mut places = (cell(first.z)..=cell(last.z)).flat_map(|z| {
+            let row = move |y: usize| (z * CELLS + y) * CELLS;
+            (cell(first.y)..=cell(last.y)).map(row)
+        });
+        places.any(|row| cells[row + cell(first.x)..=row + cell(last.x)].contains(&true))
+    }
+
     /// The density where it is the same everywhere.
     pub fn homogeneous(&self) -> Option<f64> {
         match self.program.outputs[0].operands[0] {

@@ -24,7 +24,7 @@ def ask(session, **request):
 def search(seed, target, generations):
     """The least distance to `target` that a search finds, and all candidates."""
     session = optimiser.Session()
-    start = {"initial": [0.5, 0.5], "deviation": 0.3, "seed": seed, "population": 8}
+    start = {"initial": [0.5] * len(target), "deviation": 0.3, "seed": seed, "population": 8}
     assert ask(session, op="start", **start)["library"].startswith("pycma")
     best, seen = np.inf, []
     for _ in range(generations):
@@ -43,6 +43,13 @@ def test_a_search_finds_a_minimum_and_can_be_repeated():
     assert best < 1e-6
     assert search(3, target, 5)[1] == seen[:40]
     assert search(4, target, 5)[1] != seen[:40]
+
+
+def test_a_single_parameter_is_searched_for_as_several_are():
+    best, seen = search(3, np.array([0.9]), 40)
+    assert best < 1e-6 and all(len(candidate) == 1 for candidate in seen)
+    # At an end of the range, where the library looks at the deviation of each dimension.
+    assert search(5, np.array([0.0]), 40)[0] < 1e-3
 
 
 def pictures(folder):

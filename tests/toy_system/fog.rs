@@ -85,6 +85,7 @@ fn build(request: &Request<'_>) -> Result<Engine> {
         god_rays: GodRays::default(),
         warnings: Vec::new(),
         averages: OnceLock::new(),
+        light_volume: None,
     })
 }
 

@@ -191,8 +191,16 @@ pub struct Binding {
     pub file: Option<String>,
 }
 
-/// An error where an engine has passes over its picture.
-pub(super) fn refuse_passes(engine: &Engine) -> Result<()> {
+/// An error where an engine has what bundles do not carry: passes over its picture, a light volume.
+pub(super) fn refuse_beyond_bundles(engine: &Engine) -> Result<()> {
+    if engine.light_volume.is_some() {
+        return Err(Error::new(
+            "the engine of a bundle",
+            "a light volume",
+            "an engine without one: hosts move suns, and change the density, whose light it would not be",
+            "Leave it out.",
+        ));
+    }
     let Some(pass) = engine.passes.first() else { return Ok(()) };
     Err(Error::new(
         format!("pass {}", pass.id()),

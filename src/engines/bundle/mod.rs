@@ -31,7 +31,7 @@ pub mod run_time;
 pub mod targets;
 
 pub use manifest::{Binding, CameraFrame, FORMAT, Field, Kernel, Manifest, Origin, Other, Shown};
-use manifest::{Uniform, refuse_passes, truth_of, write_into};
+use manifest::{Uniform, refuse_beyond_bundles, truth_of, write_into};
 
 /// The file of the right picture.
 const TRUTH: &str = "truth.bin";
@@ -68,7 +68,7 @@ impl Bundle {
 
     /// The same with parameters of the density that a host changes.
     pub fn with_parameters(scene: &Scene, engine: &Engine, run_time: Option<&RunTime>) -> Result<Self> {
-        refuse_passes(engine)?;
+        refuse_beyond_bundles(engine)?;
         let tuned = run_time.map(|run_time| run_time.engine(engine));
         let engine = tuned.as_ref().unwrap_or(engine);
         let renderer = EngineRenderer::new(scene, engine, None)?;

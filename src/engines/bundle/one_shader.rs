@@ -3,7 +3,7 @@
 //!
 //! The functions are those of the kernels, linked by `shaders/engines/picture.wgsl`. [`languages`](super::languages) writes them for a program.
 
-use super::manifest::{Field, Origin, Tunable, Uniform, refuse_passes, truth_of, write_into};
+use super::manifest::{Field, Origin, Tunable, Uniform, refuse_beyond_bundles, truth_of, write_into};
 use super::run_time::RunTime;
 use crate::base::error::{Error, Result};
 use crate::base::files;
@@ -98,7 +98,7 @@ impl OneShader {
 
     /// The same with parameters of the density that a host changes, in the block `density`.
     pub fn with_parameters(scene: &Scene, engine: &Engine, run_time: Option<&RunTime>) -> Result<Self> {
-        refuse_passes(engine)?;
+        refuse_beyond_bundles(engine)?;
         let tuned = run_time.map(|run_time| run_time.engine(engine));
         let engine = tuned.as_ref().unwrap_or(engine);
         let renderer = EngineRenderer::new(scene, engine, None)?;

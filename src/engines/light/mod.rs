@@ -9,6 +9,7 @@ pub mod terms;
 
 use crate::base::choice::choice;
 use crate::engines::domain::unit;
+use crate::media::light_volume::MOST_BANDS;
 use crate::media::phase::{ScatteringLobe, draine, henyey_greenstein};
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
@@ -68,6 +69,42 @@ impl TwoLobes {
         let lobes = shares.into_iter().zip([first, second]);
         let lobes = lobes.map(|(share, (anisotropy, alpha))| ScatteringLobe { share, anisotropy, alpha });
         lobes.filter(|lobe| lobe.share > 0.0).collect()
+    }
+
+    /// 2 pi times the integral of it times each Legendre polynomial up to that of a band (at most [`MOST_BANDS`]): what it does to spherical
+    /// harmonics. Of Henyey and Greenstein's these are powers of the mean cosine; others are integrated by Simpson's rule over parts that
+    /// become short towards both ends, where lobes have their peaks, to 1e-6 for anisotropies up to 0.99.
+    pub fn moments(&self, band: u32) -> Vec<f64> {
+        if self.alpha == [0.0; 2] && self.rim == 0.0 && self.again.is_none() {
+            let [first, second] = self.anisotropy;
+            let power = |anisotropy: f64, band: u32| anisotropy.powi(band as i32);
+            let of = |band| power(first, band) * (1.0 - self.second) + power(second, band) * self.second;
+            return (0..=band).map(|band| self.gain * of(band)).collect();
+        }
+        self.integrated_moments(band)
+    }
+
+    fn integrated_moments(&self, band: u32) -> Vec<f64> {
+        const PARTS: usize = 2000;
+        let legendre = |band: u32, c: f64| match band {
+            0 => 1.0,
+            1 => c,
+            2 => 0.5 * (3.0 * c * c - 1.0),
+            _ => 0.5 * c * (5.0 * c * c - 3.0),
+        };
+        // c = 1 - s^4 on both sides of 0.
+        let both = |band: u32, s: f64| {
+            let c = 1.0 - s.powi(4);
+            let at = |c: f64| self.evaluate(c) * legendre(band, c);
+            (at(c) + at(-c)) * 4.0 * s.powi(3)
+        };
+        let weight = |part: usize| match part {
+            0 | PARTS => 1.0,
+            part if part % 2 == 1 => 4.0,
+            _ => 2.0,
+        };
+        let sum = |band: u32| (0..=PARTS).map(|part| weight(part) * both(band, part as f64 / PARTS as f64)).sum::<f64>();
+        (0..=band.min(MOST_BANDS)).map(|band| std::f64::consts::TAU * sum(band) / (3.0 * PARTS as f64)).collect()
     }
 
     /// Mean cosine of the lobes.
@@ -344,5 +381,26 @@ impl LightModel {
     pub fn ambient_factor(&self, height: f64) -> f64 {
         let [bottom, top] = self.terms.ambient;
         bottom + (top - bottom) * height
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn moments_are_powers_of_the_mean_cosine_and_the_same_by_quadrature() {
+        for (anisotropy, second) in [([0.0, 0.0], 0.0), ([0.85, -0.3], 0.25), ([0.99, -0.99], 0.5), ([-0.6, 0.1], 0.9)] {
+            let phase = TwoLobes { gain: 1.5, ..TwoLobes::new(anisotropy, second) };
+            for (band, (closed, sum)) in phase.moments(3).into_iter().zip(phase.integrated_moments(3)).enumerate() {
+                assert!((closed - sum).abs() < 1e-6, "{anisotropy:?}, band {band}: {sum}, not {closed}");
+            }
+        }
+        let draine = TwoLobes { alpha: [1.0, 0.0], ..TwoLobes::new([0.7, 0.2], 0.3) };
+        let found = draine.moments(1);
+        assert!((found[0] - 1.0).abs() < 1e-6 && (found[1] - draine.mean_cosine()).abs() < 1e-6, "{found:?}");
+        // The rim adds 2 pi 0.5 times the integral of (1 - |c|)^4, which is 2 / 5.
+        let rimmed = TwoLobes { rim: 0.5, ..TwoLobes::new([0.0; 2], 0.0) };
+        assert!((rimmed.moments(0)[0] - 1.0 - 0.4 * std::f64::consts::PI).abs() < 1e-6);
     }
 }

@@ -4,7 +4,9 @@
 
 use crate::base::error::{Error, Result};
 use crate::engines::light::terms::{MOST_OCTAVES, Terms};
-use crate::engines::light::{LightModel, ShadowLength, ShadowMapSettings, ShadowSample, SourceFactor};
+use crate::engines::light::{
+    LightModel, ShadowExtinction, ShadowLength, ShadowMapSettings, ShadowMarch, ShadowSample, SourceFactor, TwoLobes,
+};
 use crate::engines::parameters::{Parameter, Range};
 
 /// A light model by name.
@@ -396,6 +398,20 @@ pub fn check(text: &str) -> Result<()> {
         Parameter::check(PARAMETERS, name, value, text)?;
     }
     Ok(())
+}
+
+/// Whether a light model with parameters, a text that [`check`] took, imitates orders of scattering behind the first. A system's own light may or may
+/// not: whoever marches it says so.
+pub fn imitates_orders(text: &str) -> bool {
+    let mut light = LightModel {
+        suns: Vec::new(),
+        ambient: [0.0; 3],
+        phase: TwoLobes::new([0.0; 2], 0.0),
+        shadow: ShadowMarch::new(1, ShadowLength::ToExit, ShadowExtinction::View),
+        source: SourceFactor::Albedo([1.0; 3]),
+        terms: Terms::NONE,
+    };
+    apply(&mut light, text).is_ok() && light.terms.imitates_orders()
 }
 
 /// Puts a light model with parameters, such as `octaves contribution=0.7`, into a light.

@@ -137,6 +137,16 @@ impl Terms {
 }
 
 impl Terms {
+    /// Whether something stands in for orders of scattering behind the first.
+    pub fn imitates_orders(&self) -> bool {
+        self.octaves.count > 1
+            || self.powder.strength > 0.0
+            || self.body.strength > 0.0
+            || self.silver.strength > 0.0
+            || self.ray_powder
+            || self.boost.is_on()
+    }
+
     /// Whether averages of the density are read.
     pub fn needs_coarse(&self) -> bool {
         self.body.strength > 0.0 || self.body.shadow

@@ -4,12 +4,14 @@ use crate::base::error::{Error, Result};
 use crate::base::texture::TextureHandle;
 use crate::engines::domain::Outline;
 use crate::engines::light::{MOST_SUNS, ShadowExtinction, ShadowLength, SourceFactor};
+use crate::engines::march::light_volume::ReadVolume;
 use crate::engines::march::{Leftover, Marched, RealTimePixel, RealTimeRay, RealTimeSettings};
 use crate::gpu::{Bindings, ComputeKernel, Gpu, Layout, SOFTWARE_LOOPS};
 use crate::graph::Program;
 use crate::graph::constants::{SharedConstants, SharedNumber};
 use crate::graph::wgsl::{Linker, ProgramParameters};
 use crate::media::density::CELLS;
+use crate::media::light_volume::LightGrid;
 use crate::media::transfer::Integration;
 use crate::shader_struct;
 use bytemuck::Zeroable;
@@ -78,6 +80,17 @@ shader_struct! {
         map_from: f32,
         map_size: u32,
         everywhere: u32,
+        volume_low: [f32; 3],
+        volume_first: u32,
+        volume_scale: [f32; 3],
+        volume_coefficients: u32,
+        volume_size: [u32; 3],
+        columns_first: u32,
+        volume_moments: [f32; 4],
+        columns_scale: [f32; 3],
+        columns_padding: u32,
+        columns_size: [u32; 3],
+        columns_end_padding: u32,
     }
 }
 
@@ -202,7 +215,7 @@ impl<'a> MarchKernel<'a> {
             cells: upload("cells", bytemuck::cast_slice(&parts.cells)),
             textures,
             mesh,
-            maps: (!parts.maps.is_empty()).then(|| upload("shadow maps", bytemuck::cast_slice(&parts.maps))),
+            maps: (!parts.maps.is_empty()).then(|| upload("maps", bytemuck::cast_slice(&parts.maps))),
             numbers: (!parts.numbers.is_empty()).then(|| upload("numbers", bytemuck::cast_slice(&parts.numbers))),
             together,
             rays_together: parts.rays_together(together),
@@ -338,7 +351,7 @@ pub(crate) struct MarchParts {
     /// Whether each cell may hold something.
     pub(crate) cells: Vec<u32>,
     pub(crate) textures: Vec<TextureHandle>,
-    /// Rows and texels of shadow maps.
+    /// Rows and texels of shadow maps, then those of a light volume.
     pub(crate) maps: Vec<[f32; 4]>,
     /// Constants of the programs, where they are in a buffer.
     pub(crate) numbers: Vec<f32>,
@@ -409,6 +422,9 @@ impl MarchParts {
         define(matches!(container.outline, Outline::Shell { .. }), "SHELL");
         define(matches!(container.outline, Outline::Mesh(_)), "MESH");
         define(!marched.terms.is_empty(), "TERMS");
+        define(marched.light_volume.is_some(), "LIGHT_VOLUME");
+        define(marched.columns().is_some() && !light.suns.is_empty(), "COLUMNS");
+        define(!marched.maps.is_empty() || marched.light_volume.is_some(), "MAPS");
         let mut linker = match form {
             Form::KernelWithNumbers => Linker::with_numbers(density.program())?,
             Form::KernelWithParameters(parameters) | Form::Fragment { parameters: Some(parameters), .. } => {
@@ -516,11 +532,33 @@ impl MarchParts {
             Outline::Mesh(mesh) => u32::try_from(mesh.mesh().nodes()).unwrap_or(u32::MAX).saturating_mul(SEARCHES),
             Outline::Box(_) | Outline::Shell { .. } => 0,
         };
-        let maps: Vec<[f32; 4]> = marched
+        let mut maps: Vec<[f32; 4]> = marched
             .maps
             .iter()
             .flat_map(|map| map.rows.iter().map(|row| row.as_vec4().to_array()).chain(map.texels.iter().copied()))
             .collect();
+        let mut uniform = uniform;
+        let first = maps.len();
+        if let Some(ReadVolume { volume, moments }) = &marched.light_volume {
+            let LightGrid { size, low, step, .. } = volume.grid();
+            uniform.volume_low = vector(*low);
+            uniform.volume_first = first as u32;
+            uniform.volume_scale = vector(1.0 / *step);
+            uniform.volume_coefficients = volume.settings().coefficients() as u32;
+            uniform.volume_size = size.map(|side| side as u32);
+            moments.iter().zip(&mut uniform.volume_moments).for_each(|(moment, to)| *to = *moment as f32);
+            maps.extend_from_slice(volume.rows());
+            if let Some(columns) = volume.columns() {
+                uniform.columns_first = maps.len() as u32;
+                uniform.columns_scale = vector(1.0 / columns.grid.step);
+                uniform.columns_size = columns.grid.size.map(|side| side as u32);
+                maps.extend(columns.values.chunks(4).map(|some| {
+                    let mut row = [0.0; 4];
+                    row[..some.len()].copy_from_slice(some);
+                    row
+                }));
+            }
+        }
         const SOURCE: (&str, &str) = ("engines/march.wgsl", include_str!("../../../shaders/engines/march.wgsl"));
         let module = match *form {
             Form::Kernel | Form::KernelWithNumbers | Form::KernelWithParameters(_) => {
@@ -571,8 +609,10 @@ impl MarchParts {
 
     /// Steps of one dispatch that end within the loops of a software adapter ([`SOFTWARE_LOOPS`]).
     pub(crate) fn steps_together(&self) -> u32 {
-        let MarchUniform { shadow_steps, suns, octaves, .. } = self.uniform;
-        steps_together(self.iterations, shadow_steps, suns, octaves, self.visits)
+        let MarchUniform { shadow_steps, suns, octaves, volume_coefficients, .. } = self.uniform;
+        // A read of a light volume goes through eight vertices.
+        let density = self.iterations.saturating_add(8 * volume_coefficients);
+        steps_together(density, shadow_steps, suns, octaves, self.visits)
     }
 
     /// Rays of one dispatch of so many steps, whole workgroups, so that a submission takes a software adapter some 50 ms. A density with loops

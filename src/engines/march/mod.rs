@@ -18,6 +18,7 @@
 pub mod camera;
 pub mod distance_levels;
 pub mod gpu;
+pub mod light_volume;
 pub mod shadow_map;
 
 use crate::base::choice::choice;
@@ -25,9 +26,11 @@ use crate::base::error::{Error, Result};
 use crate::engines::domain::{Container, Outline, Parts, unit};
 use crate::engines::light::terms::ray_powder;
 use crate::engines::light::{LightModel, LightTerm, Lit, ShadowExtinction, ShadowLength, SourceFactor};
+use crate::engines::march::light_volume::ReadVolume;
 use crate::engines::march::shadow_map::ShadowMap;
 use crate::media::averages::Averages;
 use crate::media::density::{Density, DensityEvaluator};
+use crate::media::light_volume::Columns;
 use crate::media::transfer::{Integration, smooth, step_weight, transmittance};
 use glam::DVec3;
 use rayon::prelude::*;
@@ -131,6 +134,8 @@ pub struct Marched<'a> {
     pub light: &'a LightModel,
     /// Further terms of the light.
     pub terms: &'a [Arc<dyn LightTerm>],
+    /// Light that was found beforehand, where there is some.
+    pub light_volume: Option<ReadVolume<'a>>,
 }
 
 /// A ray to be marched.
@@ -248,6 +253,8 @@ struct Way {
     weights: Vec<Vec<f64>>,
     /// To each sun.
     cosines: Vec<f64>,
+    /// Of the coefficients of a light volume.
+    of_volume: Vec<f32>,
     /// Sums of what was taken away, and of it times its distance.
     taken: [f64; 2],
     /// By which the length is divided; the whole steps are done.
@@ -266,6 +273,17 @@ impl Marched<'_> {
                 "a map of each, which the light reads",
                 "Make them (march::shadow_map::ShadowMap::of), or leave them out of the light.",
             ));
+        }
+        if self.light_volume.is_some() && (self.light.terms.imitates_orders() || !self.terms.is_empty()) {
+            return Err(Error::new(
+                "the march of an engine",
+                "a light model that imitates orders of scattering, or a system's own light, beside a light volume",
+                "light model single: a light volume has all orders behind the first and the light of the world",
+                "Take --light single, or leave the light volume out.",
+            ));
+        }
+        if let Some(volume) = &self.light_volume {
+            volume.check(self.light)?;
         }
         if !self.light.terms.needs_coarse() || self.averages.is_some() {
             return Ok(());
@@ -303,6 +321,9 @@ impl Marched<'_> {
         let ways_to_suns: Vec<DVec3> =
             light.suns.iter().map(|sun| self.container.way(DVec3::from(sun.direction))).collect();
         let mut ways: Vec<Way> = rays.iter().map(|ray| Way::new(ray, outline, light, settings)).collect();
+        if let Some(volume) = &self.light_volume {
+            ways.iter_mut().for_each(|way| way.of_volume = volume.weights(way.inside.direction));
+        }
         let most = ways.iter().map(|way| way.steps as u32).max().unwrap_or(0);
         for number in 0..most {
             let mut samples = Vec::new();
@@ -334,7 +355,7 @@ impl Marched<'_> {
                 .map(|(sun, &to_sun)| {
                     let cosines: Vec<f64> = dense.iter().map(|&at| ways[samples[at].index].cosines[sun]).collect();
                     let map = self.maps.get(sun).filter(|_| light.shadow.map.is_some());
-                    self.shadow_depths(along.as_mut().unwrap_or(&mut density), to_sun, map, &lit, &cosines)
+                    self.shadow_depths(along.as_mut().unwrap_or(&mut density), (sun, to_sun), map, &lit, &cosines)
                 })
                 .collect();
             let surroundings = around.as_mut().map(|around| around.values(&lit));
@@ -359,6 +380,10 @@ impl Marched<'_> {
                 };
                 let at_place = Lit { place, height, extinction: densities[at] * mean_extinction };
                 let mut further = [0.0; 3];
+                if let Some(volume) = &self.light_volume {
+                    let found = volume.volume.read(place, &way.of_volume);
+                    (0..3).for_each(|channel| further[channel] += fade * found[channel]);
+                }
                 for term in self.terms {
                     let found = term.source(&at_place);
                     (0..3).for_each(|channel| further[channel] += fade * found[channel]);
@@ -406,12 +431,17 @@ impl Marched<'_> {
         Ok(ways.into_iter().map(pixel).collect())
     }
 
-    /// Optical depth towards a sun at each place, per channel, as it counts for the octaves. `read` evaluates the density, or its averages;
-    /// `cosines` are those of the view rays to the sun.
+    /// Density times length towards the suns, where a light volume has it.
+    pub(crate) fn columns(&self) -> Option<&Columns> {
+        self.light_volume.as_ref().and_then(|read| read.volume.columns())
+    }
+
+    /// Optical depth towards a sun at each place, per channel, as it counts for the octaves. The sun's number and way;
+    /// `read` evaluates the density, or its averages; `cosines` are those of the view rays to the sun.
     fn shadow_depths(
         &self,
         read: &mut DensityEvaluator<'_>,
-        to_sun: DVec3,
+        (sun, to_sun): (usize, DVec3),
         map: Option<&ShadowMap>,
         places: &[DVec3],
         cosines: &[f64],
@@ -425,6 +455,14 @@ impl Marched<'_> {
             ShadowExtinction::View => self.extinction,
             ShadowExtinction::Of(extinction) => [extinction; 3],
         };
+        let octaves = &light.terms.octaves;
+        if let Some(columns) = self.columns() {
+            let depths = places.iter().zip(cosines).map(|(&place, &cosine)| {
+                let depth = columns.read(sun, place) * shadow.angle_factor(cosine);
+                scale.map(|scale| octaves.compressed(scale * depth))
+            });
+            return depths.collect();
+        }
         let mut lengths = Vec::with_capacity(places.len());
         let mut owners = Vec::new();
         let mut asked = Vec::new();
@@ -455,7 +493,6 @@ impl Marched<'_> {
         for ((owner, step), found) in owners.into_iter().zip(read.values(&asked)) {
             sums[owner] += found * step;
         }
-        let octaves = &light.terms.octaves;
         let map_from = shadow.map_from();
         let depths =
             sums.iter().zip(lengths).zip(places.iter().zip(cosines)).map(|((sum, length), (&place, &cosine))| {
@@ -475,6 +512,7 @@ impl Way {
             jitter: ray.jitter,
             weights: cosines.iter().map(|&cosine| light.weights(cosine)).collect(),
             cosines,
+            of_volume: Vec::new(),
             is_done: inside.length == 0.0,
             steps: settings.steps_of(inside.parts.start),
             inside,

@@ -224,6 +224,7 @@ mod tests {
             maps: &[],
             light: &light,
             terms: &[],
+            light_volume: None,
         };
         let maps = ShadowMap::of(&marched).expect("a map");
         (maps[0].clone(), container)

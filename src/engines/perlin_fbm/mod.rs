@@ -52,6 +52,7 @@ fn engine(request: &Request<'_>) -> Result<Engine> {
         god_rays: settings::god_rays(values, defects),
         warnings,
         averages: OnceLock::new(),
+        light_volume: None,
     })
 }
 

@@ -10,6 +10,7 @@
 
 mod accumulation;
 mod gpu;
+pub mod incoming;
 mod tracer;
 mod volume;
 
@@ -335,10 +336,16 @@ impl World {
 
 impl Tracer {
     fn new(subject: Subject<'_>, settings: &PathSettings) -> Result<Self> {
+        let [width, height] = subject.scene.image_size();
+        let samples = settings.samples.min(SAMPLES_FOR_MAJORANTS);
+        Self::with_paths(subject, settings, f64::from(width) * f64::from(height) * f64::from(samples))
+    }
+
+    /// With majorants for so many paths.
+    fn with_paths(subject: Subject<'_>, settings: &PathSettings, paths: f64) -> Result<Self> {
         let scene = subject.scene;
         let size = scene.image_size();
         let events = scene.integrator.volume_bounces.min(scene.integrator.max_bounces).saturating_add(1);
-        let paths = f64::from(size[0]) * f64::from(size[1]) * f64::from(settings.samples.min(SAMPLES_FOR_MAJORANTS));
         // The camera ray, and per event a shadow ray and a sampled one.
         let rays = paths * f64::from(1 + 2 * events.min(RAYS_PER_PATH));
         Ok(Self {

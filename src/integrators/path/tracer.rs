@@ -41,7 +41,7 @@ use crate::media::objects::PhaseMixture;
 use crate::media::phase::{PhaseFunction, turned};
 use crate::media::transfer::{mean_transmittance, transmittance};
 use crate::nodes::closure::Coefficients;
-use crate::view::camera::Camera;
+use crate::view::camera::{Camera, Ray};
 use crate::view::environment::Environment;
 use crate::view::film::Warp;
 use crate::view::sampled_lights::SampledLight;
@@ -176,8 +176,8 @@ struct InMeshes {
 
 /// The state of a path.
 pub(crate) struct Path {
-    pixel: u32,
-    sampler: Sampler,
+    pub(super) pixel: u32,
+    pub(super) sampler: Sampler,
     stage: Stage,
     /// The ray, in world space.
     pub(crate) origin: DVec3,
@@ -215,7 +215,7 @@ pub(crate) struct Path {
     /// Where the sampled ray hits the light of this event (NaN: nowhere), and what that adds.
     hit_distance: f64,
     hit: [f64; 3],
-    radiance: [f64; 3],
+    pub(super) radiance: [f64; 3],
     opacity: f64,
 }
 
@@ -225,16 +225,25 @@ impl Tracer {
         let per_pixel = u64::from(work.samples);
         let first_pixel = (work.items.start / per_pixel) as usize;
         let end_pixel = work.items.end.div_ceil(per_pixel) as usize;
-        let mut sums = Sums {
-            first_pixel,
-            pixels: vec![[0.0; 4]; end_pixel - first_pixel],
-            counters: Counters { paths: work.items.end - work.items.start, ..Counters::default() },
-        };
-        let mut evaluator = self.volume.evaluator()?;
-        let mut items = work.items.clone().map(|item| {
+        let mut sums =
+            Sums { first_pixel, pixels: vec![[0.0; 4]; end_pixel - first_pixel], counters: Counters::default() };
+        let items = work.items.clone().map(|item| {
             let sample = work.first_sample + (item % per_pixel) as u32;
             self.begin((item / per_pixel) as u32, sample, work.seed)
         });
+        let counters = self.trace_paths(items, &mut |path| sums.add(path))?;
+        sums.counters = Counters { paths: work.items.end - work.items.start, ..counters };
+        Ok(sums)
+    }
+
+    /// Traces paths on the calling thread, and hands each over when it has ended, in no order.
+    pub(super) fn trace_paths(
+        &self,
+        mut items: impl Iterator<Item = Path>,
+        ended: &mut impl FnMut(&Path),
+    ) -> Result<Counters> {
+        let mut counters = Counters::default();
+        let mut evaluator = self.volume.evaluator()?;
         let mut paths: Vec<Path> = Vec::with_capacity(PATHS);
         let mut positions = Vec::with_capacity(PATHS);
         let mut coefficients = Vec::with_capacity(PATHS);
@@ -251,23 +260,23 @@ impl Tracer {
                     paths.push(path);
                 }
                 let path = &mut paths[index];
-                if self.advance(path, &mut sums.counters) {
+                if self.advance(path, &mut counters) {
                     positions.push(self.position(path));
                     index += 1;
                     continue;
                 }
-                sums.add(path);
+                ended(path);
                 match items.next() {
                     Some(path) => paths[index] = path,
                     None => drop(paths.swap_remove(index)),
                 }
             }
             if paths.is_empty() {
-                return Ok(sums);
+                return Ok(counters);
             }
             let inside = |lane: usize, object: usize| paths[lane].is_in(object);
             evaluator.evaluate(&positions, &inside, &mut coefficients)?;
-            self.collide_all(&evaluator, &mut paths, &positions, &coefficients, &mut sums.counters)?;
+            self.collide_all(&evaluator, &mut paths, &positions, &coefficients, &mut counters)?;
         }
     }
 
@@ -310,11 +319,16 @@ impl Tracer {
         let [width, height] = self.size;
         let column = f64::from(pixel % width) + 0.5 + self.filter.offset(x);
         let line = f64::from(height - 1 - pixel / width) + 0.5 + self.filter.offset(y);
-        let ray = self.camera.ray(DVec2::new(column, line));
+        self.begin_at(&self.camera.ray(DVec2::new(column, line)), pixel, sampler, flight)
+    }
+
+    /// A path at the begin of a ray from anywhere, which counts for `pixel`; `flight` is the random number of its first flight. Of a medium in
+    /// which nothing is to be scattered the ray is the only one.
+    pub(super) fn begin_at(&self, ray: &Ray, pixel: u32, sampler: Sampler, flight: f64) -> Path {
         let mut path = Path {
             pixel,
             sampler,
-            stage: Stage::Camera,
+            stage: if self.events > 0 { Stage::Camera } else { Stage::Last },
             origin: ray.origin,
             direction: ray.direction,
             walk: Walk::default(),

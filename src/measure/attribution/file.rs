@@ -253,6 +253,18 @@ impl Measured {
         let Self { density, light, steps, light_steps, cache, sub_pixels, jitter, defects, god_rays, .. } =
             self.clone();
         let scene = scene.name.clone();
-        Combination { scene, density, light, steps, light_steps, cache, sub_pixels, jitter, defects, god_rays }
+        Combination {
+            scene,
+            density,
+            light,
+            steps,
+            light_steps,
+            cache,
+            light_volume: None,
+            sub_pixels,
+            jitter,
+            defects,
+            god_rays,
+        }
     }
 }

@@ -218,6 +218,7 @@ impl SequenceFile {
             steps,
             light_steps,
             cache,
+            light_volume: None,
             sub_pixels: 1,
             jitter,
             defects,

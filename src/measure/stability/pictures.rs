@@ -383,6 +383,7 @@ impl Uniform {
             maps: &[],
             light,
             terms: &[],
+            light_volume: None,
         }
     }
 

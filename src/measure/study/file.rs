@@ -10,11 +10,13 @@ use crate::engines::parameters::Parameter;
 use crate::engines::render::EngineJitter;
 use crate::gpu::Backend;
 use crate::measure::combination::{CacheAxis, Combination, Quality, no_cache};
+use crate::measure::light_volume;
 use crate::measure::scenes::{SceneAxis, check_resolution, load_scenes};
 use crate::measure::study::ablation::DefectsAxis;
 use crate::measure::study::curve_points::PARTS;
 use crate::measure::toml_files::{at, read_toml};
 use crate::measure::truth::Truth;
+use crate::media::light_volume::LightVolumeSettings;
 use crate::scene::Scene;
 use indexmap::IndexMap;
 use serde::{Deserialize, Serialize};
@@ -103,6 +105,9 @@ pub struct Axes {
     /// Density caches of the graph.
     #[serde(default = "no_cache")]
     pub caches: Vec<CacheAxis>,
+    /// Light volumes, of light models that imitate no orders of scattering; one of 0 cells is none.
+    #[serde(default = "no_light_volume", skip_serializing_if = "are_without_light_volume")]
+    pub light_volumes: Vec<LightVolumeSettings>,
     /// Rays per pixel and axis.
     #[serde(default = "one_ray")]
     pub sub_pixels: Vec<u32>,
@@ -121,6 +126,14 @@ pub struct Axes {
     /// Values of parameters of the light by name.
     #[serde(default, skip_serializing_if = "IndexMap::is_empty")]
     pub light_parameters: IndexMap<String, Vec<f64>>,
+}
+
+fn no_light_volume() -> Vec<LightVolumeSettings> {
+    vec![LightVolumeSettings::of_cells(0)]
+}
+
+fn are_without_light_volume(volumes: &[LightVolumeSettings]) -> bool {
+    matches!(volumes, [one] if one.cells == 0)
 }
 
 fn no_god_rays() -> Vec<bool> {
@@ -215,6 +228,7 @@ impl StudyFile {
             ("steps", axes.steps.len()),
             ("light_steps", axes.light_steps.len()),
             ("caches", axes.caches.len()),
+            ("light_volumes", axes.light_volumes.len()),
             ("sub_pixels", axes.sub_pixels.len()),
             ("jitter", axes.jitter.len()),
             ("defects", axes.defects.len()),
@@ -262,6 +276,9 @@ impl StudyFile {
         if let Some(cache) = axes.caches.iter().find(|cache| cache.cells > 1024) {
             return wrong("axes.caches", format!("{} cells", cache.cells), "0 to 1024 cells".into());
         }
+        for volume in axes.light_volumes.iter().filter(|volume| volume.cells > 0) {
+            light_volume::check(volume, &format!("{place}, axes.light_volumes"))?;
+        }
         Ok(())
     }
 
@@ -281,6 +298,7 @@ impl StudyFile {
             axes.steps.len(),
             axes.light_steps.len(),
             axes.caches.len(),
+            axes.light_volumes.len(),
             axes.sub_pixels.len(),
             axes.jitter.len(),
             axes.god_rays.len(),
@@ -325,9 +343,12 @@ impl StudyFile {
         for (scene, density) in scenes.iter().flat_map(|scene| densities.iter().map(move |density| (scene, density))) {
             let defect_sets = self.defect_sets(density);
             for (light, &steps) in lights.iter().flat_map(|light| axes.steps.iter().map(move |steps| (light, steps))) {
-                for (&light_steps, &cache) in
-                    axes.light_steps.iter().flat_map(|steps| axes.caches.iter().map(move |cache| (steps, cache)))
-                {
+                let of_volumes = axes
+                    .light_steps
+                    .iter()
+                    .flat_map(|steps| axes.caches.iter().map(move |cache| (steps, cache)))
+                    .flat_map(|one| axes.light_volumes.iter().map(move |volume| (one, volume)));
+                for ((&light_steps, &cache), volume) in of_volumes {
                     for (((&sub_pixels, &jitter), defects), &god_rays) in axes
                         .sub_pixels
                         .iter()
@@ -342,6 +363,7 @@ impl StudyFile {
                             steps,
                             light_steps,
                             cache,
+                            light_volume: (volume.cells > 0).then_some(*volume),
                             sub_pixels,
                             jitter,
                             defects: defects.clone(),
@@ -378,6 +400,12 @@ impl StudyFile {
         let before = sets.iter().take_while(|other| **other != combination.defects);
         if before.filter_map(|other| other.of_model(model).ok()).any(|other| other == kept) {
             return Some(format!("density model {} has these defects in an earlier value of the axis", model.id));
+        }
+        if combination.light_volume.is_some() && models::imitates_orders(&combination.light) {
+            return Some(format!(
+                "light model {} imitates the orders of scattering that a light volume has",
+                combination.light
+            ));
         }
         let is_dark = scene.lights.iter().all(|light| light.strength == 0.0);
         if is_dark && combination.light_steps != self.axes.light_steps[0] {

@@ -72,7 +72,7 @@ impl Study {
         self.scenes.iter().find(|scene| scene.name == name).expect("combinations are of the study's scenes")
     }
 
-    /// A combination of each scene and density, in the order of the axes. Its density is not cached: what a truth is of.
+    /// A combination of each scene and density, in the order of the axes. Its density is not cached, and its light not found beforehand: what a truth is of.
     fn subjects(&self) -> Vec<Combination> {
         let mut subjects: Vec<Combination> = Vec::new();
         for scene in &self.scenes {
@@ -80,7 +80,11 @@ impl Study {
                 let is_here = |one: &&Combination| one.scene == scene.name && one.density == density;
                 let found = self.wanted.iter().find(is_here);
                 subjects.extend(
-                    found.map(|one| Combination { cache: crate::measure::combination::no_cache()[0], ..one.clone() }),
+                    found.map(|one| Combination {
+                        cache: crate::measure::combination::no_cache()[0],
+                        light_volume: None,
+                        ..one.clone()
+                    }),
                 );
             }
         }

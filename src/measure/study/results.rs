@@ -161,13 +161,26 @@ impl Results {
     /// One line per run, with every setting and figure.
     pub fn csv(&self) -> String {
         let mut text = String::from(
-            "scene,density,light,steps,light_steps,cache_cells,cache_format,sub_pixels,jitter,defects,god_rays,seconds,seconds_smallest,\
+            "scene,density,light,steps,light_steps,cache_cells,cache_format,light_volume_cells,light_volume_paths,sub_pixels,jitter,defects,god_rays,seconds,seconds_smallest,\
              seconds_largest,wall_seconds,prepare_seconds,relmse,relmse_standard_error,rms,rms_standard_error,bias,\
              bias_standard_error,flip,cost,on_front\n",
         );
         for run in &self.runs {
-            let Combination { scene, density, light, steps, light_steps, cache, sub_pixels, jitter, defects, god_rays } =
-                &run.combination;
+            let Combination {
+                scene,
+                density,
+                light,
+                steps,
+                light_steps,
+                cache,
+                light_volume,
+                sub_pixels,
+                jitter,
+                defects,
+                god_rays,
+            } = &run.combination;
+            let [volume_cells, volume_paths] =
+                light_volume.map_or([0; 2], |volume| [volume.cells, volume.paths]);
             let fields = [
                 csv_cell(scene),
                 csv_cell(density),
@@ -176,6 +189,8 @@ impl Results {
                 light_steps.to_string(),
                 cache.cells.to_string(),
                 cache.format.to_string(),
+                volume_cells.to_string(),
+                volume_paths.to_string(),
                 sub_pixels.to_string(),
                 jitter.to_string(),
                 csv_cell(&defects.to_string()),
@@ -333,6 +348,7 @@ pub(super) mod tests {
                 steps: 1,
                 light_steps: 1,
                 cache: CacheAxis { cells: 0, format: CacheFormat::F16 },
+                light_volume: None,
                 sub_pixels: 1,
                 jitter: EngineJitter::None,
                 defects: Defects::NONE,

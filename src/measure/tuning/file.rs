@@ -8,9 +8,11 @@ use crate::engines::defects::Defects;
 use crate::engines::light::models;
 use crate::engines::parameters;
 use crate::measure::combination::{CacheAxis, Quality, no_cache};
+use crate::measure::light_volume;
 use crate::measure::scenes::{SceneAxis, check_resolution};
 use crate::measure::toml_files::{at, read_toml};
 use crate::measure::truth::Truth;
+use crate::media::light_volume::LightVolumeSettings;
 use indexmap::IndexMap;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
@@ -65,6 +67,9 @@ pub struct TunedEngine {
     /// Density cache of the graph.
     #[serde(default = "one_cache")]
     pub cache: CacheAxis,
+    /// Light that path tracing finds beforehand in every view; published light models are compared without it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub light_volume: Option<LightVolumeSettings>,
     /// Rays per pixel and axis.
     #[serde(default = "one")]
     pub sub_pixels: u32,
@@ -208,6 +213,17 @@ impl TuningFile {
             (&Quality::SUB_PIXELS, self.engine.sub_pixels),
         ] {
             quality.check(value, place, "engine")?;
+        }
+        if let Some(settings) = &self.engine.light_volume {
+            light_volume::check(settings, &format!("{place}, engine.light_volume"))?;
+            let of_medium = |name: &&String| !matches!(owner(name), (Owner::Light, _));
+            if let Some(name) = self.parameters.keys().chain(self.fixed.keys()).find(of_medium) {
+                return wrong(
+                    name,
+                    "a parameter of the medium beside engine.light_volume".into(),
+                    "parameters of the light alone: the light volume is that of one medium (values that stay go into engine.density)",
+                );
+            }
         }
         if !(1..=MOST_GENERATIONS).contains(&self.search.generations) {
             let expected = format!("a whole number from 1 to {MOST_GENERATIONS}");

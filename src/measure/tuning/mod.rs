@@ -33,6 +33,7 @@ use crate::measure::scenes::load_scenes;
 use crate::measure::timing::{machine, repeated};
 use crate::measure::truth;
 use crate::measure::truth::{PixelRays, TruthRecord};
+use crate::media::light_volume::LightVolume;
 use crate::scene::Scene;
 use crate::scene::image::Image;
 use file::{Objective, TuningFile};
@@ -41,6 +42,7 @@ use preset::Preset;
 use serde::{Deserialize, Deserializer, Serialize};
 use serde_json::{Value as Json, json};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 /// Format of a tuning's folder.
 pub const FORMAT: &str = "cloudparity-tuning/1";
@@ -210,12 +212,23 @@ impl TuningResults {
     }
 }
 
+/// Whose light a picture has, by the name of a light model.
+#[derive(Clone, Copy)]
+enum Lit<'a> {
+    /// The tuned engine's.
+    Tuned(&'a str),
+    /// A published light model's.
+    Published(&'a str),
+}
+
 /// A scene with its truth and engine.
 struct View {
     scene: Scene,
     engine: Engine,
     /// The engine's light without any light model's settings.
     own_light: LightModel,
+    /// The engine's light volume, which published light models do without.
+    light_volume: Option<Arc<LightVolume>>,
     record: TruthRecord,
     truth: Vec<Image>,
 }
@@ -254,8 +267,8 @@ impl Tuning {
         let record = self.file.truth.obtain(scene, density, TRUTHS, PixelRays::Filtered, desk.ledger, &report)?;
         let truth = record.read(desk.folder()?)?;
         let engine = self.combination(scene).engine(scene, &[])?;
-        let own_light = engine.light.clone();
-        Ok(View { scene: scene.clone(), engine, own_light, record, truth })
+        let (own_light, light_volume) = (engine.light.clone(), engine.light_volume.clone());
+        Ok(View { scene: scene.clone(), engine, own_light, light_volume, record, truth })
     }
 
     fn combination(&self, scene: &Scene) -> Combination {
@@ -275,13 +288,18 @@ impl Tuning {
     fn pictures(
         &self,
         view: &mut View,
-        light: &str,
+        light: Lit<'_>,
         values: &IndexMap<String, f64>,
         repeats: usize,
     ) -> Result<(Image, Option<f64>)> {
         let combination = self.combination(&view.scene);
         let changed = preset::of_medium(values);
         let own;
+        let (light, light_volume) = match light {
+            Lit::Tuned(light) => (light, view.light_volume.clone()),
+            Lit::Published(light) => (light, None),
+        };
+        view.engine.light_volume = light_volume;
         let (scene, engine) = if changed.is_empty() {
             view.engine.light = preset::lit(&view.own_light, light, values)?;
             (&view.scene, &view.engine)
@@ -373,7 +391,7 @@ impl Tuning {
         let train = self.train.len();
         let (mut found, mut files) = (Vec::with_capacity(train), Vec::new());
         for (index, view) in judge.views[..train].iter_mut().enumerate() {
-            let image = self.pictures(view, &self.file.engine.light, values, 0)?.0;
+            let image = self.pictures(view, Lit::Tuned(&self.file.engine.light), values, 0)?.0;
             match self.file.search.objective {
                 Objective::Relmse => found.push(errors::measure(&image, &view.truth)?.relmse.value),
                 Objective::Flip => {
@@ -396,7 +414,8 @@ impl Tuning {
         for (index, view) in judge.views[..self.train.len()].iter_mut().enumerate() {
             let mut both = Vec::new();
             for exposure in [0.0, 1.0] {
-                let image = self.pictures(view, light, &IndexMap::from([("exposure".to_owned(), exposure)]), 0)?.0;
+                let values = IndexMap::from([("exposure".to_owned(), exposure)]);
+                let image = self.pictures(view, Lit::Published(light), &values, 0)?.0;
                 let path = desk.folder()?.join(format!("search/{light}-exposure-{index}-{exposure}.exr"));
                 image.write_exr(&path, false)?;
                 both.push(path);
@@ -412,7 +431,7 @@ impl Tuning {
         &self,
         judge: &mut Judge,
         name: &str,
-        light: &str,
+        light: Lit<'_>,
         values: &IndexMap<String, f64>,
         desk: &Desk<'_>,
     ) -> Result<Scored> {
@@ -535,11 +554,11 @@ impl Experiment for Running<'_> {
                 let judge = self.judge(desk)?;
                 let exposure = tuning.matched(judge, named, desk)?;
                 let values = IndexMap::from([("exposure".to_owned(), exposure)]);
-                Record::Scored(Box::new(tuning.score(judge, named, named, &values, desk)?))
+                Record::Scored(Box::new(tuning.score(judge, named, Lit::Published(named), &values, desk)?))
             }
             Job::Tuned => {
                 let best = self.searched(desk)?.parameters;
-                Record::Scored(Box::new(tuning.score(self.judge(desk)?, "tuned", light, &best, desk)?))
+                Record::Scored(Box::new(tuning.score(self.judge(desk)?, "tuned", Lit::Tuned(light), &best, desk)?))
             }
             Job::Finer => {
                 let best = self.searched(desk)?.parameters;
@@ -547,8 +566,9 @@ impl Experiment for Running<'_> {
                 let judge = self.judge(desk)?;
                 for view in &mut judge.views {
                     view.engine = finer.combination(&view.scene).engine(&view.scene, &[])?;
+                    view.light_volume = view.engine.light_volume.clone();
                 }
-                let scored = finer.score(judge, "tuned-finer", light, &best, desk);
+                let scored = finer.score(judge, "tuned-finer", Lit::Tuned(light), &best, desk);
                 // The engines of its views are no longer the tuning's.
                 self.judge = None;
                 Record::Scored(Box::new(scored?))
@@ -684,6 +704,7 @@ impl file::TunedEngine {
             steps: self.steps,
             light_steps: self.light_steps,
             cache: self.cache,
+            light_volume: self.light_volume,
             sub_pixels: self.sub_pixels,
             jitter: EngineJitter::None,
             defects: self.defects.clone(),

@@ -75,7 +75,8 @@ impl Preset {
         builds: Vec<Identity>,
         provenance: serde_json::Value,
     ) -> Result<Self> {
-        let Combination { density, light, steps, light_steps, cache, sub_pixels, defects, .. } = combination;
+        let Combination { density, light, steps, light_steps, cache, light_volume, sub_pixels, defects, .. } =
+            combination;
         let mut words = light.split_whitespace();
         let light = words.next().unwrap_or_default().to_owned();
         let mut parameters = IndexMap::new();
@@ -89,6 +90,7 @@ impl Preset {
             steps: *steps,
             light_steps: *light_steps,
             cache: *cache,
+            light_volume: *light_volume,
             sub_pixels: *sub_pixels,
             defects: defects.clone(),
         };
