@@ -513,7 +513,7 @@ fn from_suns(weights: ptr<function, array<f32, constants::MOST_SUNS * 16u>>, pla
 // Weights of the coefficients of a light volume for a ray.
 fn volume_weights(weights: ptr<function, array<f32, 16>>, direction: vec3f) {
     var own = harmonics::basis(direction);
-    for (var number = 0u; number < march.volume_coefficients; number++) {
+    for (var number = 0u; number < min(march.volume_coefficients, 16u); number++) {
         let band = u32(number >= 1u) + u32(number >= 4u) + u32(number >= 9u);
         (*weights)[number] = march.volume_moments[band] * own[number];
     }
@@ -526,7 +526,7 @@ fn from_volume(weights: ptr<function, array<f32, 16>>, place: vec3f) -> vec3f {
     for (var number = 0u; number < 8u; number++) {
         let share = share_of(grid, number);
         let first = march.volume_first + march.volume_coefficients * vertex_of(grid, number);
-        for (var one = 0u; one < march.volume_coefficients; one++) {
+        for (var one = 0u; one < min(march.volume_coefficients, 16u); one++) {
             sum += (share * (*weights)[one]) * map_row(first + one).xyz;
         }
     }

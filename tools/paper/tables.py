@@ -285,6 +285,28 @@ def tuned(document, place):
     return Drawn(head, rows)
 
 
+@drawer("tuning")
+def tuning(document, place):
+    """`tuning.json`: the tuned engine, the same finer, and every published light model, best first."""
+    # Twice: a mean may move by what noise makes of the truth on either side.
+    tolerance = 2 * document["noise_flip"]
+    reason = f"HDR-FLIP of two halves of the truths is {document['noise_flip']:.4f}"
+    rows = []
+    for named in [("tuned", document["tuned"]), ("tuned, finer", document["finer"])] + [
+        (found["name"], found) for found in document["published"]
+    ]:
+        name, found = named
+        flips = [sum(view["flip"] for view in found[part]) / len(found[part]) for part in ("train", "held_out")]
+        errors = [view["errors"]["relmse"]["value"] for view in found["held_out"]]
+        rows.append(
+            [name, f"{found['exposure']:.2f}"]
+            + [Cell(f"{flip:.4f}", flip, tolerance, reason) for flip in flips]
+            + [f"{sum(errors) / len(errors):.4f}", f"{1000 * found['seconds']:.0f} ms"]
+        )
+    head = ["light model", "exposure", "FLIP, training", "FLIP, held out", "relMSE, held out", "time"]
+    return Drawn(head, rows)
+
+
 # Stability
 
 
