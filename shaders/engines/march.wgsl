@@ -5,7 +5,7 @@
 // SHADOW_AT_MOST (but not beyond a length), SHADOW_GROWTH (steps that grow), SHADOW_BY_ANGLE, DRAINE (else Henyey and Greenstein's),
 // OWN_PHASE (a gain and a rim), PHASE_TWICE (lobes once more), LEFTOVER_DROPPED and LEFTOVER_RESCALED (what an ended ray has left),
 // NO_SUN, SEVERAL_SUNS, SHADOW_MAP (what lies beyond the march is read), SHELL (the domain lies between spheres), MESH (in a mesh), else in a box, TERMS (those of a system's own), LIGHT_VOLUME (light that was found
-// beforehand), COLUMNS (so was what lies towards the suns), MAPS (one of what is in the buffer of maps), and
+// beforehand), COLUMNS (so was what lies towards the suns), and
 // the terms of src/engines/light/terms.rs: OCTAVES (else one), COMPRESSION, SILVER, POWDER, AMBIENT_GRADIENT, RAY_POWDER, BOOST,
 // BOOST_BY_ANGLE, BODY, COARSE_SHADOW (both read averages of the density).
 #define_import_path cloudparity::march
@@ -95,7 +95,8 @@ struct March {
     volume_coefficients: u32,
     volume_size: vec3u,
     columns_first: u32,
-    volume_moments: vec4f,
+    volume_moments: vec3f,
+    volume_last_moment: f32,
     columns_scale: vec3f,
     columns_padding: u32,
     columns_size: vec3u,
@@ -141,13 +142,11 @@ fn is_occupied(cell: u32) -> bool {
     return march.everywhere != 0u || occupied[cell] != 0u;
 }
 
-#ifdef MAPS
 @group(0) @binding(6) var<storage, read> maps: array<vec4f>;
 
 fn map_row(index: u32) -> vec4f {
     return maps[index];
 }
-#endif
 #endif
 
 const LARGEST = 3.40282347e38;
@@ -317,7 +316,6 @@ fn from_map(sun: u32, place: vec3f, marched: f32) -> f32 {
 }
 #endif
 
-#ifdef LIGHT_VOLUME
 // A place in a grid: the vertex before it on each axis, and the part of the way to the next.
 struct InGrid {
     corner: vec3u,
@@ -342,7 +340,6 @@ fn share_of(grid: InGrid, number: u32) -> f32 {
     let shares = select(1.0 - grid.part, grid.part, vec3u(number & 1u, (number >> 1u) & 1u, number >> 2u) == vec3u(1u));
     return shares.x * shares.y * shares.z;
 }
-#endif
 
 #ifdef COLUMNS
 // Density times length from a place towards a sun: twin of `Columns::read` in src/media/light_volume.rs.
@@ -513,9 +510,10 @@ fn from_suns(weights: ptr<function, array<f32, constants::MOST_SUNS * 16u>>, pla
 // Weights of the coefficients of a light volume for a ray.
 fn volume_weights(weights: ptr<function, array<f32, 16>>, direction: vec3f) {
     var own = harmonics::basis(direction);
+    var moments = vec4f(march.volume_moments, march.volume_last_moment);
     for (var number = 0u; number < min(march.volume_coefficients, 16u); number++) {
         let band = u32(number >= 1u) + u32(number >= 4u) + u32(number >= 9u);
-        (*weights)[number] = march.volume_moments[band] * own[number];
+        (*weights)[number] = moments[band] * own[number];
     }
 }
 

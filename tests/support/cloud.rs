@@ -53,6 +53,15 @@ impl Boxed {
     /// What a march goes through.
     pub fn marched<'a>(&'a self, light: &'a LightModel) -> Marched<'a> {
         let Self { container, density, extinction } = self;
-        Marched { container, density, extinction: *extinction, averages: None, maps: &[], light, terms: &[], light_volume: None }
+        Marched {
+            container,
+            density,
+            extinction: *extinction,
+            averages: None,
+            maps: &[],
+            light,
+            terms: &[],
+            light_volume: None,
+        }
     }
 }

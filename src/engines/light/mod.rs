@@ -103,7 +103,8 @@ impl TwoLobes {
             part if part % 2 == 1 => 4.0,
             _ => 2.0,
         };
-        let sum = |band: u32| (0..=PARTS).map(|part| weight(part) * both(band, part as f64 / PARTS as f64)).sum::<f64>();
+        let sum =
+            |band: u32| (0..=PARTS).map(|part| weight(part) * both(band, part as f64 / PARTS as f64)).sum::<f64>();
         (0..=band.min(MOST_BANDS)).map(|band| std::f64::consts::TAU * sum(band) / (3.0 * PARTS as f64)).collect()
     }
 
@@ -390,7 +391,8 @@ mod tests {
 
     #[test]
     fn moments_are_powers_of_the_mean_cosine_and_the_same_by_quadrature() {
-        for (anisotropy, second) in [([0.0, 0.0], 0.0), ([0.85, -0.3], 0.25), ([0.99, -0.99], 0.5), ([-0.6, 0.1], 0.9)] {
+        for (anisotropy, second) in [([0.0, 0.0], 0.0), ([0.85, -0.3], 0.25), ([0.99, -0.99], 0.5), ([-0.6, 0.1], 0.9)]
+        {
             let phase = TwoLobes { gain: 1.5, ..TwoLobes::new(anisotropy, second) };
             for (band, (closed, sum)) in phase.moments(3).into_iter().zip(phase.integrated_moments(3)).enumerate() {
                 assert!((closed - sum).abs() < 1e-6, "{anisotropy:?}, band {band}: {sum}, not {closed}");

@@ -86,7 +86,8 @@ shader_struct! {
         volume_coefficients: u32,
         volume_size: [u32; 3],
         columns_first: u32,
-        volume_moments: [f32; 4],
+        volume_moments: [f32; 3],
+        volume_last_moment: f32,
         columns_scale: [f32; 3],
         columns_padding: u32,
         columns_size: [u32; 3],
@@ -424,7 +425,6 @@ impl MarchParts {
         define(!marched.terms.is_empty(), "TERMS");
         define(marched.light_volume.is_some(), "LIGHT_VOLUME");
         define(marched.columns().is_some() && !light.suns.is_empty(), "COLUMNS");
-        define(!marched.maps.is_empty() || marched.light_volume.is_some(), "MAPS");
         let mut linker = match form {
             Form::KernelWithNumbers => Linker::with_numbers(density.program())?,
             Form::KernelWithParameters(parameters) | Form::Fragment { parameters: Some(parameters), .. } => {
@@ -546,7 +546,9 @@ impl MarchParts {
             uniform.volume_scale = vector(1.0 / *step);
             uniform.volume_coefficients = volume.settings().coefficients() as u32;
             uniform.volume_size = size.map(|side| side as u32);
-            moments.iter().zip(&mut uniform.volume_moments).for_each(|(moment, to)| *to = *moment as f32);
+            let moment = |band: usize| moments.get(band).map_or(0.0, |&moment| moment as f32);
+            uniform.volume_moments = [0, 1, 2].map(moment);
+            uniform.volume_last_moment = moment(3);
             maps.extend_from_slice(volume.rows());
             if let Some(columns) = volume.columns() {
                 uniform.columns_first = maps.len() as u32;

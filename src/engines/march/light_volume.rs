@@ -96,10 +96,10 @@ impl<'a> ReadVolume<'a> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::engines::light::TwoLobes;
-    use crate::engines::perlin_fbm::settings;
     use crate::engines::defects::Defects;
+    use crate::engines::light::TwoLobes;
     use crate::engines::parameters::Values;
+    use crate::engines::perlin_fbm::settings;
     use crate::media::light_volume::{LightGrid, LightVolumeSettings};
     use crate::view::lights::sphere_directions;
 
@@ -123,10 +123,8 @@ mod tests {
         let volume = LightVolume::new(grid, settings, &coefficients.repeat(8), Vec::new(), None, 0.0);
         let mut light = settings::light(&Values::defaults(settings::PARAMETERS), &Defects::NONE);
         light.terms.exposure = 1.5;
-        for phase in [
-            TwoLobes::new([0.7, -0.3], 0.4),
-            TwoLobes { alpha: [2.0, 0.0], ..TwoLobes::new([0.5, 0.1], 0.2) },
-        ] {
+        for phase in [TwoLobes::new([0.7, -0.3], 0.4), TwoLobes { alpha: [2.0, 0.0], ..TwoLobes::new([0.5, 0.1], 0.2) }]
+        {
             light.phase = phase;
             let read = ReadVolume::new(&volume, &light);
             for ray in sphere_directions(7) {

@@ -279,7 +279,7 @@ impl Marched<'_> {
                 "the march of an engine",
                 "a light model that imitates orders of scattering, or a system's own light, beside a light volume",
                 "light model single: a light volume has all orders behind the first and the light of the world",
-                "Take --light single, or leave the light volume out.",
+                "Take the light model single, or leave the light volume out.",
             ));
         }
         if let Some(volume) = &self.light_volume {

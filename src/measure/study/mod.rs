@@ -79,13 +79,11 @@ impl Study {
             for density in self.file.densities() {
                 let is_here = |one: &&Combination| one.scene == scene.name && one.density == density;
                 let found = self.wanted.iter().find(is_here);
-                subjects.extend(
-                    found.map(|one| Combination {
-                        cache: crate::measure::combination::no_cache()[0],
-                        light_volume: None,
-                        ..one.clone()
-                    }),
-                );
+                subjects.extend(found.map(|one| Combination {
+                    cache: crate::measure::combination::no_cache()[0],
+                    light_volume: None,
+                    ..one.clone()
+                }));
             }
         }
         subjects

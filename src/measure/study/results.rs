@@ -179,8 +179,7 @@ impl Results {
                 defects,
                 god_rays,
             } = &run.combination;
-            let [volume_cells, volume_paths] =
-                light_volume.map_or([0; 2], |volume| [volume.cells, volume.paths]);
+            let [volume_cells, volume_paths] = light_volume.map_or([0; 2], |volume| [volume.cells, volume.paths]);
             let fields = [
                 csv_cell(scene),
                 csv_cell(density),
