@@ -93,14 +93,14 @@ struct March {
     volume_first: u32,
     volume_scale: vec3f,
     volume_coefficients: u32,
-    volume_size: vec3u,
+    volume_size: vec3f,
     columns_first: u32,
     volume_moments: vec3f,
     volume_last_moment: f32,
     columns_scale: vec3f,
-    columns_padding: u32,
-    columns_size: vec3u,
-    columns_end_padding: u32,
+    columns_padding: f32,
+    columns_size: vec3f,
+    columns_end_padding: f32,
 }
 
 struct Sun {
@@ -344,8 +344,8 @@ fn share_of(grid: InGrid, number: u32) -> f32 {
 #ifdef COLUMNS
 // Density times length from a place towards a sun: twin of `Columns::read` in src/media/light_volume.rs.
 fn column(sun: u32, place: vec3f) -> f32 {
-    let grid = in_grid(place, march.columns_scale, march.columns_size);
-    let begin = sun * march.columns_size.x * march.columns_size.y * march.columns_size.z;
+    let grid = in_grid(place, march.columns_scale, vec3u(march.columns_size));
+    let begin = sun * grid.size.x * grid.size.y * grid.size.z;
     var sum = 0.0;
     for (var number = 0u; number < 8u; number++) {
         let index = begin + vertex_of(grid, number);
@@ -519,7 +519,7 @@ fn volume_weights(weights: ptr<function, array<f32, 16>>, direction: vec3f) {
 
 // Radiance of a light volume at a place, under the weights of a ray: twin of src/media/light_volume.rs.
 fn from_volume(weights: ptr<function, array<f32, 16>>, place: vec3f) -> vec3f {
-    let grid = in_grid(place, march.volume_scale, march.volume_size);
+    let grid = in_grid(place, march.volume_scale, vec3u(march.volume_size));
     var sum = vec3f(0.0);
     for (var number = 0u; number < 8u; number++) {
         let share = share_of(grid, number);

@@ -84,14 +84,14 @@ shader_struct! {
         volume_first: u32,
         volume_scale: [f32; 3],
         volume_coefficients: u32,
-        volume_size: [u32; 3],
+        volume_size: [f32; 3],
         columns_first: u32,
         volume_moments: [f32; 3],
         volume_last_moment: f32,
         columns_scale: [f32; 3],
-        columns_padding: u32,
-        columns_size: [u32; 3],
-        columns_end_padding: u32,
+        columns_padding: f32,
+        columns_size: [f32; 3],
+        columns_end_padding: f32,
     }
 }
 
@@ -545,7 +545,7 @@ impl MarchParts {
             uniform.volume_first = first as u32;
             uniform.volume_scale = vector(1.0 / *step);
             uniform.volume_coefficients = volume.settings().coefficients() as u32;
-            uniform.volume_size = size.map(|side| side as u32);
+            uniform.volume_size = size.map(|side| side as f32);
             let moment = |band: usize| moments.get(band).map_or(0.0, |&moment| moment as f32);
             uniform.volume_moments = [0, 1, 2].map(moment);
             uniform.volume_last_moment = moment(3);
@@ -553,7 +553,7 @@ impl MarchParts {
             if let Some(columns) = volume.columns() {
                 uniform.columns_first = maps.len() as u32;
                 uniform.columns_scale = vector(1.0 / columns.grid.step);
-                uniform.columns_size = columns.grid.size.map(|side| side as u32);
+                uniform.columns_size = columns.grid.size.map(|side| side as f32);
                 maps.extend(columns.values.chunks(4).map(|some| {
                     let mut row = [0.0; 4];
                     row[..some.len()].copy_from_slice(some);
