@@ -63,7 +63,8 @@ class Session:
             "verbose": -9,
         }
         initial = list(request["initial"])
-        # The library searches in two dimensions at least: beside a single parameter there is one that nothing depends on.
+        # The library searches in two dimensions at least: a single parameter has one beside it that nothing
+        # depends on.
         self._dimensions = len(initial)
         if self._dimensions == 1:
             initial.append(0.5)
@@ -77,7 +78,8 @@ class Session:
     def _tell(self, request):
         candidates = [np.array(candidate, float) for candidate in request["candidates"]]
         if self._dimensions == 1:
-            candidates = [np.append(told, asked[1]) for told, asked in zip(candidates, self._asked, strict=True)]
+            both = zip(candidates, self._asked, strict=True)
+            candidates = [np.append(told, asked[1]) for told, asked in both]
         self._strategy.tell(candidates, list(request["objectives"]))
         return {"stop": sorted(self._strategy.stop())}
 

@@ -296,7 +296,8 @@ def tuning(document, place):
         (found["name"], found) for found in document["published"]
     ]:
         name, found = named
-        flips = [sum(view["flip"] for view in found[part]) / len(found[part]) for part in ("train", "held_out")]
+        parts = [found["train"], found["held_out"]]
+        flips = [sum(view["flip"] for view in part) / len(part) for part in parts]
         errors = [view["errors"]["relmse"]["value"] for view in found["held_out"]]
         rows.append(
             [name, f"{found['exposure']:.2f}"]
