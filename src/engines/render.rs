@@ -28,7 +28,7 @@ use crate::scene::{LightKind, Scene};
 use crate::view::camera::Camera;
 use crate::view::environment::Environment;
 use crate::view::film::Warp;
-use crate::view::lights::{Source, delta_lights, world_radiance};
+use crate::view::lights::{suns, world_radiance};
 use crate::view::sampler::Sampler;
 use crate::view::{blue_noise, film, jitter_table, memory};
 use glam::DVec2;
@@ -487,9 +487,8 @@ fn lit_by(scene: &Scene, background: &Background, mut light: LightModel) -> Resu
             "Render by path tracing, which knows every light, or put a sun in its place.",
         ));
     }
-    for found in delta_lights(scene)? {
-        let Source::Direction(towards) = found.source else { continue };
-        light.suns.push(Sun { direction: towards.to_array(), irradiance: exposed(found.power) });
+    for (towards, power) in suns(scene)? {
+        light.suns.push(Sun { direction: towards.to_array(), irradiance: exposed(power) });
     }
     Ok(light)
 }

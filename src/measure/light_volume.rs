@@ -8,7 +8,7 @@ use crate::integrators::path::incoming::incoming;
 use crate::integrators::path::{GivenMedium, Subject};
 use crate::media::light_volume::{LightGrid, LightVolume, LightVolumeSettings, MOST_BANDS, MOST_CELLS, MOST_PATHS};
 use crate::scene::Scene;
-use crate::view::lights::{Source, delta_lights};
+use crate::view::lights::suns;
 use glam::DVec3;
 use std::sync::Arc;
 use std::time::Instant;
@@ -48,10 +48,7 @@ pub fn found(
         true => Vec::new(),
         false => incoming(Subject { scene, medium: Some(&medium) }, settings, &places, progress)?,
     };
-    let suns: Vec<DVec3> = delta_lights(scene)?
-        .iter()
-        .filter_map(|light| if let Source::Direction(towards) = light.source { Some(towards) } else { None })
-        .collect();
+    let suns: Vec<DVec3> = suns(scene)?.into_iter().map(|(towards, _)| towards).collect();
     let columns = match settings.shadow_cells {
         0 => None,
         cells => Some(columns(&engine.container, &engine.density, &suns, cells)?),

@@ -94,6 +94,15 @@ pub fn world_radiance(scene: &Scene) -> [f64; 3] {
     scene.world.color.map(|channel| f64::from(channel) * f64::from(scene.world.strength))
 }
 
+/// Unit vectors towards the suns of a scene, each with what it delivers ([`DeltaLight::power`]), in the order of the lights.
+pub fn suns(scene: &Scene) -> Result<Vec<(DVec3, [f64; 3])>> {
+    let of_sun = |light: DeltaLight| match light.source {
+        Source::Direction(towards) => Some((towards, light.power)),
+        Source::Position(..) => None,
+    };
+    Ok(delta_lights(scene)?.into_iter().filter_map(of_sun).collect())
+}
+
 /// `count` directions of equal weight on the sphere: a Fibonacci lattice.
 pub fn sphere_directions(count: usize) -> Vec<DVec3> {
     let golden_angle = PI * (3.0 - 5.0_f64.sqrt());

@@ -473,7 +473,7 @@ impl MarchParts {
             true => vec![1],
             false => density.cells().into_iter().map(u32::from).collect(),
         };
-        let uniform = MarchUniform {
+        let mut uniform = MarchUniform {
             extinction: single(marched.extinction),
             steps: settings.steps,
             ambient: single(light.ambient),
@@ -537,12 +537,10 @@ impl MarchParts {
             .iter()
             .flat_map(|map| map.rows.iter().map(|row| row.as_vec4().to_array()).chain(map.texels.iter().copied()))
             .collect();
-        let mut uniform = uniform;
-        let first = maps.len();
         if let Some(ReadVolume { volume, moments }) = &marched.light_volume {
             let LightGrid { size, low, step, .. } = volume.grid();
             uniform.volume_low = vector(*low);
-            uniform.volume_first = first as u32;
+            uniform.volume_first = maps.len() as u32;
             uniform.volume_scale = vector(1.0 / *step);
             uniform.volume_coefficients = volume.settings().coefficients() as u32;
             uniform.volume_size = size.map(|side| side as f32);

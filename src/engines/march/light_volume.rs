@@ -4,10 +4,13 @@ use crate::base::error::{Error, Result};
 use crate::engines::domain::Container;
 use crate::engines::light::LightModel;
 use crate::media::density::{Density, DensityEvaluator};
-use crate::media::light_volume::{Columns, LightGrid, LightVolume};
-use crate::view::lights::harmonics;
+use crate::media::light_volume::{Columns, LightGrid, LightVolume, MOST_BANDS};
+use crate::view::lights::{LARGEST_BAND, harmonics};
 use glam::DVec3;
 use rayon::prelude::*;
+
+// A volume keeps as many bands as there are harmonics: its module knows none of them.
+const _: () = assert!(MOST_BANDS as usize == LARGEST_BAND);
 
 /// Vertices of a task.
 const VERTICES: usize = 64;
