@@ -16,6 +16,7 @@ use cloudparity::viewer::{App, Changes, Record, Source};
 use cloudparity::{Error, Result, engines};
 use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable as _;
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
@@ -27,6 +28,9 @@ struct Small {
     /// Settings that are levels of quality, from low on.
     front: Vec<Choice>,
     recorded: Mutex<Vec<(Image, Vec<Image>)>>,
+    /// Engines that were begun, and those that were put together after as long as is said.
+    engines: [AtomicUsize; 2],
+    takes: Duration,
 }
 
 impl Small {
@@ -38,7 +42,15 @@ impl Small {
         let mut scene = support::scene(scene);
         scene.film.resolution = size;
         scene.film.resolution_percentage = 100;
-        Arc::new(Self { scene, model, quality, front: Vec::new(), recorded: Mutex::default() })
+        Arc::new(Self {
+            scene,
+            model,
+            quality,
+            front: Vec::new(),
+            recorded: Mutex::default(),
+            engines: Default::default(),
+            takes: Duration::ZERO,
+        })
     }
 }
 
@@ -48,6 +60,8 @@ impl Source for Small {
     }
 
     fn engine(&self, changes: &Changes) -> Result<(Scene, Engine)> {
+        self.engines[0].fetch_add(1, Ordering::SeqCst);
+        std::thread::sleep(self.takes);
         let mut scene = self.scene.clone();
         changes.scene.iter().try_for_each(|(name, value)| scene.set(&format!("{name}={value}")))?;
         let model = engines::find(self.model)?;
@@ -58,6 +72,7 @@ impl Source for Small {
         for (name, &value) in &changes.of_light {
             engines::light::models::set(&mut engine.light, name, value, name)?;
         }
+        self.engines[1].fetch_add(1, Ordering::SeqCst);
         Ok((scene, engine))
     }
 
@@ -115,6 +130,22 @@ fn until(window: &mut Harness<'static, App>, what: &str, is_there: impl Fn(&App)
 /// The picture of what is wanted now is there, in its full size.
 fn is_shown(app: &App) -> bool {
     app.is_up_to_date()
+}
+
+#[test]
+fn closing_waits_for_the_picture_that_is_being_made() {
+    let mut source = Small::new("perlin-fbm");
+    Arc::get_mut(&mut source).expect("nobody else has it").takes = Duration::from_millis(300);
+    let mut window = window(&source, Backend::Cpu);
+    let begin = Instant::now();
+    while source.engines[0].load(Ordering::SeqCst) == 0 {
+        assert!(begin.elapsed() < Duration::from_secs(120), "no picture was ever begun");
+        window.step();
+    }
+    assert_eq!(source.engines[1].load(Ordering::SeqCst), 0, "this test has to come before the end of the picture");
+    drop(window);
+    // No thread is left that has an adapter while the process ends.
+    assert_eq!(source.engines[1].load(Ordering::SeqCst), 1);
 }
 
 #[test]

@@ -9,7 +9,8 @@ use crate::gpu::{Backend, Gpu, worker};
 use crate::scene::Scene;
 use crate::scene::image::Image;
 use std::sync::Arc;
-use std::sync::mpsc::{Receiver, Sender};
+use std::sync::mpsc::{Receiver, Sender, TryRecvError, channel};
+use std::thread::JoinHandle;
 use std::time::Instant;
 
 /// What is wanted.
@@ -52,26 +53,66 @@ pub(super) enum Answer {
 }
 
 /// The newest of what is asked for; none where nobody asks any more.
-pub(super) fn newest<T>(requests: &Receiver<T>, mut request: T) -> T {
-    while let Ok(newer) = requests.try_recv() {
-        request = newer;
+pub(super) fn newest<T>(requests: &Receiver<T>, mut request: T) -> Option<T> {
+    loop {
+        match requests.try_recv() {
+            Ok(newer) => request = newer,
+            Err(TryRecvError::Empty) => return Some(request),
+            Err(TryRecvError::Disconnected) => return None,
+        }
     }
-    request
+}
+
+/// The thread, from the side of the window.
+///
+/// Dropping it waits for the picture that is being made: a thread that still has an adapter while the process ends meets a driver whose
+/// own state is already gone, and dies by a signal where the program was about to end well.
+pub(super) struct EngineThread {
+    requests: Option<Sender<Wanted>>,
+    answers: Receiver<Answer>,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl EngineThread {
+    /// Starts it. `wake` is called when there is an answer.
+    pub fn start(source: Arc<dyn Source>, backend: Backend, wake: Arc<dyn Fn() + Send + Sync>) -> Self {
+        let (requests, asked) = channel();
+        let (answered, answers) = channel();
+        let thread = std::thread::spawn(move || run(&*source, backend, &asked, &answered, &*wake));
+        Self { requests: Some(requests), answers, thread: Some(thread) }
+    }
+
+    /// Asks for a picture; what was asked before and is not begun is dropped.
+    pub fn ask(&self, wanted: Wanted) {
+        if let Some(requests) = &self.requests {
+            // Nobody hears it where the thread panicked, which was said.
+            let _ = requests.send(wanted);
+        }
+    }
+
+    /// The next answer that is there.
+    pub fn answer(&self) -> Option<Answer> {
+        self.answers.try_recv().ok()
+    }
+}
+
+impl Drop for EngineThread {
+    fn drop(&mut self) {
+        // Requests that cannot come any more end its loop.
+        drop(self.requests.take());
+        if let Some(thread) = self.thread.take() {
+            let _ = thread.join();
+        }
+    }
 }
 
 /// The loop of the thread; it ends when the window is gone.
-pub(super) fn run(
-    source: &dyn Source,
-    backend: Backend,
-    requests: &Receiver<Wanted>,
-    answers: &Sender<Answer>,
-    wake: &dyn Fn(),
-) {
+fn run(source: &dyn Source, backend: Backend, requests: &Receiver<Wanted>, answers: &Sender<Answer>, wake: &dyn Fn()) {
     let mut gpu = None;
     let mut backend = backend;
     let mut known: Option<(Changes, Scene, Arc<Engine>)> = None;
     while let Ok(wanted) = requests.recv() {
-        let wanted = newest(requests, wanted);
+        let Some(wanted) = newest(requests, wanted) else { return };
         if backend == Backend::Gpu && gpu.is_none() {
             match Gpu::open() {
                 Ok(opened) => {

@@ -44,7 +44,8 @@ pub(super) fn run(source: &dyn Source, requests: &Receiver<Option<Wanted>>, answ
                 Err(_) => return,
             },
         };
-        let Some(wanted) = newest(requests, request) else { continue };
+        let Some(newest) = newest(requests, request) else { return };
+        let Some(wanted) = newest else { continue };
         match accumulate(source, &wanted, requests, answers, wake) {
             Ok(newer) => next = newer,
             Err(error) => {

@@ -1,7 +1,7 @@
 //! The window's state and what it shows.
 
 use super::compare::{self, Curve, FULL_DIFFERENCE, Mode, Statistics};
-use super::engine_thread::{self, Shown, Wanted};
+use super::engine_thread::{self, EngineThread, Shown, Wanted};
 use super::look::Look;
 use super::quality::Quality;
 use super::truth_thread::{self, Truth};
@@ -43,7 +43,7 @@ pub struct App {
     asked: Option<Wanted>,
     changed: Instant,
     is_truth_asked: bool,
-    engine: (Sender<Wanted>, Receiver<engine_thread::Answer>),
+    engine: EngineThread,
     truth_thread: (Sender<Option<Wanted>>, Receiver<truth_thread::Answer>),
     shown: Option<Arc<Shown>>,
     pictures: u64,
@@ -83,12 +83,9 @@ pub struct App {
 impl App {
     /// Starts its threads. `wake` is called when there is something new to show.
     pub fn new(source: Arc<dyn Source>, backend: Backend, wake: Arc<dyn Fn() + Send + Sync>) -> Self {
-        let (ask_engine, engine_requests) = channel();
-        let (engine_answers, hear_engine) = channel();
+        let engine = EngineThread::start(Arc::clone(&source), backend, Arc::clone(&wake));
         let (ask_truth, truth_requests) = channel();
         let (truth_answers, hear_truth) = channel();
-        let (own, woken) = (Arc::clone(&source), Arc::clone(&wake));
-        std::thread::spawn(move || engine_thread::run(&*own, backend, &engine_requests, &engine_answers, &*woken));
         let (own, woken) = (Arc::clone(&source), Arc::clone(&wake));
         std::thread::spawn(move || truth_thread::run(&*own, &truth_requests, &truth_answers, &*woken));
         let (answer_cube, cube_answer) = channel();
@@ -102,7 +99,7 @@ impl App {
             asked: None,
             changed: Instant::now(),
             is_truth_asked: false,
-            engine: (ask_engine, hear_engine),
+            engine,
             truth_thread: (ask_truth, hear_truth),
             shown: None,
             pictures: 0,
@@ -227,7 +224,7 @@ impl App {
 
     /// Takes what the threads have.
     fn hear(&mut self) {
-        while let Ok(answer) = self.engine.1.try_recv() {
+        while let Some(answer) = self.engine.answer() {
             match answer {
                 engine_thread::Answer::Shown(shown) => {
                     self.adapt(&shown);
@@ -363,7 +360,7 @@ impl App {
                 (None, _) => true,
             };
             if is_idle || rests {
-                let _ = self.engine.0.send(wanted.clone());
+                self.engine.ask(wanted.clone());
                 if self.is_truth_asked {
                     let _ = self.truth_thread.0.send(None);
                     self.is_truth_asked = false;
