@@ -31,6 +31,8 @@ import numpy as np
 STUDY_FORMAT = "cloudparity-study-results/1"
 SCENE_FORMAT = "cloudparity-scene/1"
 METRICS = ("relmse", "rms", "flip")
+# Settings of the light that is found beforehand; all are 0 where there is none.
+LIGHT_VOLUME = ("cells", "paths", "bands", "shadow_cells", "seed")
 # A clone of cloudparity: the one that this file lies in, or another for a copy of it elsewhere.
 ROOT = Path(os.environ.get("CLOUDPARITY_REPOSITORY") or Path(__file__).parents[1]).resolve()
 
@@ -78,6 +80,11 @@ class Run:
     light_steps: int
     cache_cells: int
     cache_format: str
+    light_volume_cells: int
+    light_volume_paths: int
+    light_volume_bands: int
+    light_volume_shadow_cells: int
+    light_volume_seed: int
     sub_pixels: int
     jitter: str
     defects: str
@@ -106,11 +113,12 @@ class Run:
 
     def quality(self):
         """Every setting but the scene, the density and the light model."""
-        cache = (self.cache_cells, self.cache_format)
         return (
             self.steps,
             self.light_steps,
-            *cache,
+            self.cache_cells,
+            self.cache_format,
+            *(getattr(self, f"light_volume_{name}") for name in LIGHT_VOLUME),
             self.sub_pixels,
             self.jitter,
             self.defects,
@@ -122,6 +130,9 @@ class Run:
         text = f"{self.light} {self.steps}/{self.light_steps}"
         if self.cache_cells:
             text += f", cache {self.cache_cells} {self.cache_format}"
+        if self.light_volume_cells:
+            cells, paths = self.light_volume_cells, self.light_volume_paths
+            text += f", light volume of {cells} cells and {paths} paths"
         if self.sub_pixels > 1:
             text += f", {self.sub_pixels**2} rays"
         if self.jitter != "none":
@@ -401,6 +412,9 @@ def _run(found):
         god_rays=settings.get("god_rays", False),
         cache_cells=settings["cache"]["cells"],
         cache_format=settings["cache"]["format"],
+        **{
+            f"light_volume_{name}": (settings.get("light_volume") or {}).get(name, 0) for name in LIGHT_VOLUME
+        },
         seconds=found["seconds"]["median"],
         seconds_smallest=found["seconds"]["smallest"],
         seconds_largest=found["seconds"]["largest"],

@@ -6,7 +6,7 @@ mod support;
 use cloudparity::base::display_table::DisplayTable;
 use cloudparity::engines::Engine;
 use cloudparity::engines::defects::Defects;
-use cloudparity::gpu::Backend;
+use cloudparity::gpu::{Backend, Gpu};
 use cloudparity::integrators::path::GivenMedium;
 use cloudparity::scene::Scene;
 use cloudparity::scene::image::Image;
@@ -31,6 +31,9 @@ struct Small {
     /// Engines that were begun, and those that were put together after as long as is said.
     engines: [AtomicUsize; 2],
     takes: Duration,
+    /// The devices that were opened, which the test can destroy under the window.
+    devices: Mutex<Vec<wgpu::Device>>,
+    most_devices: usize,
 }
 
 impl Small {
@@ -50,6 +53,8 @@ impl Small {
             recorded: Mutex::default(),
             engines: Default::default(),
             takes: Duration::ZERO,
+            devices: Mutex::default(),
+            most_devices: 2,
         })
     }
 }
@@ -57,6 +62,19 @@ impl Small {
 impl Source for Small {
     fn scene(&self) -> &Scene {
         &self.scene
+    }
+
+    fn adapter(&self) -> Result<Gpu> {
+        let mut devices = self.devices.lock().expect("no panic before");
+        if devices.len() == self.most_devices {
+            return Err(Error::new("graphics adapter", "no adapter", "another device", "Plug it in again."));
+        }
+        let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle());
+        let adapter = pollster::block_on(instance.request_adapter(&Default::default())).expect("there is an adapter");
+        let descriptor = wgpu::DeviceDescriptor { required_limits: adapter.limits(), ..Default::default() };
+        let (device, queue) = pollster::block_on(adapter.request_device(&descriptor)).expect("there is a device");
+        devices.push(device.clone());
+        Ok(Gpu::of_device(&adapter, device, queue))
     }
 
     fn engine(&self, changes: &Changes) -> Result<(Scene, Engine)> {
@@ -232,6 +250,33 @@ fn a_number_that_changes_compiles_nothing() {
     window.state_mut().set_light("octaves", 1.0);
     until(&mut window, "a picture without", is_shown);
     assert_eq!(window.state().shown().expect("it is there").compilations, compiled);
+}
+
+#[test]
+fn a_lost_device_is_replaced_and_without_another_the_cores_go_on() {
+    if !support::require("vulkan") {
+        return;
+    }
+    let source = Small::new("perlin-fbm");
+    let mut window = window(&source, Backend::Gpu);
+    until(&mut window, "a picture", is_shown);
+    let before = window.state().shown().expect("it is there").image.clone();
+
+    let lose = || source.devices.lock().expect("no panic before").last().expect("one is open").destroy();
+    lose();
+    window.state_mut().set_light("first_lobe", 0.5);
+    until(&mut window, "a picture of the second device", is_shown);
+    let shown = window.state().shown().expect("it is there");
+    assert!(shown.backend == Backend::Gpu && shown.image.pixels != before.pixels);
+    assert_eq!(source.devices.lock().expect("no panic before").len(), 2);
+    assert!(window.state().message().is_none(), "{:?}", window.state().message());
+
+    lose();
+    window.state_mut().set_light("first_lobe", 0.6);
+    until(&mut window, "a picture of all cores", is_shown);
+    assert_eq!(window.state().shown().expect("it is there").backend, Backend::Cpu);
+    let (text, is_failure) = window.state().message().expect("it is said");
+    assert!(!is_failure && text.contains("all cores") && text.contains("no adapter"), "{text}");
 }
 
 #[test]

@@ -53,6 +53,7 @@ pub const SCRIPTS: &[(&str, &str)] = scripts!(
     "findings_plot.py",
     "graph_builder.py",
     "graph_reader.py",
+    "growth_plot.py",
     "image_metrics.py",
     "light_reader.py",
     "model_comparison_plot.py",

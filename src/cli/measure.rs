@@ -2,7 +2,7 @@
 
 use super::{
     attribution, bench, bench_bake, bench_compile, bench_nodes, bench_quick, bench_voxels, bounds, compare_models,
-    convergence, demo, drift, findings, modes, parity, probe, sequence, stability, study, time_to_error, tune,
+    convergence, demo, drift, findings, growth, modes, parity, probe, sequence, stability, study, time_to_error, tune,
 };
 use crate::base::error::Result;
 use std::process::ExitCode;
@@ -37,6 +37,7 @@ enum What {
     BenchNodes(bench_nodes::Arguments),
     BenchQuick(bench_quick::Arguments),
     BenchVoxels(Box<bench_voxels::Arguments>),
+    Growth(growth::Arguments),
     Demo(demo::Arguments),
 }
 
@@ -63,6 +64,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
         What::BenchNodes(arguments) => bench_nodes::run(arguments),
         What::BenchQuick(arguments) => bench_quick::run(arguments),
         What::BenchVoxels(arguments) => bench_voxels::run(arguments),
+        What::Growth(arguments) => growth::run(arguments),
         What::Demo(arguments) => demo::run(arguments),
     }
 }

@@ -30,6 +30,7 @@ mod export;
 mod findings;
 mod first_files;
 mod grid;
+mod growth;
 mod init;
 mod lights;
 mod man;

@@ -110,15 +110,35 @@ pub fn cycles_seconds(picture: &Image, file: &Path) -> Result<[f64; 2]> {
 
 /// A picture by path tracing on all cores, and its processor seconds: preparation, paths.
 pub fn timed_picture<'a>(subject: impl Into<Subject<'a>>, settings: &PathSettings) -> Result<(Image, [f64; 2])> {
-    let begin = ProcessTime::now();
+    timed_picture_by(Clock::Processor, subject, settings)
+}
+
+/// [`timed_picture`] by the processor or on the wall.
+pub fn timed_picture_by<'a>(
+    clock: Clock,
+    subject: impl Into<Subject<'a>>,
+    settings: &PathSettings,
+) -> Result<(Image, [f64; 2])> {
+    let (begin, wall) = (ProcessTime::now(), Instant::now());
+    let elapsed = || match clock {
+        Clock::Wall => wall.elapsed().as_secs_f64(),
+        Clock::Processor | Clock::Timestamps => begin.elapsed().as_secs_f64(),
+    };
     let prepared = OnceLock::new();
     let image = path::render(subject, settings, Backend::Cpu, None, &|_, what| {
         // Majorants are announced before they are made; whatever comes next is after them.
         if what != path::PREPARATION {
-            prepared.get_or_init(|| begin.elapsed().as_secs_f64());
+            prepared.get_or_init(elapsed);
         }
     })?;
-    let all = begin.elapsed().as_secs_f64();
+    let all = elapsed();
     let preparation = prepared.get().copied().unwrap_or(0.0);
     Ok((image, [preparation, all - preparation]))
+}
+
+/// Bytes of this process that were resident at most; none where the system does not say (other than Linux).
+pub fn peak_memory() -> Option<u64> {
+    let status = std::fs::read_to_string("/proc/self/status").ok()?;
+    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
+    line.trim().strip_suffix("kB")?.trim().parse::<u64>().ok().map(|kibibytes| 1024 * kibibytes)
 }

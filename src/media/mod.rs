@@ -8,6 +8,7 @@ pub mod light_volume;
 pub mod majorant;
 pub mod medium;
 pub mod mesh;
+pub mod object_index;
 pub mod objects;
 pub mod phase;
 pub mod region;

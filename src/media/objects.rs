@@ -20,6 +20,7 @@ use crate::nodes::density_medium::DensityMedium;
 use crate::nodes::{Interval, Mode, density_medium};
 use crate::scene::{self, Graph, Scene, Shape, Volume, check_mesh};
 use glam::{DMat4, DVec3};
+use std::collections::HashMap;
 use std::sync::Arc;
 
 /// The medium of one object.
@@ -375,10 +376,12 @@ impl ObjectMedium {
     pub fn bounds_of(&self, boxes: &[Bounds3], depth: u32) -> Result<Vec<Coefficients<Interval>>> {
         let width = self.program.output_components();
         let rows = self.program.bounds_refined(boxes, depth)?;
-        let row = |index: usize| &rows[index * width..(index + 1) * width];
-        Ok((0..boxes.len())
-            .map(|index| sum(self.terms.iter().map(|term| term.bounds(row(index))), Interval::ZERO))
-            .collect())
+        Ok((0..boxes.len()).map(|index| self.enclosed(&rows[index * width..(index + 1) * width])).collect())
+    }
+
+    /// Encloses the coefficients where the columns of [`Self::program`] lie within intervals.
+    pub fn enclosed(&self, row: &[Interval]) -> Coefficients<Interval> {
+        sum(self.terms.iter().map(|term| term.bounds(row)), Interval::ZERO)
     }
 }
 
@@ -546,10 +549,20 @@ pub struct MediumAtPoint {
 impl Media {
     /// Compiles the media of all volume objects.
     pub fn new(scene: &Scene) -> Result<Self> {
+        let mut programs: HashMap<String, Arc<Program>> = HashMap::new();
         let objects = scene
             .volumes()?
             .into_iter()
-            .map(|(volume, graph)| ObjectMedium::new(graph, volume).map(Arc::new))
+            .map(|(volume, graph)| {
+                let mut medium = ObjectMedium::new(graph, volume)?;
+                // Objects whose programs are the same share one, so that what lies in many of them is evaluated at once. Those of a grid
+                // read it, and stay by themselves.
+                if volume.grid.is_none() {
+                    let known = programs.entry(medium.program.content());
+                    medium.program = Arc::clone(known.or_insert_with(|| Arc::clone(&medium.program)));
+                }
+                Ok(Arc::new(medium))
+            })
             .collect::<Result<_>>()?;
         Ok(Self { objects })
     }

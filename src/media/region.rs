@@ -1,6 +1,6 @@
 //! Axis-aligned boxes and the rays through them.
 
-use glam::DVec3;
+use glam::{DMat4, DVec3};
 
 /// An axis-aligned box in the object's frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -15,6 +15,18 @@ impl Region {
     /// Whether it has no volume.
     pub fn is_empty(&self) -> bool {
         !self.low.cmplt(self.high).all()
+    }
+
+    /// The box around it in the frame that a matrix takes it to.
+    pub fn surrounding(&self, transform: &DMat4) -> Self {
+        let corners = (0..8_u32).map(|corner| {
+            let upper = |axis: usize| corner >> axis & 1 == 1;
+            let place: [f64; 3] =
+                std::array::from_fn(|axis| if upper(axis) { self.high[axis] } else { self.low[axis] });
+            transform.transform_point3(DVec3::from(place))
+        });
+        let nowhere = Self { low: DVec3::INFINITY, high: DVec3::NEG_INFINITY };
+        corners.fold(nowhere, |known, corner| Self { low: known.low.min(corner), high: known.high.max(corner) })
     }
 
     /// Parameters at which `origin + t direction` enters and leaves, or None where it misses.

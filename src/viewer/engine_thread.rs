@@ -108,29 +108,19 @@ impl Drop for EngineThread {
 
 /// The loop of the thread; it ends when the window is gone.
 fn run(source: &dyn Source, backend: Backend, requests: &Receiver<Wanted>, answers: &Sender<Answer>, wake: &dyn Fn()) {
-    let mut gpu = None;
-    let mut backend = backend;
-    let mut known: Option<(Changes, Scene, Arc<Engine>)> = None;
+    let mut maker = Maker { source, backend, gpu: None, known: None };
     while let Ok(wanted) = requests.recv() {
         let Some(wanted) = newest(requests, wanted) else { return };
-        if backend == Backend::Gpu && gpu.is_none() {
-            match Gpu::open() {
-                Ok(opened) => {
-                    opened.keep_kernels();
-                    gpu = Some(opened);
-                }
-                Err(error) => {
-                    backend = Backend::Cpu;
-                    let _ = answers.send(Answer::NoAdapter(error));
-                }
+        let mut is_again = false;
+        let answer = loop {
+            if let Err(error) = maker.open() {
+                let _ = answers.send(Answer::NoAdapter(error));
             }
-        }
-        let answer = match picture(source, gpu.as_ref(), &mut known, wanted) {
-            Ok(shown) => Answer::Shown(Box::new(shown)),
-            Err(error) => {
-                // A lost device stays lost: the next picture has another.
-                gpu = gpu.filter(|gpu| gpu.check().is_ok());
-                Answer::Failed(error)
+            match maker.picture(wanted.clone()) {
+                Ok(shown) => break Answer::Shown(Box::new(shown)),
+                // A lost device stays lost, and another may be had; a picture that fails there, too, is said.
+                Err(error) if !maker.forget_lost() || is_again => break Answer::Failed(error),
+                Err(_) => is_again = true,
             }
         };
         if answers.send(answer).is_err() {
@@ -140,49 +130,72 @@ fn run(source: &dyn Source, backend: Backend, requests: &Receiver<Wanted>, answe
     }
 }
 
-fn picture(
-    source: &dyn Source,
-    gpu: Option<&Gpu>,
-    known: &mut Option<(Changes, Scene, Arc<Engine>)>,
-    wanted: Wanted,
-) -> Result<Shown> {
-    let begin = Instant::now();
-    let known = match known {
-        Some(known) if known.0 == wanted.changes => known,
-        _ => {
-            let (scene, engine) = source.engine(&wanted.changes)?;
-            known.insert((wanted.changes.clone(), scene, Arc::new(engine)))
+/// What pictures are made with.
+struct Maker<'a> {
+    source: &'a dyn Source,
+    backend: Backend,
+    gpu: Option<Gpu>,
+    /// The engine of the last picture, with what it was made of.
+    known: Option<(Changes, Scene, Arc<Engine>)>,
+}
+
+impl Maker<'_> {
+    /// Opens the adapter where one is wanted and none is open; where that fails pictures come from all cores from then on.
+    fn open(&mut self) -> Result<()> {
+        if self.backend == Backend::Gpu && self.gpu.is_none() {
+            let opened = self.source.adapter().inspect_err(|_| self.backend = Backend::Cpu)?;
+            opened.keep_kernels();
+            self.gpu = Some(opened);
         }
-    };
-    let (_, scene, engine) = known;
-    let scene = wanted.look.scene(scene, engine.container.centre());
-    let settings = EngineSettings {
-        jitter: EngineJitter::None,
-        frame: 0,
-        sub_pixels: source.sub_pixels(&wanted.changes),
-        god_rays: false,
-    };
-    let renderer = EngineRenderer::new(&scene, engine, gpu)?;
-    let preparation_milliseconds = begin.elapsed().as_secs_f64() * 1e3;
-    let begin = Instant::now();
-    let make = || renderer.picture(&settings, &|_, _| ());
-    let (image, times) = match gpu {
-        Some(gpu) => gpu.timed(make)?,
-        None => (make()?, None),
-    };
-    let milliseconds = begin.elapsed().as_secs_f64() * 1e3;
-    image.check_finite("the picture of this engine")?;
-    drop(renderer);
-    Ok(Shown {
-        image,
-        scene,
-        engine: Arc::clone(engine),
-        wanted,
-        milliseconds,
-        kernel_milliseconds: times.map(|times| times.seconds() * 1e3),
-        preparation_milliseconds,
-        compilations: gpu.map_or(0, Gpu::compilations),
-        backend: if gpu.is_some() { Backend::Gpu } else { Backend::Cpu },
-        worker: gpu.map_or_else(|| worker(None), |gpu| gpu.adapter().name.clone()),
-    })
+        Ok(())
+    }
+
+    /// Lets go of a device that was lost or refused a call; whether it had to.
+    fn forget_lost(&mut self) -> bool {
+        self.gpu.take_if(|gpu| gpu.check().is_err()).is_some()
+    }
+
+    fn picture(&mut self, wanted: Wanted) -> Result<Shown> {
+        let begin = Instant::now();
+        let Self { source, gpu, known, .. } = self;
+        let gpu = gpu.as_ref();
+        let known = match known {
+            Some(known) if known.0 == wanted.changes => known,
+            _ => {
+                let (scene, engine) = source.engine(&wanted.changes)?;
+                known.insert((wanted.changes.clone(), scene, Arc::new(engine)))
+            }
+        };
+        let (_, scene, engine) = known;
+        let scene = wanted.look.scene(scene, engine.container.centre());
+        let settings = EngineSettings {
+            jitter: EngineJitter::None,
+            frame: 0,
+            sub_pixels: source.sub_pixels(&wanted.changes),
+            god_rays: false,
+        };
+        let renderer = EngineRenderer::new(&scene, engine, gpu)?;
+        let preparation_milliseconds = begin.elapsed().as_secs_f64() * 1e3;
+        let begin = Instant::now();
+        let make = || renderer.picture(&settings, &|_, _| ());
+        let (image, times) = match gpu {
+            Some(gpu) => gpu.timed(make)?,
+            None => (make()?, None),
+        };
+        let milliseconds = begin.elapsed().as_secs_f64() * 1e3;
+        image.check_finite("the picture of this engine")?;
+        drop(renderer);
+        Ok(Shown {
+            image,
+            scene,
+            engine: Arc::clone(engine),
+            wanted,
+            milliseconds,
+            kernel_milliseconds: times.map(|times| times.seconds() * 1e3),
+            preparation_milliseconds,
+            compilations: gpu.map_or(0, Gpu::compilations),
+            backend: if gpu.is_some() { Backend::Gpu } else { Backend::Cpu },
+            worker: gpu.map_or_else(|| worker(None), |gpu| gpu.adapter().name.clone()),
+        })
+    }
 }

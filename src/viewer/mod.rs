@@ -21,7 +21,7 @@ pub use window::{App, open};
 use crate::base::display_table::DisplayTable;
 use crate::base::error::Result;
 use crate::engines::Engine;
-use crate::gpu::Backend;
+use crate::gpu::{Backend, Gpu};
 use crate::integrators::path::GivenMedium;
 use crate::scene::Scene;
 use crate::scene::image::Image;
@@ -65,6 +65,11 @@ pub struct Record<'a> {
 pub trait Source: Send + Sync {
     /// The scene as it was asked for.
     fn scene(&self) -> &Scene;
+
+    /// The adapter for the engine's pictures; asked for again where it was lost.
+    fn adapter(&self) -> Result<Gpu> {
+        Gpu::open()
+    }
 
     /// The engine under changes, and the scene that it is in.
     fn engine(&self, changes: &Changes) -> Result<(Scene, Engine)>;

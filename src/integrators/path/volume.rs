@@ -9,16 +9,19 @@
 //! * whether emission is the same in the whole medium: then it is integrated in closed form along flights.
 
 use crate::base::error::{Error, Result};
+use crate::graph::Program;
 use crate::graph::bounds::Bounds3;
 use crate::graph::evaluate::Evaluator;
 use crate::media::majorant::{COORDINATE_PADDING, Effort, Majorants, Tracking};
 use crate::media::mesh::{PlacedMesh, Span};
+use crate::media::object_index::ObjectIndex;
 use crate::media::objects::{ObjectMedium, PhaseMixture, Values};
 use crate::media::phase::PhaseFunction;
 use crate::media::region::Region;
 use crate::nodes::Interval;
 use crate::nodes::closure::Coefficients;
 use glam::{DMat4, DVec3};
+use indexmap::IndexMap;
 use rayon::prelude::*;
 use std::sync::Arc;
 
@@ -67,6 +70,12 @@ pub(crate) enum Lobes {
 pub(crate) struct Volume {
     /// Those that have an inside.
     objects: Vec<Arc<ObjectMedium>>,
+    /// Where they are, if there are several.
+    index: Option<ObjectIndex>,
+    /// Objects with one program, by their numbers in ascending order.
+    groups: Vec<Vec<usize>>,
+    /// Of each object the group.
+    group_of: Vec<usize>,
     /// Coefficients per unit density, of one object in which only the density varies.
     proportional: Option<Coefficients<f64>>,
     /// None where no object has an inside.
@@ -107,6 +116,7 @@ impl Volume {
             several if several.iter().all(|object| object.character.dark) => Some([0.0; 3]),
             _ => None,
         };
+        let groups = groups(&objects);
         let mut volume = Self {
             share: proportional.filter(|_| most > 0.0).map_or([1.0; 3], |unit| unit.extinction.map(|own| own / most)),
             emission: constant_emission.unwrap_or([0.0; 3]),
@@ -117,6 +127,9 @@ impl Volume {
             lobes: lobes(&objects, proportional.is_some())?,
             to_frame: if let [only] = objects.as_slice() { only.to_object } else { DMat4::IDENTITY },
             majorants: None,
+            index: (objects.len() > 1).then(|| ObjectIndex::new(&objects)),
+            group_of: group_of(&groups, objects.len()),
+            groups,
             proportional,
             objects,
         };
@@ -159,7 +172,7 @@ impl Volume {
             [only] => Some(only.bounds),
             several => several
                 .iter()
-                .map(|object| surrounding(&object.bounds, &object.to_object.inverse()))
+                .map(|object| object.bounds.surrounding(&object.to_object.inverse()))
                 .reduce(|a, b| Region { low: a.low.min(b.low), high: a.high.max(b.high) }),
         }
     }
@@ -205,19 +218,34 @@ impl Volume {
             }
             return Ok(program.bounds_many(boxes)?.into_iter().map(scaled).collect());
         }
+        // Of each object the boxes that it may meet, and how.
+        let mut parts: Vec<Vec<(usize, Bounds3, bool)>> = vec![Vec::new(); self.objects.len()];
+        let mut candidates = Vec::new();
+        for (number, place) in boxes.iter().enumerate() {
+            self.candidates(&mut candidates, |index, found| index.meeting(&region_of(place), found));
+            for &object in &candidates {
+                let part = self.part_inside(&self.objects[object], place);
+                parts[object].extend(part.map(|(part, whole)| (number, part, whole)));
+            }
+        }
+        let mut found: Vec<Vec<Coefficients<Interval>>> = vec![Vec::new(); self.objects.len()];
+        for group in &self.groups {
+            let program = self.objects[group[0]].program();
+            let places: Vec<Bounds3> =
+                group.iter().flat_map(|&object| &parts[object]).map(|(_, part, _)| *part).collect();
+            let rows = program.bounds_refined(&places, 0)?;
+            let width = program.output_components();
+            let mut place = 0;
+            for &object in group {
+                let enclosed = |number: usize| self.objects[object].enclosed(&rows[number * width..][..width]);
+                found[object] = (place..place + parts[object].len()).map(enclosed).collect();
+                place += parts[object].len();
+            }
+        }
         let mut sums = vec![Enclosed::default(); boxes.len()];
-        for object in &self.objects {
-            let parts: Vec<(usize, Bounds3, bool)> = boxes
-                .iter()
-                .enumerate()
-                .filter_map(|(number, place)| {
-                    let (part, whole) = self.part_inside(object, place)?;
-                    Some((number, part, whole))
-                })
-                .collect();
-            let places: Vec<Bounds3> = parts.iter().map(|(_, part, _)| *part).collect();
-            for ((number, _, whole), found) in parts.iter().zip(object.bounds_of(&places, 0)?) {
-                sums[*number].add(&found, *whole);
+        for (parts, found) in parts.iter().zip(&found) {
+            for ((number, _, whole), found) in parts.iter().zip(found) {
+                sums[*number].add(found, *whole);
             }
         }
         let together = |sum: &Enclosed| {
@@ -252,8 +280,7 @@ impl Volume {
         if let [_] = self.objects.as_slice() {
             return Some((*place, true));
         }
-        let corner = |corner: [f32; 3]| DVec3::from(corner.map(f64::from));
-        let around = surrounding(&Region { low: corner(place.low), high: corner(place.high) }, &object.to_object);
+        let around = region_of(place).surrounding(&object.to_object);
         let own = object.bounds;
         // What part of its box a mesh fills is not known.
         let whole = object.mesh.is_none() && around.low.cmpge(own.low).all() && around.high.cmple(own.high).all();
@@ -275,8 +302,12 @@ impl Volume {
             let direction = object.to_object.transform_vector3(direction);
             object.bounds.segment(origin, direction)
         };
-        self.objects
+        let mut candidates = Vec::new();
+        let until = [f64::NEG_INFINITY, far];
+        self.candidates(&mut candidates, |index, found| index.along(origin, direction, until, found));
+        candidates
             .iter()
+            .map(|&object| &self.objects[object])
             .filter_map(faces)
             .flat_map(|(enter, leave)| [enter, leave])
             .filter(|&face| face <= far)
@@ -294,9 +325,10 @@ impl Volume {
         parts: &mut Vec<Part>,
     ) {
         parts.clear();
-        let mut spans = Vec::new();
-        for (object, medium) in self.objects.iter().enumerate() {
-            let Some(mesh) = &medium.mesh else { continue };
+        let (mut spans, mut candidates) = (Vec::new(), Vec::new());
+        self.candidates(&mut candidates, |index, found| index.along(origin, direction, between, found));
+        for object in candidates {
+            let Some(mesh) = &self.objects[object].mesh else { continue };
             mesh.spans(origin, direction, between, inside(object, mesh), &mut spans);
             parts.extend(spans.drain(..).map(|span| Part { object, span }));
         }
@@ -312,15 +344,54 @@ impl Volume {
         self.emission_varies || self.emission != [0.0; 3]
     }
 
+    /// The objects that an index finds, in ascending order; the only one where there are not several.
+    fn candidates(&self, found: &mut Vec<usize>, find: impl FnOnce(&ObjectIndex, &mut Vec<usize>)) {
+        match &self.index {
+            Some(index) => find(index, found),
+            None => {
+                found.clear();
+                found.extend(0..self.objects.len());
+            }
+        }
+    }
+
     /// Evaluates coefficients on the calling thread.
     pub(crate) fn evaluator(&self) -> Result<CoefficientEvaluator<'_>> {
-        let mut objects = Vec::with_capacity(self.objects.len());
-        for medium in &self.objects {
-            let program = Evaluator::new(medium.program())?;
-            objects.push(ObjectEvaluator { medium, program, positions: Vec::new(), lanes: Vec::new(), values: None });
-        }
-        Ok(CoefficientEvaluator { volume: self, objects })
+        let programs = self.groups.iter().map(|group| Evaluator::new(self.objects[group[0]].program()));
+        Ok(CoefficientEvaluator {
+            volume: self,
+            programs: programs.collect::<Result<_>>()?,
+            shares: self.objects.iter().map(|_| Share::default()).collect(),
+            met: Vec::new(),
+            by_group: Vec::new(),
+            candidates: Vec::new(),
+            positions: Vec::new(),
+        })
     }
+}
+
+/// Numbers of objects by their program, in the order of the first of each.
+fn groups(objects: &[Arc<ObjectMedium>]) -> Vec<Vec<usize>> {
+    let mut groups: IndexMap<*const Program, Vec<usize>> = IndexMap::new();
+    for (number, object) in objects.iter().enumerate() {
+        groups.entry(Arc::as_ptr(object.program())).or_default().push(number);
+    }
+    groups.into_values().collect()
+}
+
+/// Of each object the group that it is in.
+fn group_of(groups: &[Vec<usize>], count: usize) -> Vec<usize> {
+    let mut found = vec![0; count];
+    for (group, objects) in groups.iter().enumerate() {
+        objects.iter().for_each(|&object| found[object] = group);
+    }
+    found
+}
+
+/// A box of the frame in f64.
+fn region_of(place: &Bounds3) -> Region {
+    let corner = |corner: [f32; 3]| DVec3::from(corner.map(f64::from));
+    Region { low: corner(place.low), high: corner(place.high) }
 }
 
 /// Refuses coefficients that make no sense.
@@ -380,18 +451,6 @@ fn largest(values: &[f64; 3]) -> f64 {
     values.iter().copied().fold(0.0, f64::max)
 }
 
-/// The box around a transformed box.
-fn surrounding(region: &Region, transform: &DMat4) -> Region {
-    let corners = (0..8_u32).map(|corner| {
-        let upper = |axis: usize| corner >> axis & 1 == 1;
-        let place: [f64; 3] =
-            std::array::from_fn(|axis| if upper(axis) { region.high[axis] } else { region.low[axis] });
-        transform.transform_point3(DVec3::from(place))
-    });
-    let nowhere = Region { low: DVec3::INFINITY, high: DVec3::NEG_INFINITY };
-    corners.fold(nowhere, |known, corner| Region { low: known.low.min(corner), high: known.high.max(corner) })
-}
-
 /// Length in metres that no edge of a box exceeds, near that of its diagonal: the root of the sum of their squares.
 fn diagonal(region: &Region, to_world: &DMat4) -> f64 {
     let size = region.high - region.low;
@@ -425,59 +484,101 @@ impl Enclosed {
 /// Coefficients at batches of positions.
 pub(crate) struct CoefficientEvaluator<'a> {
     volume: &'a Volume,
-    objects: Vec<ObjectEvaluator<'a>>,
+    /// Of each group of objects.
+    programs: Vec<Evaluator<'a>>,
+    /// Of each object.
+    shares: Vec<Share<'a>>,
+    /// Objects that have a share of the batch, in ascending order.
+    met: Vec<usize>,
+    /// The same by group and number.
+    by_group: Vec<(usize, usize)>,
+    candidates: Vec<usize>,
+    positions: Vec<[f32; 3]>,
 }
 
 /// One object's share of a batch.
-struct ObjectEvaluator<'a> {
-    medium: &'a ObjectMedium,
-    program: Evaluator<'a>,
+#[derive(Default)]
+struct Share<'a> {
     /// Positions inside, in the object's frame, and which of the batch they are (in ascending order).
     positions: Vec<[f32; 3]>,
     lanes: Vec<usize>,
     values: Option<Values<'a>>,
 }
 
-impl ObjectEvaluator<'_> {
-    /// Chooses the positions of the world that lie inside, and evaluates there; faces of boxes count as inside. `inside` says which
-    /// positions lie in the mesh, if it is one.
-    fn evaluate(
+impl CoefficientEvaluator<'_> {
+    /// Deals positions out to the objects that they lie in; faces of boxes count as inside. `inside` says of a position and an object, by their
+    /// numbers, whether it lies in the object's mesh; it is asked where there are several objects.
+    fn deal_out(&mut self, positions: &[DVec3], inside: &dyn Fn(usize, usize) -> bool) {
+        for object in self.met.drain(..) {
+            let Share { positions, lanes, values } = &mut self.shares[object];
+            positions.clear();
+            lanes.clear();
+            *values = None;
+        }
+        for (lane, position) in positions.iter().enumerate() {
+            let several = self.volume.index.is_some();
+            self.volume.candidates(&mut self.candidates, |index, found| index.at(*position, found));
+            for &object in &self.candidates {
+                let medium = &self.volume.objects[object];
+                let local = if several { medium.to_object.transform_point3(*position) } else { *position };
+                let Region { low, high } = medium.bounds;
+                let holds = || match &medium.mesh {
+                    None => local.cmpge(low).all() && local.cmple(high).all(),
+                    Some(_) => inside(lane, object),
+                };
+                if !several || holds() {
+                    let share = &mut self.shares[object];
+                    if share.lanes.is_empty() {
+                        self.met.push(object);
+                    }
+                    share.positions.push(local.as_vec3().to_array());
+                    share.lanes.push(lane);
+                }
+            }
+        }
+        self.met.sort_unstable();
+    }
+
+    /// Sums of the objects' coefficients; objects with one program are evaluated together.
+    fn sum_objects(
         &mut self,
         positions: &[DVec3],
-        inside: impl Fn(usize) -> bool,
+        inside: &dyn Fn(usize, usize) -> bool,
         results: &mut [Coefficients<f64>],
-        several: bool,
     ) -> Result<()> {
-        self.positions.clear();
-        self.lanes.clear();
-        let Region { low, high } = self.medium.bounds;
-        for (lane, position) in positions.iter().enumerate() {
-            let local = if several { self.medium.to_object.transform_point3(*position) } else { *position };
-            let holds = || match &self.medium.mesh {
-                None => local.cmpge(low).all() && local.cmple(high).all(),
-                Some(_) => inside(lane),
-            };
-            if !several || holds() {
-                self.positions.push(local.as_vec3().to_array());
-                self.lanes.push(lane);
+        self.deal_out(positions, inside);
+        self.by_group.clear();
+        self.by_group.extend(self.met.iter().map(|&object| (self.volume.group_of[object], object)));
+        self.by_group.sort_unstable();
+        for met in self.by_group.chunk_by(|a, b| a.0 == b.0) {
+            self.positions.clear();
+            self.positions.extend(met.iter().flat_map(|&(_, object)| &self.shares[object].positions));
+            let rows = self.programs[met[0].0].evaluate(&self.positions);
+            let mut begin = 0;
+            for &(_, object) in met {
+                let (medium, share) = (&self.volume.objects[object], &mut self.shares[object]);
+                let end = begin + share.lanes.len() * medium.program().output_components();
+                share.values = Some(medium.values(&rows[begin..end]));
+                begin = end;
             }
         }
-        let values = self.medium.values(self.program.evaluate(&self.positions));
-        for (row, (&lane, &position)) in self.lanes.iter().zip(&self.positions).enumerate() {
-            let found = values.checked(row, position)?;
-            let sum = &mut results[lane];
-            for channel in 0..3 {
-                sum.scattering[channel] += found.scattering[channel];
-                sum.extinction[channel] += found.extinction[channel];
-                sum.emission[channel] += found.emission[channel];
+        // In the order of the objects: the sum of each position is the same whatever it is evaluated beside.
+        for &object in &self.met {
+            let Share { positions, lanes, values } = &self.shares[object];
+            let values = values.as_ref().expect("every object that is met is of a group");
+            for (row, (&lane, &position)) in lanes.iter().zip(positions).enumerate() {
+                let found = values.checked(row, position)?;
+                let sum = &mut results[lane];
+                for channel in 0..3 {
+                    sum.scattering[channel] += found.scattering[channel];
+                    sum.extinction[channel] += found.extinction[channel];
+                    sum.emission[channel] += found.emission[channel];
+                }
             }
         }
-        self.values = Some(values);
         Ok(())
     }
-}
 
-impl CoefficientEvaluator<'_> {
     /// One entry per position of the frame, into `results`. `inside` says whether a position, by its number, lies in the mesh of an object, by
     /// its number; it is asked where there are several objects. Where coefficients are proportional to a density, NaN
     /// stays to be seen and emission is left out.
@@ -490,24 +591,20 @@ impl CoefficientEvaluator<'_> {
         results.clear();
         let Some(unit) = &self.volume.proportional else {
             results.resize(positions.len(), NOTHING);
-            let several = self.objects.len() > 1;
-            return self.objects.iter_mut().enumerate().try_for_each(|(number, object)| {
-                object.evaluate(positions, |place| inside(place, number), results, several)
-            });
+            return self.sum_objects(positions, inside, results);
         };
         let coefficients = |density: f64| Coefficients {
             scattering: unit.scattering.map(|per_density| per_density * density),
             extinction: unit.extinction.map(|per_density| per_density * density),
             emission: [0.0; 3],
         };
-        let object = &mut self.objects[0];
-        if object.medium.program().output_components() == 0 {
+        if self.volume.objects[0].program().output_components() == 0 {
             results.resize(positions.len(), coefficients(1.0));
             return Ok(());
         }
-        object.positions.clear();
-        object.positions.extend(positions.iter().map(|position| position.as_vec3().to_array()));
-        let densities = object.program.evaluate(&object.positions).iter();
+        self.positions.clear();
+        self.positions.extend(positions.iter().map(|position| position.as_vec3().to_array()));
+        let densities = self.programs[0].evaluate(&self.positions).iter();
         // Negative density acts as 0, and NaN is not below 0.
         results.extend(densities.map(|&density| coefficients(if density < 0.0 { 0.0 } else { f64::from(density) })));
         Ok(())
@@ -516,11 +613,12 @@ impl CoefficientEvaluator<'_> {
     /// The lobes at a position of the last batch, by its number; asked only where they are [`Lobes::Varying`].
     pub(crate) fn mixture(&self, lane: usize) -> Result<PhaseMixture> {
         let mut mixture = PhaseMixture::empty();
-        for object in &self.objects {
-            let (Some(values), Ok(row)) = (&object.values, object.lanes.binary_search(&lane)) else { continue };
+        for &object in &self.met {
+            let Share { positions, lanes, values } = &self.shares[object];
+            let (Some(values), Ok(row)) = (values, lanes.binary_search(&lane)) else { continue };
             mixture.append(values.mixture(row));
-            let place = object.positions[row];
-            check_phase(&mixture, format!("object {}, object-space position {place:?}", object.medium.object))?;
+            let (name, place) = (&self.volume.objects[object].object, positions[row]);
+            check_phase(&mixture, format!("object {name}, object-space position {place:?}"))?;
         }
         Ok(mixture)
     }

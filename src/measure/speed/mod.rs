@@ -6,6 +6,7 @@
 //! coordinate on, and taken off. Ratios are only formed within one run.
 
 pub mod compile_times;
+pub mod growth;
 pub mod leaving_out;
 pub mod perlin_fbm;
 pub mod quick;
