@@ -16,40 +16,25 @@ use std::process::{Command, ExitCode};
 #[derive(clap::Args)]
 #[command(after_help = "Examples:
   cloudparity growth CLOUD.scene.json -o GROWTH
-  cloudparity growth CLOUD.scene.json --objects 1,10,100,1000 --only objects -o GROWTH
-  cloudparity growth CLOUD.scene.json --input \"Density=1,10,100\" --only input -o GROWTH")]
+  cloudparity growth CLOUD.scene.json --ladder objects=1,10,100,1000 -o GROWTH
+  cloudparity growth CLOUD.scene.json --ladder \"Density=1,10,100\" -o GROWTH")]
 pub(super) struct Arguments {
     /// The scene file.
     scene: PathBuf,
     /// The folder for the results.
     #[arg(short, long, value_name = "DIR", default_value = "out/growth")]
     output: PathBuf,
-    /// Ladders to measure, instead of all that have values.
-    #[arg(long, value_name = "LADDER", value_delimiter = ',',
-        value_parser = ["widths", "samples", "bounces", "objects", "sizes", "threads", "input"])]
-    only: Vec<String>,
-    /// Pixels along the longer side; the first is that of all other ladders.
-    #[arg(long, value_name = "N", value_delimiter = ',', default_value = "64,128,256,512")]
-    widths: Vec<u32>,
-    /// Samples of a pixel; the first is that of all other ladders.
-    #[arg(long, value_name = "N", value_delimiter = ',', default_value = "16,64,256,1024")]
-    samples: Vec<u32>,
-    /// Scattering events beyond the first.
-    #[arg(long, value_name = "N", value_delimiter = ',', default_value = "0,1,2,4,8,16,32,64")]
-    bounces: Vec<u32>,
-    /// Copies of the object, in its box.
-    #[arg(long, value_name = "N", value_delimiter = ',', default_value = "1,8,64,216,512,1000")]
-    objects: Vec<u32>,
-    /// Lengths of the scene over those that it has, at the same optical thickness (a stored Density is divided).
-    #[arg(long, value_name = "FACTOR", value_delimiter = ',', default_value = "1,10,100,1000,10000")]
-    sizes: Vec<f64>,
-    /// Threads; 1, 2, 4 and so on to those of this machine if not given.
-    #[arg(long, value_name = "N", value_delimiter = ',')]
-    threads: Vec<u32>,
-    /// A stored number and its values, named as for --set: "Density=1,10,100".
+    /// A ladder, instead of all: width, samples, bounces, objects (copies in the object's box), size (lengths, at the same optical thickness),
+    /// threads, or a stored number named as for --set. May be given several times.
     #[arg(long, value_name = "NAME=VALUES")]
-    input: Vec<String>,
-    /// Rounds; the median counts.
+    ladder: Vec<String>,
+    /// Pixels along the longer side, where they do not grow.
+    #[arg(long, value_name = "PIXELS", default_value_t = 64, value_parser = clap::value_parser!(u32).range(1..=16384))]
+    width: u32,
+    /// Samples per pixel, where they do not grow.
+    #[arg(long, value_name = "N", default_value_t = 16, value_parser = clap::value_parser!(u32).range(1..=65536))]
+    samples: u32,
+    /// Repetitions; the median counts.
     #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u32).range(1..=100))]
     repeats: u32,
     #[command(flatten)]
@@ -70,10 +55,17 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
         super::print(&to_json(&rung.measure(&scene)?))?;
         return Ok(ExitCode::SUCCESS);
     }
-    let ladders = arguments.ladders()?;
-    let first = |values: &[u32]| values.first().copied().unwrap_or(1);
-    let settings =
-        Settings { width: first(&arguments.widths), samples: first(&arguments.samples), repeats: arguments.repeats };
+    let settings = Settings { width: arguments.width, samples: arguments.samples, repeats: arguments.repeats };
+    let mut ladders = arguments.ladders()?;
+    if arguments.ladder.is_empty() {
+        ladders.retain(|ladder| match ladder.check(&scene, settings) {
+            Err(error) if ladder.quantity == Quantity::Size => {
+                eprintln!("left out: {}: {error}", ladder.quantity.label());
+                false
+            }
+            _ => true,
+        });
+    }
     let bar = super::progress_bar(1000);
     let progress = super::progress_on(&bar);
     let measure = |rung: &Rung| arguments.in_a_process(rung);
@@ -90,44 +82,24 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
 
 impl Arguments {
     fn ladders(&self) -> Result<Vec<Ladder>> {
-        let numbers = |values: &[u32]| values.iter().copied().map(f64::from).collect::<Vec<f64>>();
-        let threads = if self.threads.is_empty() {
-            let most = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
-            let powers = std::iter::successors(Some(1), |count| Some(2 * count)).take_while(|&count| count < most);
-            powers.chain([most]).map(|count| count as f64).collect()
-        } else {
-            numbers(&self.threads)
-        };
-        let mut ladders = vec![
-            ("widths", Quantity::Width, numbers(&self.widths)),
-            ("samples", Quantity::Samples, numbers(&self.samples)),
-            ("bounces", Quantity::Bounces, numbers(&self.bounces)),
-            ("objects", Quantity::Objects, numbers(&self.objects)),
-            ("sizes", Quantity::Size, self.sizes.clone()),
-            ("threads", Quantity::Threads, threads),
-        ];
-        for text in &self.input {
-            let found = text.split_once('=').and_then(|(name, values)| {
-                let values = values.split(',').map(|value| value.trim().parse().ok()).collect::<Option<Vec<f64>>>()?;
-                Some((name.trim().to_owned(), values))
-            });
-            let (name, values) = found.ok_or_else(|| {
-                Error::new("--input", format!("\"{text}\""), "NAME=V,V,...: a name and numbers", "Correct the option.")
-            })?;
-            ladders.push(("input", Quantity::Input(name), values));
+        if self.ladder.is_empty() {
+            return Ok(every_ladder());
         }
-        ladders
-            .into_iter()
-            .filter(|(name, ..)| self.only.is_empty() || self.only.iter().any(|only| only == name))
-            .map(|(name, quantity, values)| {
-                if values.is_empty() || !values.is_sorted_by(|a, b| a < b) {
-                    let found = values.iter().map(f64::to_string).collect::<Vec<_>>().join(", ");
-                    let expected = "values that rise";
-                    return Err(Error::new(format!("--{name}"), found, expected, "Bring them into their order."));
-                }
-                Ok(Ladder { quantity, values })
-            })
-            .collect()
+        let wrong = |text: &str, expected: &str| {
+            Error::new("--ladder", format!("\"{text}\""), expected.to_owned(), "Correct the option.")
+        };
+        let read = |text: &String| {
+            let found = text.rsplit_once('=').and_then(|(name, values)| {
+                let values = values.split(',').map(|value| value.trim().parse().ok()).collect::<Option<Vec<f64>>>()?;
+                Some((name.trim(), values))
+            });
+            let (name, values) = found.ok_or_else(|| wrong(text, "NAME=V,V,...: a name and numbers"))?;
+            if values.is_empty() || !values.is_sorted_by(|a, b| a < b) {
+                return Err(wrong(text, "values that rise"));
+            }
+            Ok(Ladder { quantity: Quantity::named(name), values })
+        };
+        self.ladder.iter().map(read).collect()
     }
 
     /// A rung by this program once more: its memory is its own.
@@ -137,7 +109,7 @@ impl Arguments {
                 format!("{} {}", rung.value, rung.quantity.label()),
                 cause,
                 "a measurement",
-                "Measure this ladder alone (--only) to see why.",
+                "Measure this ladder alone (--ladder) to see why.",
             )
         };
         let program = std::env::current_exe().map_err(|cause| failed(cause.to_string()))?;
@@ -152,4 +124,21 @@ impl Arguments {
         }
         serde_json::from_slice(&output.stdout).map_err(|cause| failed(cause.to_string()))
     }
+}
+
+/// What is measured where nothing is chosen.
+fn every_ladder() -> Vec<Ladder> {
+    let most = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
+    let powers = std::iter::successors(Some(1), |count| Some(2 * count)).take_while(|&count| count < most);
+    let threads: Vec<f64> = powers.chain([most]).map(|count| count as f64).collect();
+    [
+        (Quantity::Width, [64.0, 128.0, 256.0, 512.0].to_vec()),
+        (Quantity::Samples, [16.0, 64.0, 256.0, 1024.0].to_vec()),
+        (Quantity::Bounces, [0.0, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0].to_vec()),
+        (Quantity::Objects, [1.0, 8.0, 64.0, 216.0, 512.0, 1000.0].to_vec()),
+        (Quantity::Size, [1.0, 10.0, 100.0, 1000.0, 10_000.0].to_vec()),
+        (Quantity::Threads, threads),
+    ]
+    .map(|(quantity, values)| Ladder { quantity, values })
+    .into()
 }

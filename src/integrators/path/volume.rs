@@ -623,3 +623,71 @@ impl CoefficientEvaluator<'_> {
         Ok(mixture)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::media::objects::Media;
+    use crate::scene::Scene;
+    use glam::DQuat;
+    use rand::{Rng as _, SeedableRng as _};
+
+    /// A scene of many turned boxes in two materials, some in others.
+    fn crowd(count: usize) -> Scene {
+        let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("parity/scenes/overlapping-cubes.scene.json");
+        let mut scene = Scene::load(&path).expect("a committed scene");
+        let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(5);
+        let kinds: Vec<_> = scene.volumes().expect("volumes").iter().map(|(volume, _)| (*volume).clone()).collect();
+        for number in 0..count {
+            let mut vector = |size: f64| DVec3::from([(); 3].map(|()| random.random_range(-size..size)));
+            let turned = DQuat::from_axis_angle(vector(1.0).normalize(), vector(3.0).x);
+            let scale = vector(0.6).abs() + 0.1;
+            let matrix = DMat4::from_scale_rotation_translation(scale, turned, vector(2.5));
+            let mut copy = kinds[number % kinds.len()].clone();
+            copy.object = format!("copy {number}");
+            copy.matrix_world = matrix.transpose().to_cols_array_2d().map(|row| row.map(|value| value as f32));
+            scene.other_volumes.push(copy);
+        }
+        scene
+    }
+
+    #[test]
+    fn many_objects_are_the_sum_of_each_by_itself() {
+        let scene = crowd(200);
+        let media = Media::new(&scene).expect("media");
+        let effort = Effort { tracking: Tracking::Proven, rays: 1.0 };
+        let volume = Volume::new(media.objects.clone(), effort).expect("a volume");
+        assert_eq!(volume.objects.len(), scene.volumes().expect("volumes").len());
+        // Copies of one material share its program.
+        assert!(volume.groups.len() <= 2, "{} programs", volume.groups.len());
+        let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(6);
+        let positions: Vec<DVec3> =
+            (0..3000).map(|_| DVec3::from([(); 3].map(|()| random.random_range(-3.0..3.0)))).collect();
+        let mut found = Vec::new();
+        let mut evaluator = volume.evaluator().expect("an evaluator");
+        // Once more with other positions: nothing is left of a batch.
+        for positions in [&positions[..1000], &positions[1000..]] {
+            evaluator.evaluate(positions, &|_, _| false, &mut found).expect("coefficients");
+            let expected = media.evaluate(positions).expect("coefficients");
+            let boxes: Vec<Bounds3> = positions
+                .iter()
+                .map(|place| Bounds3::new((*place - 0.01).as_vec3().into(), (*place + 0.01).as_vec3().into()))
+                .collect();
+            let bounds = volume.enclose(&boxes).expect("bounds");
+            let mut several = 0;
+            for (lane, ((found, expected), bounds)) in found.iter().zip(&expected).zip(bounds).enumerate() {
+                assert_eq!(found, &expected.coefficients, "{}", positions[lane]);
+                let most = largest(&found.extinction);
+                assert!(most <= f64::from(bounds.high), "{most} {bounds:?}");
+                let least = found.extinction.iter().copied().fold(f64::INFINITY, f64::min);
+                assert!(least >= f64::from(bounds.low), "{least} {bounds:?}");
+                let lobes = expected.mixture.lobes().len();
+                several += usize::from(lobes > 1);
+                if matches!(volume.lobes, Lobes::Varying) {
+                    assert_eq!(evaluator.mixture(lane).expect("lobes"), expected.mixture);
+                }
+            }
+            assert!(several > 20, "{several} places lie in several objects");
+        }
+    }
+}

@@ -59,6 +59,19 @@ impl Quantity {
         }
     }
 
+    /// The quantity of a name: a stored number's, where it is none of the others.
+    pub fn named(name: &str) -> Self {
+        match name {
+            "width" => Self::Width,
+            "samples" => Self::Samples,
+            "bounces" => Self::Bounces,
+            "objects" => Self::Objects,
+            "size" => Self::Size,
+            "threads" => Self::Threads,
+            _ => Self::Input(name.to_owned()),
+        }
+    }
+
     fn clock(&self) -> Clock {
         if *self == Self::Threads { Clock::Wall } else { Clock::Processor }
     }
@@ -71,6 +84,17 @@ pub struct Ladder {
     pub quantity: Quantity,
     /// Its values, rising; whole numbers but for sizes and inputs.
     pub values: Vec<f64>,
+}
+
+impl Ladder {
+    /// Refuses what cannot be made of a scene.
+    pub fn check(&self, scene: &Scene, settings: Settings) -> Result<()> {
+        self.values.iter().try_for_each(|&value| self.rung(value, settings).apply(scene).map(drop))
+    }
+
+    fn rung(&self, value: f64, Settings { width, samples, .. }: Settings) -> Rung {
+        Rung { quantity: self.quantity.clone(), value, width, samples }
+    }
 }
 
 /// What all rungs share.
@@ -231,12 +255,18 @@ fn enlarge(scene: &mut Scene, by: f64) -> Result<()> {
     if scene.lights.iter().any(|light| !matches!(light.kind, LightKind::Sun { .. })) {
         return Err(wrong("a lamp that stands somewhere", "suns alone, whose light is the same in a larger scene"));
     }
-    let density =
-        scene.settable().into_iter().find(|number| number.name == DENSITY).and_then(|number| number.value.as_f64());
-    let Some(density) = density else {
+    let numbers: Vec<_> = scene.settable().into_iter().filter(|number| number.value.is_number()).collect();
+    // By its label, as of a group; else the one socket of that name.
+    let by_socket: Vec<_> =
+        numbers.iter().filter(|number| number.exact_name.ends_with(&format!(".{DENSITY}"))).collect();
+    let found = numbers.iter().find(|number| number.name == DENSITY).or(match by_socket.as_slice() {
+        [only] => Some(*only),
+        _ => None,
+    });
+    let Some((name, density)) = found.and_then(|number| Some((&number.exact_name, number.value.as_f64()?))) else {
         return Err(wrong("no number called Density", "one that keeps the scene as thick when it is larger"));
     };
-    scene.set(&format!("{DENSITY}={}", density / by))?;
+    scene.set(&format!("{name}={}", density / by))?;
     let grow = |matrix: &mut Matrix, columns: std::ops::Range<usize>| {
         for row in &mut matrix[..3] {
             row[columns.clone()].iter_mut().for_each(|value| *value = (f64::from(*value) * by) as _);
@@ -274,17 +304,8 @@ pub fn run(
 ) -> Result<Outcome<Growth>> {
     let mut running = Running { scene, ladders, settings, measure };
     // What cannot be made is said before anything is measured.
-    for (ladder, value) in ladders.iter().flat_map(|ladder| ladder.values.iter().map(move |value| (ladder, value))) {
-        running.rung(ladder, *value).apply(scene)?;
-    }
+    ladders.iter().try_for_each(|ladder| ladder.check(scene, settings))?;
     experiment::run(&mut running, Some(folder), how, progress)
-}
-
-impl Running<'_> {
-    fn rung(&self, ladder: &Ladder, value: f64) -> Rung {
-        let Settings { width, samples, .. } = self.settings;
-        Rung { quantity: ladder.quantity.clone(), value, width, samples }
-    }
 }
 
 impl Experiment for Running<'_> {
@@ -301,7 +322,7 @@ impl Experiment for Running<'_> {
     fn plan(&self) -> Result<Vec<Self::Job>> {
         let rungs = || self.ladders.iter().flat_map(|ladder| ladder.values.iter().map(move |value| (ladder, *value)));
         Ok((0..self.settings.repeats)
-            .flat_map(|round| rungs().map(move |(ladder, value)| (round, self.rung(ladder, value))))
+            .flat_map(|round| rungs().map(move |(ladder, value)| (round, ladder.rung(value, self.settings))))
             .collect())
     }
 
@@ -420,7 +441,6 @@ impl Growth {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::integrators::path;
     use crate::measure::timing::timed_picture;
 
     fn scene(stem: &str) -> Scene {
@@ -454,7 +474,6 @@ mod tests {
         assert!((copied / whole - 1.0).abs() < 0.01, "{whole} {copied}");
         let (some, _) = rung(Quantity::Objects, 5.0).apply(&scene).expect("a rung");
         assert_eq!(some.other_volumes.len(), 4);
-        let _ = path::PREPARATION;
     }
 
     #[test]

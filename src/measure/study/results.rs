@@ -161,8 +161,9 @@ impl Results {
     /// One line per run, with every setting and figure.
     pub fn csv(&self) -> String {
         let mut text = String::from(
-            "scene,density,light,steps,light_steps,cache_cells,cache_format,light_volume_cells,light_volume_paths,sub_pixels,jitter,defects,god_rays,seconds,seconds_smallest,\
-             seconds_largest,wall_seconds,prepare_seconds,relmse,relmse_standard_error,rms,rms_standard_error,bias,\
+            "scene,density,light,steps,light_steps,cache_cells,cache_format,light_volume_cells,light_volume_paths,\
+             light_volume_bands,light_volume_shadow_cells,light_volume_seed,sub_pixels,jitter,defects,god_rays,seconds,\
+             seconds_smallest,seconds_largest,wall_seconds,prepare_seconds,relmse,relmse_standard_error,rms,rms_standard_error,bias,\
              bias_standard_error,flip,cost,on_front\n",
         );
         for run in &self.runs {
@@ -179,7 +180,8 @@ impl Results {
                 defects,
                 god_rays,
             } = &run.combination;
-            let [volume_cells, volume_paths] = light_volume.map_or([0; 2], |volume| [volume.cells, volume.paths]);
+            let found_beforehand = light_volume
+                .map_or([0; 5], |volume| [volume.cells, volume.paths, volume.bands, volume.shadow_cells, volume.seed]);
             let fields = [
                 csv_cell(scene),
                 csv_cell(density),
@@ -188,8 +190,7 @@ impl Results {
                 light_steps.to_string(),
                 cache.cells.to_string(),
                 cache.format.to_string(),
-                volume_cells.to_string(),
-                volume_paths.to_string(),
+                found_beforehand.map(|number| number.to_string()).join(","),
                 sub_pixels.to_string(),
                 jitter.to_string(),
                 csv_cell(&defects.to_string()),
