@@ -53,6 +53,13 @@ def _panel(axis, ladder):
     for start in 10.0 ** np.arange(np.floor(np.log10(low)) - 6, np.log10(high) + 1):
         axis.loglog(values, start * values / values[0], color="0.88", linewidth=0.5, zorder=0)
     axis.set_ylim(low, high)
+    # The rungs themselves, where there is room for their numbers.
+    shown, least = [], 0.14 * np.log(values[-1] / values[0])
+    for value in values:
+        if not shown or np.log(value / shown[-1]) >= least:
+            shown.append(value)
+    axis.set_xticks(shown, [f"{value:g}" for value in shown])
+    axis.set_xticks([], minor=True)
     axis.set_xlabel(ladder["name"], fontsize=7)
     axis.tick_params(labelsize=6)
 
