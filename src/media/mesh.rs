@@ -76,10 +76,17 @@ struct Crossing {
     enters: bool,
 }
 
-/// A triangle's box, as the tree is built of it.
-struct Leaf {
+/// A box, as a tree is built of it: a triangle's here, an object's in [`super::object_index`].
+pub(super) struct Leaf {
     bounds: Aabb<f64, 3>,
     node: usize,
+}
+
+impl Leaf {
+    pub(super) fn new(low: DVec3, high: DVec3) -> Self {
+        let point = |place: DVec3| Point3::new(place.x, place.y, place.z);
+        Self { bounds: Aabb::with_bounds(point(low), point(high)), node: 0 }
+    }
 }
 
 impl Bounded<f64, 3> for Leaf {
@@ -164,7 +171,6 @@ impl Mesh {
         check_mesh(place, vertices, triangles)?;
         let vertices: Vec<DVec3> = vertices.iter().map(|vertex| DVec3::from(vertex.map(f64::from))).collect();
         let mut bounds = Region { low: DVec3::INFINITY, high: DVec3::NEG_INFINITY };
-        let point = |place: DVec3| Point3::new(place.x, place.y, place.z);
         let mut leaves: Vec<Leaf> = triangles
             .iter()
             .map(|triangle| {
@@ -172,7 +178,7 @@ impl Mesh {
                 let low = corners[0].min(corners[1]).min(corners[2]);
                 let high = corners[0].max(corners[1]).max(corners[2]);
                 bounds = Region { low: bounds.low.min(low), high: bounds.high.max(high) };
-                Leaf { bounds: Aabb::with_bounds(point(low), point(high)), node: 0 }
+                Leaf::new(low, high)
             })
             .collect();
         let tree = Bvh::build(&mut leaves);

@@ -3,13 +3,12 @@
 //!
 //! Answers are candidates in ascending order. None is missed; whether one really is there is for the caller to look at.
 
+use crate::media::mesh::Leaf;
 use crate::media::objects::ObjectMedium;
 use crate::media::region::Region;
-use bvh::aabb::{Aabb, Bounded};
-use bvh::bounding_hierarchy::BHShape;
+use bvh::aabb::Aabb;
 use bvh::bvh::{Bvh, BvhNode};
 use glam::DVec3;
-use nalgebra::Point3;
 use std::sync::Arc;
 
 /// Widening of boxes relative to their largest coordinate: far above what matrices and their inverses are rounded by, unless they take lengths
@@ -21,28 +20,6 @@ pub struct ObjectIndex {
     tree: Bvh<f64, 3>,
 }
 
-/// An object's box in the world.
-struct Leaf {
-    bounds: Aabb<f64, 3>,
-    node: usize,
-}
-
-impl Bounded<f64, 3> for Leaf {
-    fn aabb(&self) -> Aabb<f64, 3> {
-        self.bounds
-    }
-}
-
-impl BHShape<f64, 3> for Leaf {
-    fn set_bh_node_index(&mut self, index: usize) {
-        self.node = index;
-    }
-
-    fn bh_node_index(&self) -> usize {
-        self.node
-    }
-}
-
 impl ObjectIndex {
     /// An index of objects, by their numbers.
     pub fn new(objects: &[Arc<ObjectMedium>]) -> Self {
@@ -51,8 +28,7 @@ impl ObjectIndex {
             .map(|object| {
                 let Region { low, high } = object.bounds.surrounding(&object.to_object.inverse());
                 let pad = PADDING * low.abs().max(high.abs()).max_element();
-                let point = |place: DVec3| Point3::new(place.x, place.y, place.z);
-                Leaf { bounds: Aabb::with_bounds(point(low - pad), point(high + pad)), node: 0 }
+                Leaf::new(low - pad, high + pad)
             })
             .collect();
         Self { tree: Bvh::build(&mut leaves) }
