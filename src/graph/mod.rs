@@ -103,20 +103,6 @@ pub struct Note {
 }
 
 impl Program {
-    /// All that its values depend on, as text: equal texts, equal values. What a grid holds is not in it.
-    pub fn content(&self) -> String {
-        let mut text = format!("{:?} {:?}", self.outputs, self.attributes);
-        for Instruction { node_type, mode, inputs, first_register, .. } in &self.instructions {
-            let inputs = inputs.iter().map(|input| match input {
-                Operand::Constant(value) => format!("{:x}", value.to_bits()),
-                other => format!("{other:?}"),
-            });
-            let inputs = inputs.collect::<Vec<_>>().join(" ");
-            text += &format!("\n{} {mode:?} {first_register} {inputs}", node_type.type_name);
-        }
-        text
-    }
-
     /// A hash of all that its values depend on: types and modes of its nodes, constants to the bit, links, outputs.
     pub fn content_hash(&self) -> String {
         let operands = |operands: &[Operand]| -> String {

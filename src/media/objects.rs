@@ -558,7 +558,7 @@ impl Media {
                 // Objects whose programs are the same share one, so that what lies in many of them is evaluated at once. Those of a grid
                 // read it, and stay by themselves.
                 if volume.grid.is_none() {
-                    let known = programs.entry(medium.program.content());
+                    let known = programs.entry(medium.program.content_hash());
                     medium.program = Arc::clone(known.or_insert_with(|| Arc::clone(&medium.program)));
                 }
                 Ok(Arc::new(medium))
