@@ -9,12 +9,12 @@ use cloudparity::engines::defects::Defects;
 use cloudparity::engines::light::MOST_SUNS;
 use cloudparity::engines::light::models;
 use cloudparity::engines::light::models::{LIGHTS, OWN};
-use cloudparity::engines::render::{EngineJitter, EngineSettings, render};
-use cloudparity::gpu::Backend;
+use cloudparity::engines::render::{EngineJitter, EngineRenderer, EngineSettings, RayMaker, render};
+use cloudparity::gpu::{Backend, Gpu};
 use cloudparity::integrators::MarchSettings;
 use cloudparity::nodes::texture_lookup;
 use cloudparity::scene::image::Image;
-use cloudparity::scene::{LightKind, PixelFilter, Scene};
+use cloudparity::scene::{LightKind, PixelFilter, Projection, Scene};
 use glam::DVec3;
 
 const SETTINGS: EngineSettings =
@@ -63,6 +63,39 @@ fn both_backends_show_one_picture() {
         // The tolerance of the reference data for software filtering, times the sun's strength of 6 in this scene.
         assert!(largest < 6e-4, "{defects}: {largest}");
         assert!(cpu.pixels.iter().any(|pixel| pixel[0] > 0.1), "{defects}: a cloud is seen");
+    }
+}
+
+#[test]
+fn rays_of_the_adapter_are_those_of_the_processor() {
+    if !support::require("vulkan") {
+        return;
+    }
+    let (gpu, engine) = (Gpu::open().expect("an adapter"), engine(&Defects::NONE, &[]));
+    // Large enough for several workgroups, and no square.
+    let mut perspective = scene();
+    perspective.film.resolution = [75, 41];
+    let mut parallel = perspective.clone();
+    parallel.camera.projection = Projection::Orthographic;
+    parallel.camera.ortho_scale = 3.0;
+    for scene in [&perspective, &parallel] {
+        let pictures = |jitter: EngineJitter| {
+            let settings = EngineSettings { jitter, ..SETTINGS };
+            [RayMaker::Processor, RayMaker::Adapter].map(|maker| {
+                let renderer = gpu.block_on(EngineRenderer::on_adapter(scene, &engine, &gpu, maker));
+                let renderer = renderer.expect("it runs").expect("a renderer");
+                renderer.picture(&settings, &|_, _| ()).expect("a picture").pixels
+            })
+        };
+        let [ours, theirs] = pictures(EngineJitter::None);
+        let differences = ours.as_flattened().iter().zip(theirs.as_flattened()).map(|(a, b)| (a - b).abs());
+        let largest = differences.fold(0.0, f32::max);
+        // A place moves by 2^-22 of the distance to the camera, some 1e-6 of the box; half a pixel would move it by 1e-2.
+        assert!(largest < 6e-4, "{largest}");
+        assert!(ours.iter().any(|pixel| pixel[0] > 0.1), "a cloud is seen");
+        // Rays with jitter are the processor's, whoever is asked.
+        let [ours, theirs] = pictures(EngineJitter::BlueNoise);
+        assert_eq!(ours, theirs);
     }
 }
 

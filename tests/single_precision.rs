@@ -4,7 +4,7 @@
 mod support;
 
 use cloudparity::engines::perlin_fbm::gpu::BakeKernel;
-use cloudparity::gpu::Gpu;
+use cloudparity::gpu::{Bindings, Gpu};
 use cloudparity::graph::build::IDENTITY;
 use cloudparity::graph::evaluate::Points;
 use cloudparity::nodes::perlin_fbm::bake::Bake;
@@ -229,4 +229,56 @@ fn mask_error(cloud: &Cloud) -> f64 {
     let farthest = 3.0_f64.sqrt() * 0.5 / flattest;
     let distance = displacement + (17.0 * farthest + 4.0) * U;
     1.5 * (distance / mask.softness + 7.0 * U) + 6.0 * U
+}
+
+/// Quotients and roots of any two bit patterns by `shaders/gpu/exact.wgsl` on the adapter: those of IEEE 754.
+#[test]
+fn quotients_and_roots_on_the_adapter_round_to_the_nearest() {
+    if !support::require("vulkan") {
+        return;
+    }
+    let gpu = Gpu::open().expect("an adapter");
+    let text = std::fs::read_to_string(support::project("shaders/gpu/exact.wgsl")).expect("a shader");
+    let entry = "
+        @group(0) @binding(0) var<storage, read> inputs: array<vec2u>;
+        @group(0) @binding(1) var<storage, read_write> results: array<vec2u>;
+        @compute @workgroup_size(64)
+        fn main(@builtin(global_invocation_id) invocation: vec3u) {
+            if invocation.x >= arrayLength(&inputs) { return; }
+            let input = inputs[invocation.x];
+            let quotient = divide(bitcast<f32>(input.x), bitcast<f32>(input.y));
+            results[invocation.x] = vec2u(bitcast<u32>(quotient), bitcast<u32>(square_root(bitcast<f32>(input.x))));
+        }";
+    let text = text.replace("#define_import_path cloudparity::exact", "") + entry;
+    let module = naga::front::wgsl::parse_str(&text).expect("it is WGSL");
+    let kernel = gpu.kernel("exact", &module, &[]).expect("it compiles");
+    let mut random = ChaCha8Rng::seed_from_u64(5);
+    let count = 1_usize << 20;
+    let inputs: Vec<[u32; 2]> = (0..count)
+        .map(|number| {
+            let [first, second]: [u32; 2] = random.random();
+            match number % 8 {
+                // Denormal dividend, divisor, quotient; nearly equal; powers of two; ordinary numbers.
+                0 => [first & 0x807f_ffff, second],
+                1 => [first, second & 0x807f_ffff],
+                2 => [first & 0x83ff_ffff, second | 0x3f80_0000],
+                3 => [first, first ^ (second & 7)],
+                4 => [first & 0xff80_0000, second],
+                5 => [first & 0x3fff_ffff | 0x3000_0000, second & 0x3fff_ffff | 0x3000_0000],
+                _ => [first, second],
+            }
+        })
+        .collect();
+    let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC;
+    let bytes = bytemuck::cast_slice(&inputs);
+    let (given, results) = (gpu.upload("inputs", bytes, usage), gpu.upload("results", bytes, usage));
+    gpu.dispatch(&kernel, &Bindings::new().group(0, [&given, &results]), [count as u32, 1, 1]).expect("it runs");
+    let found = gpu.read_back(&results, bytes.len() as u64).expect("it runs");
+    let found: Vec<[u32; 2]> = bytemuck::pod_collect_to_vec(&found);
+    let same = |ours: u32, right: f32| ours == right.to_bits() || f32::from_bits(ours).is_nan() && right.is_nan();
+    for ([first, second], [quotient, root]) in inputs.iter().zip(&found) {
+        let [a, b] = [*first, *second].map(f32::from_bits);
+        assert!(same(*quotient, a / b), "{a:e} / {b:e}: {:e}, not {:e}", f32::from_bits(*quotient), a / b);
+        assert!(same(*root, a.sqrt()), "root of {a:e}: {:e}, not {:e}", f32::from_bits(*root), a.sqrt());
+    }
 }

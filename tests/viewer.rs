@@ -374,8 +374,11 @@ fn times_of_the_window() {
     if !support::require("vulkan") {
         return;
     }
-    for quality in ["low", "medium", "high"] {
-        let source = Small::sized("graph", Some(quality), "clouds-in-daylight", [640, 360]);
+    let hardware = Gpu::open().is_ok_and(|gpu| !gpu.adapter().is_software());
+    let sizes: &[[u32; 2]] = if hardware { &[[640, 360], [1920, 1080]] } else { &[[640, 360]] };
+    for (&size, quality) in sizes.iter().flat_map(|size| ["low", "medium", "high"].map(|quality| (size, quality))) {
+        println!("{size:?}");
+        let source = Small::sized("graph", Some(quality), "clouds-in-daylight", size);
         let mut window = window(&source, Backend::Gpu);
         let begin = Instant::now();
         until(&mut window, "a picture", is_shown);

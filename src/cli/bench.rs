@@ -77,6 +77,21 @@ fn table(bench: &Bench) -> String {
             ratio(row.gpu_ratio)
         );
     }
+    for row in &bench.rows {
+        let (Some(kernel), Some(limits)) = (row.kernel_rate, row.limits) else { continue };
+        text += &format!(
+            "{}, by the adapter's own clock: {:.0} million points/s, {:.1} % of what it reads and writes ({:.0}); a point takes the time of {:.0} integer \
+             multiply-adds (of {:.1} x 10^12 a second) or {:.0} of f32 ({:.1} x 10^12)\n",
+            row.what,
+            kernel / 1e6,
+            100.0 * kernel / limits.points,
+            limits.points / 1e6,
+            limits.integer_multiply_adds / kernel,
+            limits.integer_multiply_adds / 1e12,
+            limits.float_multiply_adds / kernel,
+            limits.float_multiply_adds / 1e12,
+        );
+    }
     let adapter = bench.adapter["name"].as_str().unwrap_or("none");
     text + &format!(
         "Adapter: {adapter}. Rates are slopes between two point counts; Cycles' is without what its render costs for an empty graph.\n"

@@ -3,6 +3,7 @@
 use super::{
     attribution, bench, bench_bake, bench_compile, bench_nodes, bench_quick, bench_voxels, bounds, compare_models,
     convergence, demo, drift, findings, growth, modes, parity, probe, sequence, stability, study, time_to_error, tune,
+    variance,
 };
 use crate::base::error::Result;
 use std::process::ExitCode;
@@ -38,6 +39,7 @@ enum What {
     BenchQuick(bench_quick::Arguments),
     BenchVoxels(Box<bench_voxels::Arguments>),
     Growth(growth::Arguments),
+    Variance(variance::Arguments),
     Demo(demo::Arguments),
 }
 
@@ -65,6 +67,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
         What::BenchQuick(arguments) => bench_quick::run(arguments),
         What::BenchVoxels(arguments) => bench_voxels::run(arguments),
         What::Growth(arguments) => growth::run(arguments),
+        What::Variance(arguments) => variance::run(arguments),
         What::Demo(arguments) => demo::run(arguments),
     }
 }

@@ -59,6 +59,7 @@ mod study;
 mod time_to_error;
 mod tune;
 #[cfg(feature = "viewer")]
+mod variance;
 mod view;
 #[cfg(test)]
 mod vocabulary;

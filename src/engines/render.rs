@@ -13,6 +13,7 @@ use crate::base::identity::Identity;
 use crate::base::progress::Progress;
 use crate::engines::Engine;
 use crate::engines::light::{LightModel, Sun};
+use crate::engines::march::camera::{CameraKernel, ViewUniform};
 use crate::engines::march::gpu::{Form, MarchKernel, MarchParts};
 use crate::engines::march::shadow_map::ShadowMap;
 use crate::engines::march::{Marched, RealTimePixel, RealTimeRay};
@@ -32,6 +33,7 @@ use crate::view::lights::{suns, world_radiance};
 use crate::view::sampler::Sampler;
 use crate::view::{blue_noise, film, jitter_table, memory};
 use glam::DVec2;
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::ops::Range;
 use std::sync::Arc;
@@ -39,6 +41,12 @@ use std::time::Instant;
 
 /// Pixels that are marched between two reports.
 const PIXELS: usize = 1 << 14;
+
+/// The same where hardware makes the rays itself: 64 MiB of them.
+const PIXELS_OF_HARDWARE: usize = 1 << 20;
+
+/// Part of a pixel that is no distance: the filter's middle is found by a table.
+const MIDDLE: f64 = 1e-6;
 
 /// Rays that are marched together at most on the CPU, but for those of one pixel.
 const MOST_RAYS: usize = 1 << 20;
@@ -110,7 +118,34 @@ pub struct EngineRenderer<'a> {
     camera: Camera,
     /// Shadow maps of the suns, where the light reads them.
     maps: Vec<ShadowMap>,
-    adapter: Option<(&'a Gpu, MarchKernel<'a>)>,
+    adapter: Option<OnAdapter<'a>>,
+}
+
+/// What an engine is on an adapter.
+struct OnAdapter<'a> {
+    gpu: &'a Gpu,
+    march: MarchKernel<'a>,
+    /// The rays of pixels that have one each, in the middle; none where the processor makes them.
+    camera: Option<CameraKernel<'a>>,
+}
+
+choice! {
+    "kebab-case",
+    /// Where the rays of a picture on an adapter are made.
+    pub enum RayMaker {
+        /// On all cores, in f64.
+        Processor,
+        /// On the adapter, in f32, where pixels have one ray each without jitter, a perspective or orthographic camera looks at a box, and one colour
+        /// stands behind: as near as f32's rounding of the distance to the camera.
+        Adapter,
+    }
+}
+
+impl RayMaker {
+    /// Hardware would wait for the processor; software is the processor.
+    pub fn of(gpu: &Gpu) -> Self {
+        if gpu.adapter().is_software() { Self::Processor } else { Self::Adapter }
+    }
 }
 
 /// Rays of a pixel that its filter draws, instead of one for each stratum: those of path tracing with the same seed and as many samples, so that
@@ -172,16 +207,27 @@ impl<'a> EngineRenderer<'a> {
     /// On the adapter where one is given, else on all cores.
     pub fn new(scene: &'a Scene, engine: &'a Engine, gpu: Option<&'a Gpu>) -> Result<Self> {
         match gpu {
-            Some(gpu) => gpu.block_on(Self::on_adapter(scene, engine, gpu))?,
+            Some(gpu) => gpu.block_on(Self::on_adapter(scene, engine, gpu, RayMaker::of(gpu)))?,
             None => Self::prepared(scene, engine),
         }
     }
 
     /// On an adapter, asynchronous as a browser asks for it.
-    pub async fn on_adapter(scene: &'a Scene, engine: &'a Engine, gpu: &'a Gpu) -> Result<Self> {
+    pub async fn on_adapter(scene: &'a Scene, engine: &'a Engine, gpu: &'a Gpu, ray_maker: RayMaker) -> Result<Self> {
         let mut renderer = Self::prepared(scene, engine)?;
-        let kernel = MarchKernel::new_async(gpu, &renderer.marched()?, &engine.march).await?;
-        renderer.adapter = Some((gpu, kernel));
+        let march = MarchKernel::new_async(gpu, &renderer.marched()?, &engine.march).await?;
+        // A panorama and another domain have no such view, a picture behind the cloud needs the rays.
+        let view = match (ray_maker, &renderer.background) {
+            (RayMaker::Adapter, Background::Constant(_)) => {
+                ViewUniform::new(&renderer.camera, &engine.container, scene.image_size()).ok()
+            }
+            _ => None,
+        };
+        let camera = match view {
+            Some(view) => Some(CameraKernel::new_async(gpu, view).await?),
+            None => None,
+        };
+        renderer.adapter = Some(OnAdapter { gpu, march, camera });
         Ok(renderer)
     }
 
@@ -238,7 +284,8 @@ impl<'a> EngineRenderer<'a> {
             let fragment = [column * strata + part % strata, line * strata + part / strata];
             self.ray(raster, settings.jitter.value(fragment, settings.frame)).0
         };
-        pixels.flat_map(|pixel| (0..strata * strata).map(move |part| (pixel, part))).map(ray).collect()
+        let parts = |pixel| (0..strata * strata).map(move |part| (pixel, part)).map(ray);
+        pixels.into_par_iter().flat_map_iter(parts).collect()
     }
 
     /// Rays that the pixel filter draws.
@@ -274,7 +321,7 @@ impl<'a> EngineRenderer<'a> {
         let begin = Instant::now();
         let plan = self.plan(settings);
         let mut image = match &self.adapter {
-            Some((gpu, _)) => gpu.block_on(async {
+            Some(OnAdapter { gpu, .. }) => gpu.block_on(async {
                 let frame = self.frame_async(settings, progress).await?;
                 frame.read_back_async(gpu).await
             })??,
@@ -392,7 +439,7 @@ impl<'a> EngineRenderer<'a> {
     /// A picture that stays on the adapter: marched, composed and post-processed there. An error where the engine was not compiled for an
     /// adapter.
     pub async fn frame_async(&self, settings: &EngineSettings, progress: Progress<'_>) -> Result<Frame> {
-        let Some((gpu, march)) = &self.adapter else {
+        let Some(OnAdapter { gpu, march, camera }) = &self.adapter else {
             return Err(Error::new(
                 "a frame on the adapter",
                 "an engine that was prepared for the CPU",
@@ -426,10 +473,19 @@ impl<'a> EngineRenderer<'a> {
         };
         let composite = CompositeKernel::new_async(gpu, self.engine.compositing, background, plan.channels).await?;
         let exposure = f64::from(self.scene.film.exposure);
-        for first in (0..total).step_by(PIXELS) {
-            let pixels = first..total.min(first + PIXELS);
-            let rays = self.rays(&plan, settings, pixels.clone());
-            let marched = march.march_on_adapter(&rays)?;
+        // The adapter's rays are those in the middle of pixels.
+        let is_middle = plan.offsets.len() == 1 && plan.offsets[0].abs() < MIDDLE;
+        let camera = camera.as_ref().filter(|_| is_middle && settings.jitter == EngineJitter::None);
+        let together = if camera.is_some() { PIXELS_OF_HARDWARE } else { PIXELS };
+        for first in (0..total).step_by(together) {
+            let pixels = first..total.min(first + together);
+            let marched = match camera {
+                Some(camera) => {
+                    let rays = camera.rays(first as u32, pixels.len() as u32)?;
+                    march.march_buffer(&rays, pixels.len(), &[])?
+                }
+                None => march.march_on_adapter(&self.rays(&plan, settings, pixels.clone()))?,
+            };
             let part = Part { first: first as u32, count: pixels.len() as u32, rays: per_pixel as u32 };
             composite.run(&frame, &marched, part, exposure)?;
             // So that what is reported is done, and buffers of rays do not pile up.
@@ -462,7 +518,7 @@ impl<'a> EngineRenderer<'a> {
             ("scene", scene.name.clone()),
             ("scene_sha256", scene.content_hash()),
             ("film", json(&scene.film)),
-            ("backend", worker(self.adapter.as_ref().map(|(gpu, _)| *gpu))),
+            ("backend", worker(self.adapter.as_ref().map(|adapter| adapter.gpu))),
             ("render_seconds", format!("{seconds:.3}")),
         ] {
             image.provenance.insert(name.to_owned(), value);

@@ -21,6 +21,11 @@ impl Gpu {
         self.block_on(self.kernel_async(label, module, layouts))?
     }
 
+    /// See [`Gpu::exact_kernel_async`].
+    pub fn exact_kernel(&self, label: &str, module: &naga::Module, layouts: &[Layout]) -> Result<ComputeKernel> {
+        self.block_on(self.exact_kernel_async(label, module, layouts))?
+    }
+
     /// See [`Gpu::read_back_async`].
     pub fn read_back(&self, buffer: &wgpu::Buffer, size: u64) -> Result<Vec<u8>> {
         self.block_on(self.read_back_async(buffer, size))?

@@ -1,5 +1,6 @@
 //! The one way to run a kernel: compiled with its layouts checked, dispatched over numbered resources, timed while something is.
 
+use super::exact::Pipeline;
 use super::layout::{self, Layout};
 use super::{Gpu, clock};
 use crate::base::error::{Error, Result};
@@ -69,13 +70,13 @@ impl Gpu {
     pub async fn kernel_async(&self, label: &str, module: &naga::Module, layouts: &[Layout]) -> Result<ComputeKernel> {
         let kept = || self.kept.lock().unwrap_or_else(PoisonError::into_inner);
         if kept().is_none() {
-            return self.compiled_async(label, module, layouts).await;
+            return self.compiled_async(label, module, layouts, false).await;
         }
         let hash = sha256(wgsl::write(module, Language::Wgsl)?.as_slice());
         if let Some(kernel) = kept().as_ref().and_then(|kept| kept.get(&hash)) {
             return Ok(kernel.clone());
         }
-        let kernel = self.compiled_async(label, module, layouts).await?;
+        let kernel = self.compiled_async(label, module, layouts, false).await?;
         if let Some(kept) = kept().as_mut() {
             if kept.len() == MOST_KEPT {
                 kept.clear();
@@ -85,7 +86,24 @@ impl Gpu {
         Ok(kernel)
     }
 
-    async fn compiled_async(&self, label: &str, module: &naga::Module, layouts: &[Layout]) -> Result<ComputeKernel> {
+    /// [`Self::kernel_async`] of a kernel whose arithmetic the driver leaves as it is written, where that can be said
+    /// ([`Self::has_exact_kernels`]). It is not among those that are kept.
+    pub async fn exact_kernel_async(
+        &self,
+        label: &str,
+        module: &naga::Module,
+        layouts: &[Layout],
+    ) -> Result<ComputeKernel> {
+        self.compiled_async(label, module, layouts, self.has_exact_kernels()).await
+    }
+
+    async fn compiled_async(
+        &self,
+        label: &str,
+        module: &naga::Module,
+        layouts: &[Layout],
+        is_exact: bool,
+    ) -> Result<ComputeKernel> {
         self.compilations.fetch_add(1, Ordering::Relaxed);
         crate::graph::wgsl::validate(module)?;
         layout::check_all(module, layouts)?;
@@ -98,15 +116,7 @@ impl Gpu {
             )
         })?;
         let scope = self.device.push_error_scope(wgpu::ErrorFilter::Validation);
-        let shader = self.module(label, module);
-        let pipeline = self.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-            label: Some(label),
-            layout: None,
-            module: &shader,
-            entry_point: Some("main"),
-            compilation_options: Default::default(),
-            cache: None,
-        });
+        let made = if is_exact { self.exact_pipeline(label, module)? } else { self.free_pipeline(label, module) };
         if let Some(cause) = scope.pop().await {
             return Err(Error::new(
                 format!("shader {label}"),
@@ -119,10 +129,26 @@ impl Gpu {
         for place in module.global_variables.iter().filter_map(|(_, variable)| variable.binding) {
             bindings.entry(place.group).or_default().insert(place.binding);
         }
-        let groups = (0..bindings.keys().next_back().map_or(0, |last| last + 1))
-            .map(|group| (pipeline.get_bind_group_layout(group), bindings.remove(&group).unwrap_or_default()))
-            .collect();
-        Ok(ComputeKernel { label: label.to_owned(), pipeline, groups, workgroup: entry.workgroup_size })
+        let layouts = (0..).zip(made.layouts);
+        let groups = layouts.map(|(group, layout)| (layout, bindings.remove(&group).unwrap_or_default())).collect();
+        Ok(ComputeKernel { label: label.to_owned(), pipeline: made.pipeline, groups, workgroup: entry.workgroup_size })
+    }
+
+    /// The pipeline of a module whose arithmetic the driver may fuse, its layouts those that wgpu finds in it.
+    fn free_pipeline(&self, label: &str, module: &naga::Module) -> Pipeline {
+        let shader = self.module(label, module);
+        let pipeline = self.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+            label: Some(label),
+            layout: None,
+            module: &shader,
+            entry_point: Some("main"),
+            compilation_options: Default::default(),
+            cache: None,
+        });
+        let places = module.global_variables.iter().filter_map(|(_, variable)| variable.binding);
+        let groups = places.map(|place| place.group + 1).max().unwrap_or(0);
+        let layouts = (0..groups).map(|group| pipeline.get_bind_group_layout(group)).collect();
+        Pipeline { pipeline, layouts }
     }
 
     /// Submits a kernel over a grid of invocations, at least as many along each axis as given: the last workgroup is always whole.

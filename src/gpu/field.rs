@@ -1,6 +1,7 @@
 //! Evaluating a program at points on the adapter.
 
 use crate::base::error::{Error, Result};
+use crate::gpu::exact::{EXACT, REACHED};
 use crate::gpu::{Bindings, ComputeKernel, Gpu};
 use crate::graph::Program;
 use crate::graph::evaluate::Points;
@@ -11,7 +12,10 @@ use std::fmt::Write;
 const WORKGROUP: u32 = 64;
 
 /// Points per submission: on a software adapter well below a tenth of a second for the cloud.
-const SLICE: usize = 1 << 16;
+const SOFTWARE_SLICE: usize = 1 << 16;
+
+/// Points per submission of hardware: several for each of its lanes.
+const SLICE: usize = 1 << 21;
 
 /// A program compiled for the adapter.
 pub struct FieldKernel<'a> {
@@ -24,15 +28,20 @@ pub struct FieldKernel<'a> {
 }
 
 impl Gpu {
-    /// Compiles a program for evaluation at points.
+    /// Compiles a program for evaluation at points, with arithmetic that the driver leaves as it is written where it can be told to.
     pub fn field(&self, program: &Program) -> Result<FieldKernel<'_>> {
         let widths: Vec<usize> = program.outputs.iter().map(|output| output.operands.len()).collect();
-        let linker = Linker::new(program)?;
+        let mut linker = Linker::new(program)?;
         let textures = self.upload_textures(linker.textures())?;
-        let module = linker.link("generated/field.wgsl", &entry(program.attributes.len(), &widths))?;
+        // The processor's quotients and roots round to the nearest.
+        let stands_in = self.has_exact_kernels() && !self.adapter().is_software();
+        if stands_in {
+            linker.add(EXACT.0, EXACT.1);
+        }
+        let module = linker.link("generated/field.wgsl", &entry(program.attributes.len(), &widths, stands_in))?;
         Ok(FieldKernel {
             gpu: self,
-            kernel: self.kernel("field", &module, &[])?,
+            kernel: self.exact_kernel("field", &module, &[])?,
             attributes: program.attributes.clone(),
             components: program.output_components(),
             textures,
@@ -41,11 +50,12 @@ impl Gpu {
 }
 
 /// The entry text, by the number of attributes and the components of each output: positions and attributes lie one after the other,
-/// point by point.
-fn entry(attributes: usize, outputs: &[usize]) -> String {
+/// point by point. It may have functions that stand in for quotients and roots.
+fn entry(attributes: usize, outputs: &[usize], stands_in: bool) -> String {
     let inputs = 3 + 3 * attributes;
     let width: usize = outputs.iter().sum();
-    let mut text = String::from(
+    let mut text = String::from(if stands_in { "#import cloudparity::exact\n" } else { "" });
+    text.push_str(
         "#import cloudparity::graph\n\n\
          @group(0) @binding(0) var<storage, read> points: array<f32>;\n\
          @group(0) @binding(1) var<storage, read_write> results: array<f32>;\n\n",
@@ -63,6 +73,9 @@ fn entry(attributes: usize, outputs: &[usize]) -> String {
             format!("vec3f({}, {}, {})", at(0), at(1), at(2))
         })
         .collect();
+    if stands_in {
+        line(format_args!("    if index == 0xffffffffu {{ {REACHED} }}"));
+    }
     line(format_args!("    let value = graph::evaluate({});", vectors.join(", ")));
     let mut component = 0;
     for (number, &components) in outputs.iter().enumerate() {
@@ -95,8 +108,9 @@ impl FieldKernel<'_> {
             })?);
         }
         let mut results = Vec::with_capacity(points.positions.len() * self.components);
-        for start in (0..points.positions.len()).step_by(SLICE) {
-            let count = SLICE.min(points.positions.len() - start);
+        let slice = if self.gpu.adapter().is_software() { SOFTWARE_SLICE } else { SLICE };
+        for start in (0..points.positions.len()).step_by(slice) {
+            let count = slice.min(points.positions.len() - start);
             let mut data: Vec<f32> = Vec::with_capacity(count * columns.len() * 3);
             for index in start..start + count {
                 columns.iter().for_each(|column| data.extend(column[index]));

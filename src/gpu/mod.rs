@@ -7,10 +7,12 @@
 //! bound and every index is checked by the shader itself. Work is dispatched in slices, so that no
 //! single submission holds an adapter for long.
 
+pub mod arithmetic;
 mod blocking;
 mod clock;
 pub mod dispatch;
 pub mod draw;
+mod exact;
 mod field;
 pub mod layout;
 mod slices;
@@ -140,11 +142,15 @@ impl Gpu {
             .min_by_key(rank)
             .ok_or_else(|| missing("no adapter".into()))?;
         let limits = adapter.limits();
-        // Timestamps where there are any: without them times are taken on the processor.
+        // Timestamps where there are any: without them times are taken on the processor. SPIR-V of our own where that is what the driver takes.
+        let mut features = adapter.features() & wgpu::Features::TIMESTAMP_QUERY;
+        if adapter.get_info().backend == wgpu::Backend::Vulkan {
+            features |= adapter.features() & wgpu::Features::PASSTHROUGH_SHADERS;
+        }
         let descriptor = wgpu::DeviceDescriptor {
             label: Some("cloudparity"),
             required_limits: limits,
-            required_features: adapter.features() & wgpu::Features::TIMESTAMP_QUERY,
+            required_features: features,
             ..Default::default()
         };
         let (device, queue) = adapter.request_device(&descriptor).await.map_err(|cause| missing(cause.to_string()))?;

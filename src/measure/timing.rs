@@ -67,9 +67,12 @@ pub struct Seconds {
     pub largest: f64,
 }
 
-/// Times work so often, at least once: seconds by the clock that fits, and the wall time of the median repetition.
+/// Times work so often, at least once: seconds by the clock that fits, and the wall time of the median repetition. Hardware is woken before.
 pub fn repeated(repeats: usize, gpu: Option<&Gpu>, mut work: impl FnMut() -> Result<()>) -> Result<(Seconds, f64)> {
     let clock = Clock::of(gpu);
+    if let Some(gpu) = gpu {
+        gpu.wake()?;
+    }
     let mut times = Vec::with_capacity(repeats);
     for _ in 0..repeats.max(1) {
         let wall = Instant::now();

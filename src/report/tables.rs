@@ -397,6 +397,7 @@ pub fn csv(inputs: &Inputs) -> String {
         add("bench", &row.what, "cycles", "rate", row.cycles_rate, "points/s");
         add("bench", &row.what, "cpu", "rate", row.cpu_rate, "points/s");
         add("bench", &row.what, "gpu", "rate", row.gpu_rate, "points/s");
+        add("bench", &row.what, "gpu", "kernel_rate", row.kernel_rate, "points/s");
         add("bench", &row.what, "cpu", "ratio", row.cpu_ratio, "");
         add("bench", &row.what, "gpu", "ratio", row.gpu_ratio, "");
     }

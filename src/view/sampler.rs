@@ -8,6 +8,8 @@
 //! pixel, sample, seed and counter. Both are functions of whole numbers of 32 bits, so that a shader
 //! draws the same numbers.
 
+use crate::base::choice::choice;
+
 /// Samples of one Sobol sequence; further samples begin another one.
 const SEQUENCE: u32 = 1 << 16;
 
@@ -17,6 +19,40 @@ const STRATIFIED_EVENTS: u32 = 8;
 /// Separates the scrambles of Sobol sets from the counter-based numbers.
 const SCRAMBLE: u32 = 0x9e37_79b9;
 
+/// Separates the numbers of decisions that are drawn again from those that are kept.
+const AGAIN: u32 = 0x85eb_ca6b;
+
+/// Counter-based draws of a ray at most, and of the scattering events behind the stratified ones, where each decision has numbers of its own.
+const DRAWS_OF_A_RAY: u32 = 1 << 16;
+
+choice! { "lowercase",
+/// What a path decides by its random numbers.
+pub enum Decision {
+    /// Where in the pixel, or in the reach of its filter, its ray passes.
+    Film,
+    /// Where rays between events have their collisions, and which of them scatters.
+    Distance,
+    /// Where rays to lights, and those behind the last event, have the collisions that estimate their transmittance.
+    Transmittance,
+    /// Where the phase function scatters to.
+    Direction,
+    /// Which light is looked at, and where on it.
+    Light,
+}
+}
+
+/// What is drawn again, to see how much of the variance it makes.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum Redraw {
+    /// All numbers come one after the other, as pictures have them.
+    #[default]
+    Off,
+    /// Each decision has numbers of its own, so that one can be drawn again with the others kept.
+    Nothing,
+    /// The same, with other numbers for this one.
+    Only(Decision),
+}
+
 /// The source of numbers of one path.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Sampler {
@@ -25,41 +61,85 @@ pub struct Sampler {
     seed: u32,
     /// Counter-based draws so far.
     drawn: u32,
+    redraw: Redraw,
+    /// Whether the ray under way estimates a transmittance.
+    is_transmittance: bool,
 }
 
 impl Sampler {
     /// The numbers of sample `sample` of pixel `pixel` in the replica `seed`.
     pub fn new(pixel: u32, sample: u32, seed: u32) -> Self {
-        Self { pixel, sample, seed, drawn: 0 }
+        Self { pixel, sample, seed, drawn: 0, redraw: Redraw::Off, is_transmittance: false }
+    }
+
+    /// The same with decisions drawn again.
+    pub fn redrawing(self, redraw: Redraw) -> Self {
+        Self { redraw, ..self }
+    }
+
+    /// The seed of a decision.
+    fn seed_of(&self, decision: Decision) -> u32 {
+        if self.redraw == Redraw::Only(decision) { self.seed ^ AGAIN } else { self.seed }
+    }
+
+    /// Ray number `number` of the path begins, the camera's being 0. Where decisions have numbers of their own, its numbers do not depend on how
+    /// many others took.
+    pub fn begin_ray(&mut self, number: u32, is_transmittance: bool) {
+        if self.redraw != Redraw::Off {
+            self.drawn = number.wrapping_mul(DRAWS_OF_A_RAY);
+            self.is_transmittance = is_transmittance;
+        }
     }
 
     /// Four stratified numbers in [0, 1) for where the camera ray starts.
     pub fn camera(&self) -> [f64; 4] {
-        self.stratified(0)
+        if self.redraw == Redraw::Off {
+            return self.stratified(0, self.seed);
+        }
+        let [[x, y, ..], [_, _, flight, offset]] =
+            [Decision::Film, Decision::Distance].map(|decision| self.stratified(0, self.seed_of(decision)));
+        [x, y, flight, offset]
     }
 
     /// A number in [0, 1), stratified over the samples of a pixel, for where a marched ray samples its steps.
     pub fn step_offset(&self) -> f64 {
-        self.stratified(0)[0]
+        self.stratified(0, self.seed)[0]
     }
 
-    /// Eight numbers in [0, 1) for scattering event `event` (the first is 0).
+    /// Eight numbers in [0, 1) for scattering event `event` (the first is 0): the first two for a direction, the others for a light.
     pub fn scattering(&mut self, event: u32) -> [[f64; 4]; 2] {
-        if event < STRATIFIED_EVENTS {
-            return [self.stratified(1 + 2 * event), self.stratified(2 + 2 * event)];
+        if self.redraw == Redraw::Off {
+            if event < STRATIFIED_EVENTS {
+                return [1, 2].map(|set| self.stratified(set + 2 * event, self.seed));
+            }
+            return [self.next4(), self.next4()];
         }
-        [self.next4(), self.next4()]
+        let seeds = [Decision::Direction, Decision::Light].map(|decision| self.seed_of(decision));
+        let drawn = |set: u32, seed: u32| {
+            if event < STRATIFIED_EVENTS {
+                return self.stratified(set + 2 * event, seed);
+            }
+            // Behind those of the two rays of the event before.
+            self.numbers((2 * event).wrapping_mul(DRAWS_OF_A_RAY) - set, seed)
+        };
+        let [[first, second, ..], [_, _, third, fourth]] = seeds.map(|seed| drawn(1, seed));
+        [[first, second, third, fourth], drawn(2, seeds[1])]
     }
 
     /// Four independent numbers in [0, 1).
     pub fn next4(&mut self) -> [f64; 4] {
         self.drawn += 1;
-        pcg4d([self.pixel, self.sample, self.seed, self.drawn]).map(unit)
+        let decision = if self.is_transmittance { Decision::Transmittance } else { Decision::Distance };
+        self.numbers(self.drawn, self.seed_of(decision))
     }
 
-    fn stratified(&self, set: u32) -> [f64; 4] {
+    fn numbers(&self, count: u32, seed: u32) -> [f64; 4] {
+        pcg4d([self.pixel, self.sample, seed, count]).map(unit)
+    }
+
+    fn stratified(&self, set: u32, seed: u32) -> [f64; 4] {
         let sequence = self.sample / SEQUENCE;
-        let scramble = pcg4d([self.pixel, set ^ SCRAMBLE, self.seed, sequence.wrapping_add(SCRAMBLE)])[0];
+        let scramble = pcg4d([self.pixel, set ^ SCRAMBLE, seed, sequence.wrapping_add(SCRAMBLE)])[0];
         sobol_burley::sample_4d(self.sample % SEQUENCE, 0, scramble).map(f64::from)
     }
 }
@@ -116,6 +196,38 @@ mod tests {
             let variance = values.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / f64::from(count);
             assert!((mean - 0.5).abs() < 0.0056, "row {number}: mean {mean}");
             assert!((variance - 1.0 / 12.0).abs() < 0.0015, "row {number}: variance {variance}");
+        }
+    }
+
+    #[test]
+    fn what_is_drawn_again_leaves_the_others_as_they_are() {
+        // Numbers of a path by decision: film and first flight, the camera's ray, an event, a ray to a light that takes more numbers in one path than in
+        // the other, the next ray, an event behind the stratified ones.
+        let numbers = |redraw: Redraw, longer: u32| {
+            let mut sampler = Sampler::new(3, 5, 7).redrawing(redraw);
+            let [x, y, flight, _] = sampler.camera();
+            let mut found = vec![(Decision::Film, [x, y]), (Decision::Distance, [flight, sampler.next4()[0]])];
+            for event in [0, STRATIFIED_EVENTS + 2] {
+                let [[first, second, third, fourth], [choice, ..]] = sampler.scattering(event);
+                found.push((Decision::Direction, [first, second]));
+                found.extend([(Decision::Light, [third, fourth]), (Decision::Light, [choice, 0.0])]);
+                sampler.begin_ray(2 * event + 1, true);
+                found.push((Decision::Transmittance, [sampler.next4()[0], sampler.next4()[1]]));
+                for _ in 0..longer {
+                    sampler.next4();
+                }
+                sampler.begin_ray(2 * event + 2, false);
+                found.push((Decision::Distance, [sampler.next4()[0], sampler.next4()[1]]));
+            }
+            found
+        };
+        let kept = numbers(Redraw::Nothing, 0);
+        assert_eq!(kept, numbers(Redraw::Nothing, 9), "a ray that takes more numbers leaves the others");
+        for &decision in <Decision as strum::VariantArray>::VARIANTS {
+            let again = numbers(Redraw::Only(decision), 4);
+            for (place, (before, after)) in kept.iter().zip(&again).enumerate() {
+                assert_eq!(before.1 == after.1, before.0 != decision, "{decision} at {place}");
+            }
         }
     }
 

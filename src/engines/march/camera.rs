@@ -1,5 +1,6 @@
-//! Rays of a camera, made on the adapter (`shaders/engines/camera.wgsl`): for pictures whose camera moves while one looks. Pictures that
-//! are measured have their rays in f64 ([`crate::engines::render`]).
+//! Rays of a camera, made on the adapter (`shaders/engines/camera.wgsl`): for pictures whose camera moves while one looks, and for frames on
+//! hardware, which would wait for the processor's rays longer than it marches. Pictures of several rays a pixel or with jitter, and those of software
+//! adapters, have their rays in f64 ([`crate::engines::render`]).
 //!
 //! A place is that of f64 but for f32's rounding of the distance from the frame's origin to the camera: some 2^-22 of it.
 
@@ -7,7 +8,7 @@ use crate::base::error::{Error, Result};
 use crate::engines::domain::{Container, Outline};
 use crate::engines::march::SHORTEST;
 use crate::engines::march::gpu::Ray;
-use crate::gpu::Layout;
+use crate::gpu::{Bindings, ComputeKernel, Gpu, Layout};
 use crate::graph::constants::{SharedConstants, SharedNumber};
 use crate::graph::wgsl::Linker;
 use crate::shader_struct;
@@ -99,6 +100,35 @@ impl ViewUniform {
             high: single(region.high),
             ..Self::zeroed()
         })
+    }
+}
+
+/// The kernel, compiled, with a camera's view of a container.
+pub(crate) struct CameraKernel<'a> {
+    gpu: &'a Gpu,
+    kernel: ComputeKernel,
+    view: ViewUniform,
+}
+
+impl<'a> CameraKernel<'a> {
+    /// Compiles it.
+    pub async fn new_async(gpu: &'a Gpu, view: ViewUniform) -> Result<Self> {
+        Ok(Self { gpu, kernel: gpu.kernel_async("camera", &module()?, &LAYOUTS).await?, view })
+    }
+
+    /// Rays of so many pixels from one on, row by row from the top: `array<Ray>`.
+    pub fn rays(&self, first: u32, count: u32) -> Result<wgpu::Buffer> {
+        let gpu = self.gpu;
+        let rays = gpu.device().create_buffer(&wgpu::BufferDescriptor {
+            label: Some("rays"),
+            size: u64::from(count) * size_of::<Ray>() as u64,
+            usage: wgpu::BufferUsages::STORAGE,
+            mapped_at_creation: false,
+        });
+        let view = ViewUniform { first, count, ..self.view };
+        let view = gpu.upload("view", bytemuck::bytes_of(&view), wgpu::BufferUsages::UNIFORM);
+        gpu.dispatch(&self.kernel, &Bindings::new().group(0, [&view, &rays]), [count, 1, 1])?;
+        Ok(rays)
     }
 }
 

@@ -6,7 +6,7 @@ use crate::engines::domain::Outline;
 use crate::engines::light::{MOST_SUNS, ShadowExtinction, ShadowLength, SourceFactor};
 use crate::engines::march::light_volume::ReadVolume;
 use crate::engines::march::{Leftover, Marched, RealTimePixel, RealTimeRay, RealTimeSettings};
-use crate::gpu::{Bindings, ComputeKernel, Gpu, Layout, SOFTWARE_LOOPS};
+use crate::gpu::{Bindings, ComputeKernel, Gpu, Layout, SOFTWARE_LOOPS, Slices};
 use crate::graph::Program;
 use crate::graph::constants::{SharedConstants, SharedNumber};
 use crate::graph::wgsl::{Linker, ProgramParameters};
@@ -16,7 +16,10 @@ use crate::media::transfer::Integration;
 use crate::shader_struct;
 use bytemuck::Zeroable;
 use glam::DVec3;
+use rayon::prelude::*;
 use std::fmt::Write;
+use std::sync::{Mutex, PoisonError};
+use std::time::Instant;
 
 /// Numbers that the kernel imports.
 pub const CONSTANTS: SharedConstants = SharedConstants {
@@ -163,8 +166,12 @@ pub struct MarchKernel<'a> {
     numbers: Option<wgpu::Buffer>,
     /// Steps of one dispatch.
     together: u32,
-    rays_together: usize,
+    /// Rays of one dispatch.
+    slices: Mutex<Slices>,
 }
+
+/// Rays of one dispatch of hardware at most: whole workgroups of 64, as many as an adapter takes along an axis by WebGPU's own limits.
+const MOST_RAYS_TOGETHER: usize = 65_535 * 64;
 
 /// Iterations that a node of a program may take in a kernel: a smooth Voronoi texture in four dimensions goes through 625 cells in each
 /// of its octaves.
@@ -219,24 +226,24 @@ impl<'a> MarchKernel<'a> {
             maps: (!parts.maps.is_empty()).then(|| upload("maps", bytemuck::cast_slice(&parts.maps))),
             numbers: (!parts.numbers.is_empty()).then(|| upload("numbers", bytemuck::cast_slice(&parts.numbers))),
             together,
-            rays_together: parts.rays_together(together),
+            // What takes a software adapter 50 ms is little for hardware: there the size follows what the adapter takes.
+            slices: Mutex::new(match (parts.rays_together(together), gpu.adapter().is_software()) {
+                (rays, true) => Slices::within(rays, rays..=rays),
+                (rays, false) => Slices::within(rays, rays.min(MOST_RAYS_TOGETHER)..=MOST_RAYS_TOGETHER),
+            }),
             uniform: parts.uniform,
             outline: parts.outline,
         })
     }
 
-    /// Rays that are marched in one go, at most: so many that a submission takes a software adapter some 50 ms.
-    pub fn rays_together(&self) -> usize {
-        self.rays_together
-    }
-
     /// Marches rays, as many as fit a buffer; their [`Pixel`]s stay on the adapter, in their order.
     pub fn march_on_adapter(&self, rays: &[RealTimeRay]) -> Result<wgpu::Buffer> {
         let mut gaps: Vec<[f32; 2]> = Vec::new();
+        let inside: Vec<_> = rays.par_iter().map(|ray| ray.inside(&self.outline)).collect();
         let data: Vec<Ray> = rays
             .iter()
-            .map(|ray| {
-                let inside = ray.inside(&self.outline);
+            .zip(inside)
+            .map(|(ray, inside)| {
                 let gap = inside.parts.gaps.first();
                 let further = gaps.len() as u32;
                 gaps.extend(inside.parts.gaps.iter().skip(1).map(|gap| [gap.passed as f32, gap.outside as f32]));
@@ -254,29 +261,37 @@ impl<'a> MarchKernel<'a> {
                 }
             })
             .collect();
-        // A buffer cannot be empty.
-        gaps.resize(gaps.len().max(1), [0.0; 2]);
+        let rays = self.gpu.upload("rays", bytemuck::cast_slice(&data), wgpu::BufferUsages::STORAGE);
+        self.march_buffer(&rays, data.len(), &gaps)
+    }
+
+    /// Marches the first rays of a buffer that lies on the adapter; gaps are those that rays name.
+    pub(crate) fn march_buffer(&self, rays: &wgpu::Buffer, count: usize, gaps: &[[f32; 2]]) -> Result<wgpu::Buffer> {
         let gpu = self.gpu;
-        let gaps = gpu.upload("gaps", bytemuck::cast_slice(&gaps), wgpu::BufferUsages::STORAGE);
+        // A buffer cannot be empty.
+        let gaps = if gaps.is_empty() { &[[0.0; 2]] } else { gaps };
+        let gaps = gpu.upload("gaps", bytemuck::cast_slice(gaps), wgpu::BufferUsages::STORAGE);
         let output = gpu.device().create_buffer(&wgpu::BufferDescriptor {
             label: Some("pixels"),
-            size: (data.len() * size_of::<Pixel>()) as u64,
+            size: (count * size_of::<Pixel>()) as u64,
             usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC | wgpu::BufferUsages::COPY_DST,
             mapped_at_creation: false,
         });
-        let together = self.rays_together();
-        for (part, rays) in data.chunks(together).enumerate() {
-            let first = part * together;
-            let rays_buffer = gpu.upload("rays", bytemuck::cast_slice(rays), wgpu::BufferUsages::STORAGE);
-            // Offsets of bindings are multiples of 256 bytes, which whole workgroups of pixels are.
-            let pixels = wgpu::BindingResource::Buffer(wgpu::BufferBinding {
-                buffer: &output,
-                offset: (first * size_of::<Pixel>()) as u64,
-                size: std::num::NonZeroU64::new((rays.len() * size_of::<Pixel>()) as u64),
-            });
+        // Offsets of bindings are multiples of 256 bytes, which whole workgroups of rays and pixels are.
+        let part = |buffer, first: usize, count: usize, bytes: usize| {
+            wgpu::BindingResource::Buffer(wgpu::BufferBinding {
+                buffer,
+                offset: (first * bytes) as u64,
+                size: std::num::NonZeroU64::new((count * bytes) as u64),
+            })
+        };
+        let mut first = 0;
+        while first < count {
+            let together = self.slices.lock().unwrap_or_else(PoisonError::into_inner).size().min(count - first);
+            let begin = Instant::now();
             for first_step in (0..self.uniform.steps).step_by(self.together as usize) {
                 let end_step = first_step.saturating_add(self.together);
-                let uniform = MarchUniform { count: rays.len() as u32, first_step, end_step, ..self.uniform };
+                let uniform = MarchUniform { count: together as u32, first_step, end_step, ..self.uniform };
                 let uniform = gpu.upload("march", bytemuck::bytes_of(&uniform), wgpu::BufferUsages::UNIFORM);
                 let mut bindings = Bindings::new();
                 if let Some(mesh) = &self.mesh {
@@ -290,14 +305,19 @@ impl<'a> MarchKernel<'a> {
                 }
                 let bindings = bindings
                     .bind(0, 0, uniform.as_entire_binding())
-                    .bind(0, 1, rays_buffer.as_entire_binding())
-                    .bind(0, 2, pixels.clone())
+                    .bind(0, 1, part(rays, first, together, size_of::<Ray>()))
+                    .bind(0, 2, part(&output, first, together, size_of::<Pixel>()))
                     .bind(0, 3, self.suns.as_entire_binding())
                     .bind(0, 4, self.cells.as_entire_binding())
                     .bind(0, 5, gaps.as_entire_binding())
                     .group(1, &self.textures);
-                gpu.dispatch(&self.kernel, &bindings, [rays.len() as u32, 1, 1])?;
+                gpu.dispatch(&self.kernel, &bindings, [together as u32, 1, 1])?;
             }
+            if !gpu.adapter().is_software() {
+                gpu.wait()?;
+                self.slices.lock().unwrap_or_else(PoisonError::into_inner).adapt(begin.elapsed());
+            }
+            first += together;
         }
         Ok(output)
     }

@@ -20,6 +20,7 @@ use crate::shader_struct;
 use crate::view::sampled_lights::{GpuLight, POINT, SPOT, SUN_DISC};
 use bytemuck::Zeroable;
 use glam::{DMat4, DVec3};
+use rayon::prelude::*;
 use std::time::Instant;
 
 const PATH: &str = include_str!("../../../shaders/integrators/path/path.wgsl");
@@ -285,10 +286,11 @@ impl<'a> PathKernel<'a> {
         let gpu = self.gpu;
         let pixels = stage.pixels as usize;
         let storage = wgpu::BufferUsages::STORAGE;
-        let rays: Vec<Ray> = (0..stage.pixels)
-            .flat_map(|slot| (0..stage.samples).map(move |sample| (slot, sample)))
-            .map(|(slot, sample)| self.camera_ray(stage.first_pixel + slot, stage.first_sample + sample, stage.seed))
-            .collect();
+        let of_slot = |slot: u32| {
+            let samples = stage.first_sample..stage.first_sample + stage.samples;
+            samples.map(move |sample| self.camera_ray(stage.first_pixel + slot, sample, stage.seed))
+        };
+        let rays: Vec<Ray> = (0..stage.pixels).into_par_iter().flat_map_iter(of_slot).collect();
         let rays = gpu.upload("rays", bytemuck::cast_slice(&rays), storage);
         let mut states = vec![0_u32; pixels * self.state_words];
         let stages = states.iter_mut().skip(self.state_stage).step_by(self.state_words);

@@ -37,6 +37,7 @@ use crate::view::film::Warp;
 use crate::view::lights::world_radiance;
 use crate::view::memory;
 use crate::view::sampled_lights::sampled_lights;
+use crate::view::sampler::Redraw;
 use accumulation::Accumulation;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -87,11 +88,22 @@ pub struct PathSettings {
     /// Whether all rays of a pixel pass through its centre, without the film's pixel filter: what pictures of one ray per pixel converge to.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub pixel_centres: bool,
+    /// What is drawn again, where the variance of a decision is measured: on the CPU, without a state file.
+    #[serde(skip)]
+    pub redraw: Redraw,
 }
 
 impl Default for PathSettings {
     fn default() -> Self {
-        Self { samples: 64, seed: 0, time: None, error: None, tracking: Tracking::default(), pixel_centres: false }
+        Self {
+            samples: 64,
+            seed: 0,
+            time: None,
+            error: None,
+            tracking: Tracking::default(),
+            pixel_centres: false,
+            redraw: Redraw::Off,
+        }
     }
 }
 
@@ -356,6 +368,7 @@ impl Tracer {
             } else {
                 Warp::new(scene.film.pixel_filter, f64::from(scene.film.filter_width))
             },
+            redraw: settings.redraw,
             transparent: scene.film.transparent,
             exposure: f64::from(scene.film.exposure),
             lights: sampled_lights(scene)?,

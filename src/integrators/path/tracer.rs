@@ -45,7 +45,7 @@ use crate::view::camera::{Camera, Ray};
 use crate::view::environment::Environment;
 use crate::view::film::Warp;
 use crate::view::sampled_lights::SampledLight;
-use crate::view::sampler::Sampler;
+use crate::view::sampler::{Redraw, Sampler};
 use glam::{DVec2, DVec3};
 
 /// Paths side by side on a thread: batches of the density program are full.
@@ -69,6 +69,8 @@ pub(crate) struct Tracer {
     pub(crate) world: World,
     /// Most scattering events of a path.
     pub(crate) events: u32,
+    /// What is drawn again.
+    pub(crate) redraw: Redraw,
 }
 
 /// What lies around the scene.
@@ -314,7 +316,7 @@ impl Tracer {
 
     /// A path at its camera ray.
     pub(crate) fn begin(&self, pixel: u32, sample: u32, seed: u32) -> Path {
-        let sampler = Sampler::new(pixel, sample, seed);
+        let sampler = Sampler::new(pixel, sample, seed).redrawing(self.redraw);
         let [x, y, flight, _] = sampler.camera();
         let [width, height] = self.size;
         let column = f64::from(pixel % width) + 0.5 + self.filter.offset(x);
@@ -650,6 +652,9 @@ impl Tracer {
         path.carried = carried;
         path.weight = [1.0; 3];
         path.scattered = false;
+        // Of each event one ray to a light and one that goes on.
+        let is_transmittance = stage != Stage::Bounce;
+        path.sampler.begin_ray(2 * path.scatterings + u32::from(stage != Stage::Shadow), is_transmittance);
         path.numbers = path.sampler.next4();
         if let Some(state) = &mut path.in_meshes {
             let InMeshes { parts, begun, around } = &mut **state;

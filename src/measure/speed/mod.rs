@@ -8,9 +8,11 @@
 pub mod compile_times;
 pub mod growth;
 pub mod leaving_out;
+pub mod limits;
 pub mod perlin_fbm;
 pub mod quick;
 pub mod time_to_error;
+pub mod variance;
 pub mod voxels;
 
 use crate::base::error::{Error, Result};
@@ -24,6 +26,7 @@ use crate::graph::{Program, target};
 use crate::measure::domain;
 use crate::measure::experiment;
 use crate::measure::experiment::{Desk, Done, Experiment};
+use crate::measure::speed::limits::Limits;
 use crate::scene::{Bounds, Input, Scene};
 use rand::{Rng as _, SeedableRng as _};
 use serde::{Deserialize, Serialize};
@@ -47,6 +50,12 @@ pub struct Rates {
     /// The generated WGSL.
     #[serde(default)]
     pub gpu_rate: Option<f64>,
+    /// The same by the clock of an adapter that has one of its own: without what brings points there and values back.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub kernel_rate: Option<f64>,
+    /// What that adapter could do at most.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub limits: Option<Limits>,
     /// `cpu_rate / cycles_rate`.
     #[serde(default)]
     pub cpu_ratio: Option<f64>,
@@ -122,13 +131,14 @@ impl Experiment for Running<'_> {
         let cpu_rate = slope(points.len(), repeats, |count| {
             self.program.evaluate_single(Points::new(&points[..count])).map(|_| ())
         })?;
-        let gpu_rate = match &self.gpu {
-            Some(gpu) => {
-                let kernel = gpu.field(&self.program)?;
-                Some(slope(points.len(), repeats, |count| kernel.evaluate(Points::new(&points[..count])).map(|_| ()))?)
-            }
-            None => None,
-        };
+        let (mut gpu_rate, mut kernel_rate, mut limits) = (None, None, None);
+        if let Some(gpu) = &self.gpu {
+            let kernel = gpu.field(&self.program)?;
+            let evaluate = |count: usize| kernel.evaluate(Points::new(&points[..count])).map(drop);
+            gpu_rate = Some(slope(points.len(), repeats, evaluate)?);
+            kernel_rate = limits::rate(gpu, points.len() as f64, repeats, || evaluate(points.len()))?;
+            limits = limits::measure(gpu, self.scene, points, repeats)?;
+        }
         let cycles_rate =
             if self.settings.with_cycles { Some(cycles_rate(self.scene, points, repeats)?) } else { None };
         Ok(Found::Record(Rates {
@@ -137,6 +147,8 @@ impl Experiment for Running<'_> {
             cycles_rate,
             cpu_rate: Some(cpu_rate),
             gpu_rate,
+            kernel_rate,
+            limits,
             cpu_ratio: cycles_rate.map(|cycles| cpu_rate / cycles),
             gpu_ratio: gpu_rate.zip(cycles_rate).map(|(gpu, cycles)| gpu / cycles),
         }))
