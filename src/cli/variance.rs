@@ -22,7 +22,7 @@ pub(super) struct Arguments {
     /// Samples per pixel of each picture: those of a pixel are stratified.
     #[arg(long, value_name = "N", default_value_t = 16, value_parser = clap::value_parser!(u32).range(1..=65536))]
     samples: u32,
-    /// Independent repetitions, which give the standard errors.
+    /// Replicas of each way of drawing, which give the standard errors.
     #[arg(long, value_name = "N", default_value_t = 8, value_parser = clap::value_parser!(u32).range(2..=1000))]
     replicas: u32,
     /// How rays find their collisions.
