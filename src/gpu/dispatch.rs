@@ -105,7 +105,7 @@ impl Gpu {
         is_exact: bool,
     ) -> Result<ComputeKernel> {
         self.compilations.fetch_add(1, Ordering::Relaxed);
-        crate::graph::wgsl::validate(module)?;
+        let info = wgsl::validate(module)?;
         layout::check_all(module, layouts)?;
         let entry = module.entry_points.iter().find(|entry| entry.name == "main").ok_or_else(|| {
             Error::new(
@@ -116,7 +116,11 @@ impl Gpu {
             )
         })?;
         let scope = self.device.push_error_scope(wgpu::ErrorFilter::Validation);
-        let made = if is_exact { self.exact_pipeline(label, module)? } else { self.free_pipeline(label, module) };
+        let made = if is_exact {
+            self.exact_pipeline(label, module, &info, entry)?
+        } else {
+            self.free_pipeline(label, module)
+        };
         if let Some(cause) = scope.pop().await {
             return Err(Error::new(
                 format!("shader {label}"),

@@ -11,7 +11,8 @@
 use super::Gpu;
 use crate::base::error::{Error, Result};
 use naga::back::spv;
-use naga::{AddressSpace, Module, ShaderStage, StorageAccess};
+use naga::valid::ModuleInfo;
+use naga::{AddressSpace, EntryPoint, Module, ShaderStage, StorageAccess};
 use std::collections::BTreeMap;
 
 /// SPIR-V: words before the first instruction, and the numbers of what is looked for.
@@ -64,8 +65,14 @@ impl Gpu {
         self.adapter.backend == "Vulkan" && self.device.features().contains(wgpu::Features::PASSTHROUGH_SHADERS)
     }
 
-    /// The pipeline of a validated module with the compute entry `main`, its arithmetic as it is written.
-    pub(super) fn exact_pipeline(&self, label: &str, module: &Module) -> Result<Pipeline> {
+    /// The pipeline of a validated module with this compute entry, its arithmetic as it is written.
+    pub(super) fn exact_pipeline(
+        &self,
+        label: &str,
+        module: &Module,
+        info: &ModuleInfo,
+        entry_point: &EntryPoint,
+    ) -> Result<Pipeline> {
         let groups = groups(module);
         let layouts: Vec<wgpu::BindGroupLayout> = (0..groups.keys().next_back().map_or(0, |last| last + 1))
             .map(|group| {
@@ -77,12 +84,10 @@ impl Gpu {
                 })
             })
             .collect();
-        let words = words(label, module, &groups)?;
-        let workgroup = module.entry_points.iter().find(|entry| entry.name == "main").map(|entry| entry.workgroup_size);
-        let entry_points = [wgpu::PassthroughShaderEntryPoint {
-            name: "main".into(),
-            workgroup_size: workgroup.map_or((1, 1, 1), |[x, y, z]| (x, y, z)),
-        }];
+        let words = words(label, module, info, &groups)?;
+        let [x, y, z] = entry_point.workgroup_size;
+        let name = entry_point.name.as_str();
+        let entry_points = [wgpu::PassthroughShaderEntryPoint { name: name.into(), workgroup_size: (x, y, z) }];
         let shader = given(
             &self.device,
             wgpu::ShaderModuleDescriptorPassthrough {
@@ -101,7 +106,7 @@ impl Gpu {
             label: Some(label),
             layout: Some(&layout),
             module: &shader,
-            entry_point: Some("main"),
+            entry_point: Some(name),
             compilation_options: Default::default(),
             cache: None,
         });
@@ -139,6 +144,7 @@ fn entry(binding: u32, ty: wgpu::BufferBindingType) -> wgpu::BindGroupLayoutEntr
 fn words(
     label: &str,
     module: &Module,
+    info: &ModuleInfo,
     groups: &BTreeMap<u32, BTreeMap<u32, wgpu::BufferBindingType>>,
 ) -> Result<Vec<u32>> {
     let mut binding_map = spv::BindingMap::default();
@@ -174,8 +180,7 @@ fn words(
             "This is a defect of the program: report it.",
         )
     };
-    let info = crate::graph::wgsl::validate(module)?;
-    let written = spv::write_vec(module, &info, &options, Some(&entry)).map_err(|cause| failed(cause.to_string()))?;
+    let written = spv::write_vec(module, info, &options, Some(&entry)).map_err(|cause| failed(cause.to_string()))?;
     without_contraction(&with_exact_functions(&written)).ok_or_else(|| failed("no decorations".into()))
 }
 
@@ -285,10 +290,15 @@ mod tests {
             results[invocation.x] = (at.x * at.y + at.z - scale * at.w) / dot(at, at * 2.0) + f32(invocation.x * 3u);
         }";
 
+    fn words_of(module: &Module) -> Vec<u32> {
+        let info = crate::graph::wgsl::validate(module).expect("it is valid");
+        words("test", module, &info, &groups(module)).expect("it can be written")
+    }
+
     #[test]
     fn all_arithmetic_of_floats_is_decorated_and_nothing_else() {
         let module = naga::front::wgsl::parse_str(TEXT).expect("it is WGSL");
-        let words = words("test", &module, &groups(&module)).expect("it can be written");
+        let words = words_of(&module);
         let all: Vec<&[u32]> = instructions(&words).map(|(_, instruction)| instruction).collect();
         let code = |instruction: &[u32]| instruction[0] & 0xFFFF;
         let is_decoration = |one: &[u32]| code(one) == DECORATE && one[2] == NO_CONTRACTION;
@@ -310,7 +320,7 @@ mod tests {
     #[test]
     fn bindings_are_numbered_without_gaps() {
         let module = naga::front::wgsl::parse_str(TEXT).expect("it is WGSL");
-        let words = words("test", &module, &groups(&module)).expect("it can be written");
+        let words = words_of(&module);
         // Decoration 33 is the binding, 34 the set.
         let of = |decoration: u32| {
             let mut values: Vec<(u32, u32)> = instructions(&words)
@@ -340,7 +350,7 @@ mod tests {
         let mut linker = crate::graph::wgsl::Linker::bare();
         linker.add(EXACT.0, EXACT.1);
         let module = linker.link("generated/test.wgsl", &entry).expect("it links");
-        let found = words("test", &module, &groups(&module)).expect("it can be written");
+        let found = words_of(&module);
         let plain = with_exact_functions(&[]);
         assert!(plain.is_empty(), "nothing stays nothing");
         let count = |code: u32| instructions(&found).filter(|(one, _)| *one == code).count();

@@ -22,7 +22,7 @@ use serde::{Deserialize, Serialize};
 pub const FEWEST_REPLICAS: usize = 6;
 
 /// Share of the mean that epsilon is.
-const EPSILON: f64 = 0.01;
+pub(crate) const EPSILON: f64 = 0.01;
 
 /// A figure and its standard error, from the noise of the truth alone.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]

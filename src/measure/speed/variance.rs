@@ -13,13 +13,11 @@ use crate::base::progress::Progress;
 use crate::gpu::Backend;
 use crate::integrators::path;
 use crate::integrators::path::{PathSettings, Tracking};
+use crate::measure::errors::{EPSILON, Uncertain};
 use crate::scene::Scene;
 use crate::view::sampler::{Decision, Redraw};
 use serde::Serialize;
 use strum::VariantArray as _;
-
-/// Share of the picture's mean that keeps dark pixels from ruling the sum, as in relMSE.
-const DARK: f64 = 0.01;
 
 /// What is rendered.
 #[derive(Debug, Clone, Copy)]
@@ -32,22 +30,14 @@ pub struct Settings {
     pub tracking: Tracking,
 }
 
-/// A variance of a sample: the mean over pixels and channels of v / (m^2 + (0.01 M)^2), with a pixel's mean m and the picture's M.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct Estimate {
-    /// Over the replicas.
-    pub mean: f64,
-    /// Of that mean.
-    pub standard_error: f64,
-}
-
-/// The total effect of a decision.
+/// The total effect of a decision. A variance of a sample is the mean over pixels and channels of v / (m^2 + (0.01 M)^2), with a pixel's mean m and
+/// the picture's M, as in relMSE; its standard error is that over the replicas.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Row {
     /// Which.
     pub decision: Decision,
     /// Its variance.
-    pub variance: Estimate,
+    pub variance: Uncertain,
     /// Of the whole, which the decisions' shares reach together, or more.
     pub share: f64,
     /// Times fewer samples at most, were it perfect.
@@ -72,7 +62,7 @@ pub struct Variance {
     /// How rays found their collisions.
     pub tracking: Tracking,
     /// All decisions drawn again.
-    pub whole: Estimate,
+    pub whole: Uncertain,
     /// One after the other.
     pub rows: Vec<Row>,
 }
@@ -110,7 +100,7 @@ pub fn run(scene: &Scene, settings: Settings, progress: Progress<'_>) -> Result<
     let whole = estimate(kinds.len() - 1);
     let row = |(number, &decision): (usize, &Decision)| {
         let variance = estimate(1 + number);
-        let share = if whole.mean > 0.0 { variance.mean / whole.mean } else { 0.0 };
+        let share = if whole.value > 0.0 { variance.value / whole.value } else { 0.0 };
         Row { decision, variance, share, gain: if share < 1.0 { 1.0 / (1.0 - share) } else { f64::INFINITY } }
     };
     Ok(Variance {
@@ -132,16 +122,16 @@ fn weights(pictures: &[Vec<Vec<f64>>]) -> Vec<f64> {
     let values = all[0].len();
     let means: Vec<f64> =
         (0..values).map(|place| all.iter().map(|picture| picture[place]).sum::<f64>() / all.len() as f64).collect();
-    let dark = (DARK * means.iter().sum::<f64>() / values as f64).powi(2);
+    let dark = (EPSILON * means.iter().sum::<f64>() / values as f64).powi(2);
     // A black picture has no variance to weigh.
     means.into_iter().map(|mean| 1.0 / (mean.powi(2) + dark).max(f64::MIN_POSITIVE) / values as f64).collect()
 }
 
-fn of_replicas(values: &[f64]) -> Estimate {
+fn of_replicas(values: &[f64]) -> Uncertain {
     let count = values.len() as f64;
     let mean = values.iter().sum::<f64>() / count;
     let squares: f64 = values.iter().map(|value| (value - mean).powi(2)).sum();
-    Estimate { mean, standard_error: (squares / (count - 1.0).max(1.0) / count).sqrt() }
+    Uncertain { value: mean, standard_error: (squares / (count - 1.0).max(1.0) / count).sqrt() }
 }
 
 impl Variance {
@@ -165,13 +155,13 @@ impl Variance {
             text += &format!(
                 "{:<16}{:>12.4}{:>12.4}{:>9.1}%{:>26}\n",
                 decision.to_string(),
-                variance.mean,
+                variance.value,
                 variance.standard_error,
                 100.0 * share,
                 if gain.is_finite() { format!("{gain:.2} times") } else { "no bound".into() }
             );
         }
-        text + &format!("{:<16}{:>12.4}{:>12.4}\n", "all of them", self.whole.mean, self.whole.standard_error)
+        text + &format!("{:<16}{:>12.4}{:>12.4}\n", "all of them", self.whole.value, self.whole.standard_error)
     }
 }
 
@@ -197,18 +187,18 @@ mod tests {
         let found = run(&scene, SETTINGS, &|_, _| ()).expect("it renders");
         for row in &found.rows {
             let is_made = [Decision::Film, Decision::Distance].contains(&row.decision);
-            assert_eq!(row.variance.mean > 0.0, is_made, "{row:?}");
+            assert_eq!(row.variance.value > 0.0, is_made, "{row:?}");
         }
-        assert!(found.whole.mean > 0.0);
+        assert!(found.whole.value > 0.0);
     }
 
     #[test]
     fn total_effects_reach_the_whole() {
         let found = run(&scene("noise-anisotropic"), SETTINGS, &|_, _| ()).expect("it renders");
-        let sum: f64 = found.rows.iter().map(|row| row.variance.mean).sum();
+        let sum: f64 = found.rows.iter().map(|row| row.variance.value).sum();
         let error = found.rows.iter().map(|row| row.variance.standard_error.powi(2)).sum::<f64>().sqrt();
         // Total effects add up to the whole or more; three standard errors of both.
-        assert!(sum > found.whole.mean - 3.0 * error.hypot(found.whole.standard_error), "{}", found.table());
-        assert!(found.rows.iter().filter(|row| row.variance.mean > 0.0).count() >= 4, "{}", found.table());
+        assert!(sum > found.whole.value - 3.0 * error.hypot(found.whole.standard_error), "{}", found.table());
+        assert!(found.rows.iter().filter(|row| row.variance.value > 0.0).count() >= 4, "{}", found.table());
     }
 }
