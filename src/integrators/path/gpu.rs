@@ -7,7 +7,8 @@
 //! Places of world space are relative to the middle of the medium's box, so that a scene far from the origin keeps its accuracy in f32.
 //!
 //! The random numbers along rays are those of the CPU, the others are not stratified: pictures of the same seed
-//! are neither equal nor independent. Compare them with different seeds.
+//! are neither equal nor independent. Compare them with different seeds. The first event of a camera ray is one of its tentative collisions in every
+//! pixel, kept by a reservoir.
 
 use crate::base::error::{Error, Result};
 use crate::gpu::{Bindings, ComputeKernel, Gpu, Layout, Slices, layout};

@@ -54,10 +54,10 @@ pub fn incoming(
         let begun = (0..places.len() * per_place as usize).map(|item| {
             let (place, sample) = (item / per_place as usize, item as u32 % per_place);
             let sampler = Sampler::new((first + place) as u32, sample, settings.seed);
-            let [across, around, flight, _] = sampler.camera();
+            let [across, around, offset, choice] = sampler.camera();
             let direction = direction([across, around]);
             let ray = Ray { origin: places[place], direction, near: 0.0, far: f64::INFINITY };
-            tracer.begin_at(&ray, (first + place) as u32, sampler, flight)
+            tracer.begin_at(&ray, (first + place) as u32, sampler, [offset, choice], false)
         });
         tracer.trace_paths(begun, &mut |path| {
             let [across, around, ..] = path.sampler.camera();

@@ -11,6 +11,7 @@
 mod accumulation;
 mod gpu;
 pub mod incoming;
+mod opacity;
 mod tracer;
 mod volume;
 
@@ -39,6 +40,7 @@ use crate::view::memory;
 use crate::view::sampled_lights::sampled_lights;
 use crate::view::sampler::Redraw;
 use accumulation::Accumulation;
+use opacity::Thin;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
@@ -350,7 +352,10 @@ impl Tracer {
     fn new(subject: Subject<'_>, settings: &PathSettings) -> Result<Self> {
         let [width, height] = subject.scene.image_size();
         let samples = settings.samples.min(SAMPLES_FOR_MAJORANTS);
-        Self::with_paths(subject, settings, f64::from(width) * f64::from(height) * f64::from(samples))
+        let paths = f64::from(width) * f64::from(height) * f64::from(samples);
+        let mut tracer = Self::with_paths(subject, settings, paths)?;
+        tracer.thin = Thin::find(&tracer, samples)?;
+        Ok(tracer)
     }
 
     /// With majorants for so many paths.
@@ -369,6 +374,7 @@ impl Tracer {
                 Warp::new(scene.film.pixel_filter, f64::from(scene.film.filter_width))
             },
             redraw: settings.redraw,
+            thin: Thin::default(),
             transparent: scene.film.transparent,
             exposure: f64::from(scene.film.exposure),
             lights: sampled_lights(scene)?,
@@ -552,6 +558,97 @@ mod tests {
         let kept = Accumulation::load(&state, fresh, &Resume::default()).expect("the state is whole");
         assert_eq!(kept.progress.passes, 1);
         assert!(kept.progress.samples > 0 && kept.progress.samples < settings.samples);
+    }
+
+    /// Means of pictures of some seeds, by channel, opacity last.
+    fn means(tracer: &Tracer, seeds: std::ops::Range<u32>) -> Vec<[f64; 4]> {
+        let mean = |seed| {
+            let (sums, counters) = tracer.pass(0, 16, seed).expect("a pass");
+            assert_eq!(counters.violations, 0);
+            let scale = 1.0 / (16.0 * sums.len() as f64);
+            std::array::from_fn(|channel| scale * sums.iter().map(|sum| sum[channel]).sum::<f64>())
+        };
+        seeds.map(mean).collect()
+    }
+
+    #[test]
+    fn both_ways_to_the_first_event_expect_the_same() {
+        // Tight and loose bounds, colours, several objects, a mesh, a world that shows through, few and many events.
+        for (name, tracking) in [
+            ("homogeneous-cube", Tracking::Proven),
+            ("noise-anisotropic", Tracking::Proven),
+            ("noise-anisotropic", Tracking::Adaptive),
+            ("noise-anisotropic", Tracking::Global),
+            ("noise-coloured", Tracking::Proven),
+            ("noise-coloured", Tracking::Adaptive),
+            ("overlapping-cubes", Tracking::Proven),
+            ("linear-ramp", Tracking::Proven),
+            ("mesh-hollow", Tracking::Proven),
+            ("environment-image", Tracking::Proven),
+            ("camera-inside", Tracking::Proven),
+        ] {
+            let file = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("parity/scenes/{name}.scene.json"));
+            let mut scene = Scene::load(&file).expect("a committed scene loads");
+            scene.film.resolution = [24, 16];
+            let settings = PathSettings { samples: 16, tracking, ..PathSettings::default() };
+            let mut tracer = Tracer::new(Subject::from(&scene), &settings).expect("a tracer");
+            tracer.thin = Thin::default();
+            let plain = means(&tracer, 0..24);
+            tracer.thin = Thin::everywhere(24 * 16);
+            let spaced = means(&tracer, 100..124);
+            assert_ne!(means(&tracer, 0..1), plain[..1], "{name}: they are two ways");
+            for channel in 0..4 {
+                let estimate = |found: &[[f64; 4]]| {
+                    let count = found.len() as f64;
+                    let mean = found.iter().map(|one| one[channel]).sum::<f64>() / count;
+                    let square = found.iter().map(|one| (one[channel] - mean).powi(2)).sum::<f64>() / (count - 1.0);
+                    (mean, square / count)
+                };
+                let ((a, va), (b, vb)) = (estimate(&plain), estimate(&spaced));
+                // 44 comparisons of 46 degrees of freedom: |t| > 4.2 in one of 200 runs, were both right. Equal numbers may differ by roundings.
+                let error = (va + vb).sqrt().max(1e-12);
+                assert!((a - b).abs() < 4.2 * error, "{name}, {tracking:?}, {channel}: {a} and {b} +- {error}");
+                assert!(error < 0.03 * a.abs(), "{name}, {tracking:?}, {channel}: {error} of {a} says little");
+            }
+        }
+    }
+
+    #[test]
+    fn thin_pixels_are_those_that_little_is_seen_in() {
+        // A ramp of density 0 to 1 before nothing: some pixels are dense, some are thin, some see nothing.
+        let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("parity/scenes/linear-ramp.scene.json");
+        let mut scene = Scene::load(&file).expect("a committed scene loads");
+        scene.film.resolution = [48, 32];
+        scene.film.transparent = true;
+        let tracer = |scene: &Scene, samples| {
+            let settings = PathSettings { samples, ..PathSettings::default() };
+            Tracer::new(Subject::from(scene), &settings).expect("a tracer")
+        };
+        let found = tracer(&scene, 64);
+        let (sums, _) = found.pass(0, 256, 7).expect("a pass");
+        let opacity = |pixel: usize| sums[pixel][3] / 256.0;
+        let mut kinds = [0; 2];
+        for pixel in 0..sums.len() {
+            let is_thin = found.thin.holds(pixel as u32);
+            kinds[usize::from(is_thin)] += 1;
+            // The opacity of a pixel is that of it and its neighbours.
+            let [column, line] = [pixel % 48, pixel / 48];
+            let inside = (1..47).contains(&column) && (1..31).contains(&line);
+            let around = || (0..9).map(|at| opacity((line + at / 3 - 1) * 48 + column + at % 3 - 1));
+            if inside && around().all(|opacity| opacity < 0.4) {
+                assert!(is_thin, "{column}, {line}: {}", opacity(pixel));
+            }
+            if inside && around().all(|opacity| opacity > 0.9) {
+                assert!(!is_thin, "{column}, {line}: {}", opacity(pixel));
+            }
+        }
+        assert!(kinds.iter().all(|&count| count > 50), "{kinds:?}");
+        // It does not pay for few samples, and not where the world shows through.
+        let few = tracer(&scene, 8);
+        assert!((0..48 * 32).all(|pixel| !few.thin.holds(pixel)));
+        scene.film.transparent = false;
+        let shown = tracer(&scene, 64);
+        assert!((0..48 * 32).all(|pixel| !shown.thin.holds(pixel)));
     }
 
     #[test]
