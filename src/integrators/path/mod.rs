@@ -644,7 +644,7 @@ mod tests {
         }
         assert!(kinds.iter().all(|&count| count > 50), "{kinds:?}");
         // It does not pay for few samples, and not where the world shows through.
-        let few = tracer(&scene, 8);
+        let few = tracer(&scene, 3);
         assert!((0..48 * 32).all(|pixel| !few.thin.holds(pixel)));
         scene.film.transparent = false;
         let shown = tracer(&scene, 64);

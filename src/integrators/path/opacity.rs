@@ -16,7 +16,7 @@ use rayon::prelude::*;
 const THIN: f64 = 0.65;
 
 /// Of the samples of a pixel, one in so many is worth a ray beforehand.
-const SAMPLES_PER_RAY: u32 = 16;
+const SAMPLES_PER_RAY: u32 = 4;
 
 /// Rays of a pixel at most: with its neighbours they are nine times as many.
 const MOST_RAYS: u32 = 4;
