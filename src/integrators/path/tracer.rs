@@ -58,10 +58,6 @@ const PATHS: usize = 1024;
 /// Below this transmittance a ray goes on with half the chance and twice the weight.
 pub(super) const FAINT: f64 = 0.1;
 
-/// Candidates per event that is expected at most, along a ray that has them spaced evenly: measured to be best, of 1, 2, 4 and 8, in the time to an
-/// error of the cloud from close by.
-const CANDIDATES_PER_EVENT: f64 = 2.0;
-
 /// Scattering events before roulette may end a path.
 pub(super) const EVENTS_BEFORE_ROULETTE: u32 = 4;
 
@@ -79,7 +75,7 @@ pub(crate) struct Tracer {
     pub(crate) events: u32,
     /// What is drawn again.
     pub(crate) redraw: Redraw,
-    /// The pixels in which little of the medium is seen, once they are known.
+    /// The pixels in which little of the medium is seen.
     pub(crate) thin: Thin,
 }
 
@@ -216,8 +212,8 @@ pub(crate) struct Path {
     weight: [f64; 3],
     /// Camera ray with candidates at its collisions: the weight without control.
     analog: [f64; 3],
-    /// Camera ray: whether candidates are spaced evenly instead of being the tentative collisions.
-    spaced: bool,
+    /// Camera ray: how many candidates are spaced evenly per event that is expected at most; 0 where they are the tentative collisions.
+    candidates_per_event: f64,
     /// Integrals of the rates up to the next tentative collision and candidate, and whether the path is at a candidate.
     until_collision: f64,
     until_candidate: f64,
@@ -355,20 +351,21 @@ impl Tracer {
         let column = f64::from(pixel % width) + 0.5 + self.filter.offset(x);
         let line = f64::from(height - 1 - pixel / width) + 0.5 + self.filter.offset(y);
         let ray = self.camera.ray(DVec2::new(column, line));
-        self.begin_at(&ray, pixel, sampler, [offset, choice], self.thin.holds(pixel))
+        self.begin_at(&ray, pixel, sampler, [offset, choice], self.thin.candidates(pixel))
     }
 
     /// A path at the begin of a ray from anywhere, which counts for `pixel`. Two numbers are those of its first flight and of the choice of its first
-    /// event; `thin` says whether little of the medium is expected along it. Of a medium in which nothing is to be scattered the ray is the only one.
+    /// event; `candidates` says how many there
+    /// are where they are spaced evenly ([`Thin::candidates`]). Of a medium in which nothing is to be scattered the ray is the only one.
     pub(super) fn begin_at(
         &self,
         ray: &Ray,
         pixel: u32,
         sampler: Sampler,
         [offset, choice]: [f64; 2],
-        thin: bool,
+        candidates: Option<f64>,
     ) -> Path {
-        let spaced = thin && self.events > 0 && self.volume.scatters();
+        let spaced = candidates.is_some() && self.events > 0 && self.volume.scatters();
         let mut path = Path {
             pixel,
             sampler,
@@ -380,7 +377,7 @@ impl Tracer {
             carried: [1.0; 3],
             weight: [1.0; 3],
             analog: [1.0; 3],
-            spaced,
+            candidates_per_event: if spaced { candidates.unwrap_or(0.0) } else { 0.0 },
             until_collision: 0.0,
             until_candidate: offset,
             at_candidate: false,
@@ -492,7 +489,7 @@ impl Tracer {
             let crossing = majorants.crossing(&path.walk);
             let Rates { control, residual, event } = crossing.rates;
             let (rate, control, candidates) = match path.stage {
-                Stage::Camera if path.spaced => (residual, control, CANDIDATES_PER_EVENT * f64::from(event)),
+                Stage::Camera if path.spaced() => (residual, control, path.candidates_per_event * f64::from(event)),
                 Stage::Camera if self.volume.scatters() => (event, control, 0.0),
                 Stage::Bounce => (event, 0.0, 0.0),
                 _ => (residual, control, 0.0),
@@ -559,7 +556,7 @@ impl Tracer {
 
     /// Handles a tentative collision whose coefficients are known.
     fn collide(&self, path: &mut Path, found: &Coefficients<f64>) {
-        if self.volume.emission_varies && path.stage != Stage::Shadow && path.at_candidate == path.spaced {
+        if self.volume.emission_varies && path.stage != Stage::Shadow && path.at_candidate == path.spaced() {
             for channel in 0..3 {
                 path.radiance[channel] +=
                     path.carried[channel] * path.weight[channel] * found.emission[channel] / path.rate;
@@ -571,7 +568,7 @@ impl Tracer {
         if path.at_candidate {
             return path.note_candidate(path.weight, found);
         }
-        if path.stage == Stage::Camera && !path.spaced && self.volume.scatters() {
+        if path.stage == Stage::Camera && !path.spaced() && self.volume.scatters() {
             path.note_candidate(path.analog, found);
         }
         for channel in 0..3 {
@@ -580,7 +577,7 @@ impl Tracer {
             path.analog[channel] *= 1.0 - found.extinction[channel] / path.rate;
         }
         let mut most = largest(&path.weight);
-        if path.stage == Stage::Camera && !path.spaced {
+        if path.stage == Stage::Camera && !path.spaced() {
             most = most.max(largest(&path.analog));
         }
         if most < FAINT {
@@ -733,7 +730,7 @@ impl Tracer {
         let is_transmittance = stage != Stage::Bounce;
         path.sampler.begin_ray(2 * path.scatterings + u32::from(stage != Stage::Shadow), is_transmittance);
         path.until_collision = optical_depth(path.sampler.next4()[0]);
-        path.spaced = false;
+        path.candidates_per_event = 0.0;
         path.at_candidate = false;
         if let Some(state) = &mut path.in_meshes {
             let InMeshes { parts, begun, around } = &mut **state;
@@ -840,6 +837,11 @@ impl Path {
         self.kept_distance = distance;
         self.throughput = weight.map(|weight| weight * (total / share));
         true
+    }
+
+    /// Whether candidates are spaced evenly.
+    fn spaced(&self) -> bool {
+        self.candidates_per_event > 0.0
     }
 
     /// Goes no further along the ray.
