@@ -91,7 +91,7 @@ impl Sampler {
         }
     }
 
-    /// Four stratified numbers in [0, 1) for where the camera ray starts.
+    /// Four stratified numbers in [0, 1) of the camera ray: two for where in the pixel it passes, one for its first flight, one for the choice of its event.
     pub fn camera(&self) -> [f64; 4] {
         if self.redraw == Redraw::Off {
             return self.stratified(0, self.seed);

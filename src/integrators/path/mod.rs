@@ -59,8 +59,8 @@ const SOFTWARE_PASS_PATHS: u64 = 1 << 16;
 const RANGE_PATHS: u64 = 1 << 15;
 
 /// Memory that a pixel takes while a picture is made: sums (7 numbers of 8 bytes), the sums of a pass, those of its ranges
-/// (4 each), the picture and its channels for the file (4 of 4 bytes each).
-const BYTES_PER_PIXEL: u64 = (7 + 4 + 4) * 8 + 2 * 16;
+/// (4 each), the picture and its channels for the file (4 of 4 bytes each), its opacity and what follows from it (8 and 4 bytes).
+const BYTES_PER_PIXEL: u64 = (7 + 4 + 4) * 8 + 2 * 16 + 12;
 
 /// Rays per path of which majorants take account: of a long path most rays are short.
 const RAYS_PER_PATH: u32 = 8;

@@ -71,7 +71,8 @@ impl Thin {
                     count += 1.0;
                 }
             }
-            let opacity = sum / count;
+            // Rates that are no bounds may make a sum negative.
+            let opacity = f64::max(sum / count, 0.0);
             if opacity < THIN { (CANDIDATES * (FEW / opacity).clamp(1.0, MOST)) as f32 } else { 0.0 }
         };
         Ok(Self((0..width * height).map(candidates).collect()))

@@ -355,8 +355,8 @@ impl Tracer {
     }
 
     /// A path at the begin of a ray from anywhere, which counts for `pixel`. Two numbers are those of its first flight and of the choice of its first
-    /// event; `candidates` says how many there
-    /// are where they are spaced evenly ([`Thin::candidates`]). Of a medium in which nothing is to be scattered the ray is the only one.
+    /// event; `candidates` says how many there are where they are spaced evenly ([`Thin::candidates`]). Of a medium in which nothing is to be
+    /// scattered the ray is the only one.
     pub(super) fn begin_at(
         &self,
         ray: &Ray,
