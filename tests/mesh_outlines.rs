@@ -414,15 +414,15 @@ fn a_cube_in_disguise_is_the_cube_beside_other_objects() {
     second.matrix_world[1][3] = 0.75;
     boxes.other_volumes.push(second.clone());
     let mut one = disguised(boxes.clone());
-    let expected = estimate(&boxes, 1 << 12);
-    let found = estimate(&one, 1 << 12);
+    let expected = estimate(&boxes, 1 << 13);
+    let found = estimate(&one, 1 << 13);
     let mut hidden = boxes.clone();
     hidden.volume = second;
     hidden = disguised(hidden);
     hidden.volume.matrix_world[0][3] = 0.5;
     hidden.volume.matrix_world[1][3] = 0.75;
     one.other_volumes = vec![hidden.volume];
-    let both = estimate(&one, 1 << 12);
+    let both = estimate(&one, 1 << 13);
     all_meet(found, expected);
     all_meet(both, expected);
 }

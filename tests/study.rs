@@ -416,12 +416,15 @@ fn truths_are_made_beforehand_and_an_interrupted_one_goes_on() {
         cloudparity::scene::image::Image::read_exr(&file).expect("a picture").pixels
     });
     assert_eq!(old, new);
-    // Path tracing's curve: more samples, less error, in proportion; both are pictures of one converging series.
+    // Path tracing's curve: more samples, less error; both are pictures of one converging series.
     let [few, many] = [&results.curves[0], &results.curves[1]];
     assert_eq!((few.samples, many.samples, results.curves.len()), (4, 64, 2));
-    let ratio = few.errors.relmse.value / many.errors.relmse.value;
-    // 16 times the samples; the truth's own noise is taken out, and a picture of 16 x 9 pixels has a relMSE that scatters by a tenth.
-    assert!((8.0..32.0).contains(&ratio), "{ratio}: {:?} {:?}", few.errors, many.errors);
+    assert!(many.errors.relmse.value < few.errors.relmse.value, "{:?} {:?}", few.errors, many.errors);
+    // 16 times the samples: the rms error falls to a fourth if they are independent, to a sixteenth at most where they are stratified. That of 144 pixels
+    // scatters by 6 % at least, by twice as much with tails: the ratio by 17 %, of which twice. (relMSE hangs on one pixel here: it goes from 0.004 to 0.05
+    // over seeds.)
+    let ratio = few.errors.rms.value / many.errors.rms.value;
+    assert!((4.0 * 0.66..16.0).contains(&ratio), "{ratio}: {:?} {:?}", few.errors, many.errors);
     assert!(few.seconds > Some(0.0) && few.seconds < many.seconds);
     // A second time nothing is rendered.
     assert_eq!(run(&path, &output), results);
