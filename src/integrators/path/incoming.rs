@@ -57,7 +57,7 @@ pub fn incoming(
             let [across, around, offset, choice] = sampler.camera();
             let direction = direction([across, around]);
             let ray = Ray { origin: places[place], direction, near: 0.0, far: f64::INFINITY };
-            tracer.begin_at(&ray, (first + place) as u32, sampler, [offset, choice], None)
+            tracer.begin_at(&ray, (first + place) as u32, sampler, [offset, choice], 0.0)
         });
         tracer.trace_paths(begun, &mut |path| {
             let [across, around, ..] = path.sampler.camera();

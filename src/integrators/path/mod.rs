@@ -659,7 +659,7 @@ mod tests {
         let opacity = |pixel: usize| sums[pixel][3] / 256.0;
         let mut kinds = [0; 2];
         for pixel in 0..sums.len() {
-            let is_thin = found.thin.candidates(pixel as u32).is_some();
+            let is_thin = found.thin.candidates(pixel as u32) > 0.0;
             kinds[usize::from(is_thin)] += 1;
             // The opacity of a pixel is that of it and its neighbours.
             let [column, line] = [pixel % 48, pixel / 48];
@@ -675,10 +675,10 @@ mod tests {
         assert!(kinds.iter().all(|&count| count > 50), "{kinds:?}");
         // It does not pay for few samples, and not where the world shows through.
         let few = tracer(&scene, 3);
-        assert!((0..48 * 32).all(|pixel| few.thin.candidates(pixel).is_none()));
+        assert!((0..48 * 32).all(|pixel| few.thin.candidates(pixel) == 0.0));
         scene.film.transparent = false;
         let shown = tracer(&scene, 64);
-        assert!((0..48 * 32).all(|pixel| shown.thin.candidates(pixel).is_none()));
+        assert!((0..48 * 32).all(|pixel| shown.thin.candidates(pixel) == 0.0));
     }
 
     #[test]

@@ -57,8 +57,8 @@ impl Thin {
         Self(vec![CANDIDATES as f32; pixels])
     }
 
-    /// Candidates of a pixel's rays per event that is expected at most; none where candidates are the tentative collisions.
-    pub(crate) fn candidates(&self, pixel: u32) -> Option<f64> {
-        self.0.get(pixel as usize).map(|&candidates| f64::from(candidates)).filter(|&candidates| candidates > 0.0)
+    /// Candidates of a pixel's rays per event that is expected at most; 0 where candidates are the tentative collisions.
+    pub(crate) fn candidates(&self, pixel: u32) -> f64 {
+        self.0.get(pixel as usize).copied().unwrap_or(0.0).into()
     }
 }

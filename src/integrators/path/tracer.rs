@@ -26,7 +26,7 @@
 //!   multiple importance sampling over channels with the path's densities in the balance heuristic (Miller,
 //!   Georgiev and Jarosz 2019; Wilkie et al. 2014): where e <= r, the sum of b over channels never grows.
 //! * *Emission* j that is the same everywhere, along a flight of length l: b j l, or b j (1 - exp(-c l))/c with a
-//!   control. Emission that varies: b j / r at every tentative collision, before anything else happens there; a
+//!   control. Emission that varies: b j / r at every tentative collision (of a camera ray with spaced candidates, at those), before anything else; a
 //!   part of the majorant, which r then is, in proportion to the bound of j makes r > 0 wherever j is not 0 (Novak et al. 2018, section 5).
 //! * *Lights*: next-event estimation towards one light per event, chosen in proportion to what it roughly delivers; if it has an
 //!   extent, weighted against hits of the sampled ray on that light (balance heuristic; Veach 1997). A picture around
@@ -355,7 +355,7 @@ impl Tracer {
     }
 
     /// A path at the begin of a ray from anywhere, which counts for `pixel`. Two numbers are those of its first flight and of the choice of its first
-    /// event; `candidates` says how many there are where they are spaced evenly ([`Thin::candidates`]). Of a medium in which nothing is to be
+    /// event; `candidates_per_event` is that of [`Thin::candidates`], 0 where nothing is known. Of a medium in which nothing is to be
     /// scattered the ray is the only one.
     pub(super) fn begin_at(
         &self,
@@ -363,9 +363,8 @@ impl Tracer {
         pixel: u32,
         sampler: Sampler,
         [offset, choice]: [f64; 2],
-        candidates: Option<f64>,
+        candidates_per_event: f64,
     ) -> Path {
-        let spaced = candidates.is_some() && self.events > 0 && self.volume.scatters();
         let mut path = Path {
             pixel,
             sampler,
@@ -377,7 +376,7 @@ impl Tracer {
             carried: [1.0; 3],
             weight: [1.0; 3],
             analog: [1.0; 3],
-            candidates_per_event: if spaced { candidates.unwrap_or(0.0) } else { 0.0 },
+            candidates_per_event,
             until_collision: 0.0,
             until_candidate: offset,
             at_candidate: false,
@@ -400,7 +399,7 @@ impl Tracer {
             radiance: [0.0; 3],
             opacity: 0.0,
         };
-        path.until_collision = optical_depth(if spaced { path.sampler.next4()[0] } else { offset });
+        path.until_collision = optical_depth(if path.spaced() { path.sampler.next4()[0] } else { offset });
         let end = self.volume.last_face(ray.origin, ray.direction, ray.far);
         if self.volume.has_mesh {
             let near = ray.origin + ray.direction * ray.near;
