@@ -210,6 +210,8 @@ pub(crate) struct Path {
     carried: [f64; 3],
     /// The ray's own weight: 1 at its start.
     weight: [f64; 3],
+    /// Optical depth, of the channel with the most, of the control along the flights that the weight does not know yet.
+    control_depth: f64,
     /// Camera ray with candidates at its collisions: the weight without control.
     analog: [f64; 3],
     /// Camera ray: how many candidates are spaced evenly per event that is expected at most; 0 where they are the tentative collisions.
@@ -375,6 +377,7 @@ impl Tracer {
             in_meshes: None,
             carried: [1.0; 3],
             weight: [1.0; 3],
+            control_depth: 0.0,
             analog: [1.0; 3],
             candidates_per_event,
             until_collision: 0.0,
@@ -439,6 +442,7 @@ impl Tracer {
             let Some(walk) = self.walk(path.origin, path.direction, from, to) else { continue };
             // Light between two parts arrives through those before it alone.
             if path.stage != Stage::Shadow && path.hit_distance > 0.0 && path.hit_distance <= walk.distance {
+                self.settle(path);
                 for channel in 0..3 {
                     path.radiance[channel] += path.carried[channel] * path.weight[channel] * path.hit[channel];
                 }
@@ -527,6 +531,22 @@ impl Tracer {
         false
     }
 
+    /// Lets the weight go through the control of the flights so far: once for all flights up to where the weight is needed, since most end at the
+    /// face of a leaf.
+    fn settle(&self, path: &mut Path) {
+        if path.control_depth == 0.0 {
+            return;
+        }
+        let depth = std::mem::take(&mut path.control_depth);
+        let mut last = (1.0, transmittance(depth));
+        for (weight, share) in path.weight.iter_mut().zip(self.volume.share) {
+            if share != last.0 {
+                last = (share, transmittance(share * depth));
+            }
+            *weight *= last.1;
+        }
+    }
+
     /// Emission and light along a flight, and its transmittance through the control.
     fn fly(&self, path: &mut Path, control: f64, length: f64) {
         // A shadow ray brings its own light and nothing else.
@@ -537,9 +557,11 @@ impl Tracer {
         if light {
             path.hit_distance = f64::NAN;
         }
-        if control == 0.0 && !light && emission == [0.0; 3] {
+        if !light && emission == [0.0; 3] {
+            path.control_depth += control * length;
             return;
         }
+        self.settle(path);
         for channel in 0..3 {
             let extinction = control * self.volume.share[channel];
             let arriving = path.carried[channel] * path.weight[channel];
@@ -555,6 +577,7 @@ impl Tracer {
 
     /// Handles a tentative collision whose coefficients are known.
     fn collide(&self, path: &mut Path, found: &Coefficients<f64>) {
+        self.settle(path);
         if self.volume.emission_varies && path.stage != Stage::Shadow && path.at_candidate == path.spaced() {
             for channel in 0..3 {
                 path.radiance[channel] +=
@@ -591,6 +614,7 @@ impl Tracer {
 
     /// What the ray finds at its end, and what comes next.
     fn end_ray(&self, path: &mut Path, counters: &mut Counters) -> Then {
+        self.settle(path);
         let arriving: [f64; 3] = std::array::from_fn(|channel| path.carried[channel] * path.weight[channel]);
         let found = match path.stage {
             Stage::Camera if self.transparent => [0.0; 3],
@@ -724,6 +748,7 @@ impl Tracer {
         path.direction = direction;
         path.carried = carried;
         path.weight = [1.0; 3];
+        path.control_depth = 0.0;
         path.scattered = false;
         // Of each event one ray to a light and one that goes on.
         let is_transmittance = stage != Stage::Bounce;

@@ -12,7 +12,7 @@ use crate::base::error::{Error, Result};
 use crate::graph::Program;
 use crate::graph::bounds::Bounds3;
 use crate::graph::evaluate::Evaluator;
-use crate::media::majorant::{COORDINATE_PADDING, Effort, Majorants, Tracking};
+use crate::media::majorant::{COORDINATE_PADDING, Effort, Majorants};
 use crate::media::mesh::{PlacedMesh, Span};
 use crate::media::object_index::ObjectIndex;
 use crate::media::objects::{ObjectMedium, PhaseMixture, Values};
@@ -145,8 +145,8 @@ impl Volume {
         let enclose = |boxes: &[Bounds3]| volume.enclose(boxes);
         let mut majorants = Majorants::build([region.low, region.high], &to_world, effort, enclose)?;
         // Emission that varies is collected at tentative collisions, whose rate is above 0 by its majorant.
-        if effort.tracking == Tracking::Adaptive && !volume.emission_varies {
-            majorants.pilot(&to_world, effort.rays, |places| volume.extinctions(places))?;
+        if !volume.emission_varies {
+            majorants.pilot(&to_world, effort, |places| volume.extinctions(places))?;
         }
         volume.majorants = Some(majorants);
         Ok(volume)
@@ -257,7 +257,8 @@ impl Volume {
         Ok(sums.iter().map(together).collect())
     }
 
-    /// Extinction of the channel with the most at positions of the frame, on all cores.
+    /// Extinctions at positions of the frame that a control stands for, on all cores: of the channel with the most where coefficients are
+    /// proportional to a density, else three for each position.
     fn extinctions(&self, positions: &[DVec3]) -> Result<Vec<f64>> {
         let parts: Vec<Vec<f64>> = positions
             .par_chunks(PILOT_BATCH)
@@ -268,7 +269,11 @@ impl Volume {
                     &|place, object| self.objects[object].holds(part[place]),
                     &mut found,
                 )?;
-                Ok(found.iter().map(|coefficients| largest(&coefficients.extinction)).collect())
+                let extinctions = found.iter().map(|coefficients| coefficients.extinction);
+                Ok(match self.proportional {
+                    Some(_) => extinctions.map(|channels| largest(&channels)).collect(),
+                    None => extinctions.flatten().collect(),
+                })
             })
             .collect::<Result<_>>()?;
         Ok(parts.concat())
@@ -627,6 +632,7 @@ impl CoefficientEvaluator<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::media::majorant::Tracking;
     use crate::media::objects::Media;
     use crate::scene::Scene;
     use glam::DQuat;
