@@ -22,7 +22,7 @@ const FEW: f64 = 0.1;
 /// How many times as many at most. 1, 4 and 8 were tried; 8 gives hardly more than 4.
 const MOST: f64 = 4.0;
 
-/// Of the samples of a pixel, one in so many is worth a ray beforehand.
+/// Of the samples of a pixel, one in so many is worth a ray beforehand; the first is.
 pub(super) const SAMPLES_PER_RAY: u32 = 4;
 
 /// Rays of a pixel at most: with its neighbours they are nine times as many.

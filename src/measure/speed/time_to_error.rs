@@ -3,8 +3,8 @@
 //! The entries of a parity suite whose replicas are sub-pixel images say which scenes, and give both sides' pictures: one
 //! combined reference, in which each counts by its noise, and how noisy a sample of either is against it
 //! (`blend/sample_errors.py` has the formulas). Then path tracing renders each scene anew with as many samples as the error needs, and
-//! that picture's error is measured too. Where that would take longer than [`TimeSettings::longest`], fewer samples are rendered and
-//! time and error taken in proportion; the row says so.
+//! that picture's error is measured too; one that misses the target is rendered again with more samples until one does not. Where that would
+//! take longer than [`TimeSettings::longest`], fewer samples are rendered and time and error taken in proportion; the row says so.
 //!
 //! As an experiment, what a sample of a way of tracking gives and costs is a job, and so is each race.
 //!
@@ -105,7 +105,7 @@ pub struct ErrorRace {
     pub cycles_seconds: [f64; 2],
     /// Our tracking.
     pub tracking: Tracking,
-    /// Samples that the error takes us.
+    /// Samples that the error takes us: with so many a picture reached it.
     pub our_samples: u32,
     /// Our relMSE, measured on the timed picture (in proportion where that has fewer samples).
     pub our_error: f64,
@@ -260,13 +260,23 @@ impl Running<'_> {
                 "Give more samples to the entry of the suite: its combined reference is too noisy.",
             ));
         }
-        let needed = needed as u32;
         let affordable = (self.settings.longest / samples.per_sample).max(1.0) as u32;
-        let count = needed.min(affordable);
         let both = Both::new(case, desk)?;
-        desk.report(0.5, &format!("{count} samples"));
-        let picture = self.timed(job, count, &both, desk)?;
-        let share = f64::from(count) / f64::from(needed);
+        // As many as the noise of a sample says, and as many more as the picture itself then turns out to need: trees that are divided for fewer rays
+        // may leave more noise, and what one picture has scatters.
+        let mut needed = needed as u32;
+        let (picture, share) = loop {
+            let count = needed.min(affordable);
+            desk.report(0.5, &format!("{count} samples"));
+            let picture = self.timed(job, count, &both, desk)?;
+            let share = f64::from(count) / f64::from(needed);
+            let error = picture.error * share;
+            if error <= target || needed >= path::MOST_SAMPLES {
+                break (picture, share);
+            }
+            let more = f64::from(needed) * error / target;
+            needed = (more.ceil().min(f64::from(path::MOST_SAMPLES)) as u32).max(needed + 1);
+        };
         let our_seconds = [picture.preparation, picture.rendering / share];
         let cycles_seconds = [mode.preparation, mode.seconds(level)];
         Ok(ErrorRace {
