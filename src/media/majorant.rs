@@ -153,25 +153,31 @@ pub struct Rates {
     pub residual: f32,
     /// Tentative collisions of rays that look for scattering events.
     pub event: f32,
+    /// Control and residual rate of rays whose opacity a picture shows: where rates are proven the minorant is the control, so that no transmittance is
+    /// above 1 and no opacity below 0. An adapter has these for all rays.
+    pub seen_control: f32,
+    pub seen_residual: f32,
 }
 
 impl Rates {
     /// Rates under which no weight becomes negative: minorant as control, majorant.
     fn proven(minorant: f32, majorant: f32) -> Self {
-        Self { control: minorant, residual: majorant - minorant, event: majorant }
+        let residual = majorant - minorant;
+        Self { control: minorant, residual, event: majorant, seen_control: minorant, seen_residual: residual }
     }
 
-    /// Rates under which no weight becomes negative, with a control that a few extinctions in the leaf suggest. No weight does if the residual rate
+    /// Rates under which no weight becomes negative, with a control that a few extinctions in the leaf suggest for rays to lights. No weight does if the residual rate
     /// is majorant - control; what a ray then adds to the relative variance of its transmittance is the integral of (e - control)^2 over that
     /// rate, which for extinctions of mean m and variance v is least where the rate is the root of (majorant - m)^2 + v.
     fn controlled(found: &[f64], [minorant, majorant]: [f64; 2]) -> Self {
+        let proven = Self::proven(minorant as f32, majorant as f32);
         let count = found.len() as f64;
         let mean = found.iter().sum::<f64>() / count;
         let variance = found.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / (count - 1.0);
         let gap = majorant - minorant;
         let residual = (majorant - mean).hypot(variance.sqrt()).max(PROVEN_FLOOR * gap).min(gap) as f32;
         // Bounds are widened by more than what these roundings take off the sum of both.
-        Self { control: (majorant as f32 - residual).max(minorant as f32), residual, event: majorant as f32 }
+        Self { control: (majorant as f32 - residual).max(minorant as f32), residual, ..proven }
     }
 
     /// Rates that a few extinctions in the leaf suggest.
@@ -181,11 +187,16 @@ impl Rates {
         let control = found.iter().sum::<f64>() / found.len() as f64;
         let deviation = (most - control).max(control - least);
         let farthest = (majorant - control).max(control - minorant);
+        let residual = (RESIDUAL_RATE * deviation).max(RESIDUAL_FLOOR * farthest).min(farthest) as f32;
+        let control = control as f32;
         Self {
-            control: control as f32,
-            residual: (RESIDUAL_RATE * deviation).max(RESIDUAL_FLOOR * farthest).min(farthest) as f32,
+            control,
+            residual,
             event: (EVENT_RATE * most).max(EVENT_FLOOR * majorant).min(majorant) as f32,
+            seen_control: control,
+            seen_residual: residual,
         }
+    }
     }
 }
 
@@ -532,7 +543,7 @@ impl Majorants {
                 .rates
                 .iter()
                 .zip(&self.majorants)
-                .map(|(rates, &majorant)| [rates.control, rates.residual, rates.event, majorant])
+                .map(|(rates, &majorant)| [rates.seen_control, rates.seen_residual, rates.event, majorant])
                 .collect(),
         }
     }
@@ -793,7 +804,7 @@ mod tests {
             let place = low + (high - low) * additive_recurrence(number);
             let leaf = tree.leaf(tree.cell_of((place - tree.low) / tree.size * FINEST));
             let [least, most] = tree.at(place);
-            let rates @ Rates { control, residual, event } = tree.rates[leaf];
+            let rates @ Rates { control, residual, event, .. } = tree.rates[leaf];
             let [control, residual] = [control, residual].map(f64::from);
             // What two roundings to f32 take off is less than what bounds are widened by.
             assert!(
@@ -820,14 +831,14 @@ mod tests {
             ([0.0, 3.0, 0.0, 3.0, 0.0, 3.0, 0.0, 3.0], [0.0, 3.0]),
             ([1e-30; 8], [0.0, 1e30]),
         ] {
-            let Rates { control, residual, event } = Rates::controlled(&found, ends);
+            let Rates { control, residual, event, seen_control, seen_residual } = Rates::controlled(&found, ends);
             let [least, most] = ends.map(|end| end as f32);
             assert!(
                 control >= least && control + residual >= most && residual <= most - least,
                 "{found:?}: {control} {residual}"
             );
             assert!(residual >= 0.0999 * (most - least), "{found:?}: {residual}");
-            assert_eq!(event, most);
+            assert_eq!([event, seen_control, seen_residual], [most, least, most - least]);
         }
     }
 }

@@ -672,6 +672,8 @@ mod tests {
         let opacity = |pixel: usize| sums[pixel][3] / 256.0;
         let mut kinds = [0; 2];
         for pixel in 0..sums.len() {
+            // Proven rates: no opacity of any path is outside of 0 to 1.
+            assert!((0.0..=1.0).contains(&opacity(pixel)), "{pixel}: {}", opacity(pixel));
             let is_thin = found.thin.candidates(pixel as u32) > 0.0;
             kinds[usize::from(is_thin)] += 1;
             // The opacity of a pixel is that of it and its neighbours.

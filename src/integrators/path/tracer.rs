@@ -490,10 +490,13 @@ impl Tracer {
     fn travel(&self, path: &mut Path, majorants: &Majorants) -> bool {
         while path.walk.distance < path.walk.end || self.volume.is_mesh && self.next_part(path) {
             let crossing = majorants.crossing(&path.walk);
-            let Rates { control, residual, event } = crossing.rates;
+            let Rates { control, residual, event, seen_control, seen_residual } = crossing.rates;
             let (rate, control, candidates) = match path.stage {
-                Stage::Camera if path.spaced() => (residual, control, path.candidates_per_event * f64::from(event)),
-                Stage::Camera if self.volume.scatters() => (event, control, 0.0),
+                Stage::Camera if path.spaced() => {
+                    (seen_residual, seen_control, path.candidates_per_event * f64::from(event))
+                }
+                Stage::Camera if self.volume.scatters() => (event, seen_control, 0.0),
+                Stage::Camera | Stage::Look => (seen_residual, seen_control, 0.0),
                 Stage::Bounce => (event, 0.0, 0.0),
                 _ => (residual, control, 0.0),
             };
