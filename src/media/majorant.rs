@@ -197,7 +197,6 @@ impl Rates {
             seen_residual: residual,
         }
     }
-    }
 }
 
 /// The octree as the shader reads it.
