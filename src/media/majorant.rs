@@ -153,9 +153,10 @@ pub struct Rates {
     pub residual: f32,
     /// Tentative collisions of rays that look for scattering events.
     pub event: f32,
-    /// Control and residual rate of rays whose opacity a picture shows: where rates are proven the minorant is the control, so that no transmittance is
-    /// above 1 and no opacity below 0. An adapter has these for all rays.
+    /// The control of rays whose opacity a picture shows: where rates are proven it is the minorant, so that no transmittance is above 1 and no
+    /// opacity below 0. An adapter has it for all rays.
     pub seen_control: f32,
+    /// Tentative collisions of such rays.
     pub seen_residual: f32,
 }
 
