@@ -75,7 +75,7 @@ const PILOTS: usize = 8;
 /// Expected null collisions in a leaf that make looking into it pay, where its rates follow from that.
 const WORTH_A_PILOT: f64 = 64.0;
 
-/// The same where only its control does: then no leaf is divided in turn, and looking into all costs a hundredth of bounding them.
+/// The same where only its control does: then no leaf is divided in turn. What it takes was not to be seen beside bounding the leaves.
 const WORTH_A_CONTROL: f64 = 16.0;
 
 /// Least share of the bounds' gap that the residual rate of proven tracking is: a weight grows by 10 at most where the control is too high. Where few
@@ -141,44 +141,49 @@ pub struct Effort {
     pub tracking: Tracking,
 }
 
-/// How often a ray stops in a leaf, per metre. Estimates are unbiased for any rate that is above 0 wherever the
-/// extinction (for a residual rate: what it deviates from the control) is not 0.
-#[derive(Debug, Clone, Copy, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
-#[repr(C)]
-pub struct Rates {
+/// Around which extinction the transmittance of a ray is corrected in a leaf, and how often, both per metre.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Residual {
     /// Extinction that is taken to be everywhere in the leaf, and corrected at collisions (the control of residual ratio
     /// tracking; Novak et al. 2014).
     pub control: f32,
-    /// Tentative collisions of rays whose transmittance is asked.
-    pub residual: f32,
+    /// Tentative collisions.
+    pub rate: f32,
+}
+
+/// How often a ray stops in a leaf, per metre. Estimates are unbiased for any rate that is above 0 wherever the
+/// extinction (for a residual rate: what it deviates from the control) is not 0.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Rates {
+    /// Of rays whose transmittance is asked, as those to lights.
+    pub residual: Residual,
+    /// Of rays whose opacity a picture shows: where rates are proven the minorant is the control, so that no transmittance is above 1 and no
+    /// opacity below 0. An adapter has this for all rays.
+    pub seen: Residual,
     /// Tentative collisions of rays that look for scattering events.
     pub event: f32,
-    /// The control of rays whose opacity a picture shows: where rates are proven it is the minorant, so that no transmittance is above 1 and no
-    /// opacity below 0. An adapter has it for all rays.
-    pub seen_control: f32,
-    /// Tentative collisions of such rays.
-    pub seen_residual: f32,
 }
 
 impl Rates {
     /// Rates under which no weight becomes negative: minorant as control, majorant.
     fn proven(minorant: f32, majorant: f32) -> Self {
-        let residual = majorant - minorant;
-        Self { control: minorant, residual, event: majorant, seen_control: minorant, seen_residual: residual }
+        let residual = Residual { control: minorant, rate: majorant - minorant };
+        Self { residual, seen: residual, event: majorant }
     }
 
-    /// Rates under which no weight becomes negative, with a control that a few extinctions in the leaf suggest for rays to lights. No weight does if the residual rate
-    /// is majorant - control; what a ray then adds to the relative variance of its transmittance is the integral of (e - control)^2 over that
+    /// Proven rates with a control that a few extinctions in the leaf suggest for rays to lights. No weight becomes negative if the residual rate is
+    /// majorant - control; what a ray then adds to the relative variance of its transmittance is the integral of (e - control)^2 over that
     /// rate, which for extinctions of mean m and variance v is least where the rate is the root of (majorant - m)^2 + v.
     fn controlled(found: &[f64], [minorant, majorant]: [f64; 2]) -> Self {
-        let proven = Self::proven(minorant as f32, majorant as f32);
         let count = found.len() as f64;
         let mean = found.iter().sum::<f64>() / count;
         let variance = found.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / (count - 1.0);
         let gap = majorant - minorant;
-        let residual = (majorant - mean).hypot(variance.sqrt()).max(PROVEN_FLOOR * gap).min(gap) as f32;
+        let rate = (majorant - mean).hypot(variance.sqrt()).max(PROVEN_FLOOR * gap).min(gap) as f32;
+        let [minorant, majorant] = [minorant as f32, majorant as f32];
         // Bounds are widened by more than what these roundings take off the sum of both.
-        Self { control: (majorant as f32 - residual).max(minorant as f32), residual, ..proven }
+        let residual = Residual { control: (majorant - rate).max(minorant), rate };
+        Self { residual, ..Self::proven(minorant, majorant) }
     }
 
     /// Rates that a few extinctions in the leaf suggest.
@@ -188,15 +193,9 @@ impl Rates {
         let control = found.iter().sum::<f64>() / found.len() as f64;
         let deviation = (most - control).max(control - least);
         let farthest = (majorant - control).max(control - minorant);
-        let residual = (RESIDUAL_RATE * deviation).max(RESIDUAL_FLOOR * farthest).min(farthest) as f32;
-        let control = control as f32;
-        Self {
-            control,
-            residual,
-            event: (EVENT_RATE * most).max(EVENT_FLOOR * majorant).min(majorant) as f32,
-            seen_control: control,
-            seen_residual: residual,
-        }
+        let rate = (RESIDUAL_RATE * deviation).max(RESIDUAL_FLOOR * farthest).min(farthest) as f32;
+        let residual = Residual { control: control as f32, rate };
+        Self { residual, seen: residual, event: (EVENT_RATE * most).max(EVENT_FLOOR * majorant).min(majorant) as f32 }
     }
 }
 
@@ -352,7 +351,8 @@ impl Majorants {
                 .collect();
             let found = extinction(&places)?;
             let mut divided = Vec::new();
-            for (&(pending, level), found) in wanted.iter().zip(found.chunks(found.len() / wanted.len())) {
+            let of_a_leaf = found.len() / wanted.len();
+            for (&(pending, level), found) in wanted.iter().zip(found.chunks(of_a_leaf)) {
                 let Pending { node, .. } = pending;
                 let ends = [self.minorants[node], self.majorants[node]].map(f64::from);
                 // What is outside of its bounds is reported where a path meets it.
@@ -365,7 +365,7 @@ impl Majorants {
                 }
                 self.rates[node] = Rates::suggested(found, ends);
                 let Rates { residual, event, .. } = self.rates[node];
-                let collisions = density * volume * 0.125_f64.powi(level as i32) * f64::from(residual + event);
+                let collisions = density * volume * 0.125_f64.powi(level as i32) * f64::from(residual.rate + event);
                 if collisions > WORTH_DIVIDING && level < LEVELS && self.children.len() + 8 <= MOST_NODES {
                     divided.extend(self.give_children(pending, level).map(|child| (child, level + 1)));
                 }
@@ -543,7 +543,7 @@ impl Majorants {
                 .rates
                 .iter()
                 .zip(&self.majorants)
-                .map(|(rates, &majorant)| [rates.seen_control, rates.seen_residual, rates.event, majorant])
+                .map(|(rates, &majorant)| [rates.seen.control, rates.seen.rate, rates.event, majorant])
                 .collect(),
         }
     }
@@ -804,8 +804,8 @@ mod tests {
             let place = low + (high - low) * additive_recurrence(number);
             let leaf = tree.leaf(tree.cell_of((place - tree.low) / tree.size * FINEST));
             let [least, most] = tree.at(place);
-            let rates @ Rates { control, residual, event, .. } = tree.rates[leaf];
-            let [control, residual] = [control, residual].map(f64::from);
+            let rates @ Rates { residual: Residual { control, rate }, event, .. } = tree.rates[leaf];
+            let [control, residual] = [control, rate].map(f64::from);
             // What two roundings to f32 take off is less than what bounds are widened by.
             assert!(
                 control >= least && control + residual >= most * (1.0 - f64::from(f32::EPSILON)),
@@ -813,8 +813,8 @@ mod tests {
             );
             assert!(residual >= 0.0999 * (most - least) && f64::from(event) == most, "{place}: {rates:?}");
             for (noise, tree) in noise.iter_mut().zip([&plain, &tree]) {
-                let Rates { control, residual, .. } = tree.rates[leaf];
-                *noise += (extinction(place) - f64::from(control)).powi(2) / f64::from(residual);
+                let Residual { control, rate } = tree.rates[leaf].residual;
+                *noise += (extinction(place) - f64::from(control)).powi(2) / f64::from(rate);
             }
         }
         // The variance of a cell is some hundredth of its mean's distance from either bound.
@@ -831,14 +831,14 @@ mod tests {
             ([0.0, 3.0, 0.0, 3.0, 0.0, 3.0, 0.0, 3.0], [0.0, 3.0]),
             ([1e-30; 8], [0.0, 1e30]),
         ] {
-            let Rates { control, residual, event, seen_control, seen_residual } = Rates::controlled(&found, ends);
+            let Rates { residual: Residual { control, rate: residual }, seen, event } = Rates::controlled(&found, ends);
             let [least, most] = ends.map(|end| end as f32);
             assert!(
                 control >= least && control + residual >= most && residual <= most - least,
                 "{found:?}: {control} {residual}"
             );
             assert!(residual >= 0.0999 * (most - least), "{found:?}: {residual}");
-            assert_eq!([event, seen_control, seen_residual], [most, least, most - least]);
+            assert_eq!([event, seen.control, seen.rate], [most, least, most - least]);
         }
     }
 }

@@ -40,8 +40,15 @@ use std::sync::Arc;
 /// A crossing shorter than this, in units of length, is left out.
 pub(crate) const SHORTEST: f64 = 1e-3;
 
-/// Rays of a task.
-const RAYS: usize = 64;
+/// Rays of a task, at least and at most: densities are read in batches, and what a batch costs beside its places should be little.
+const FEWEST_RAYS: usize = 64;
+const MOST_RAYS: usize = 512;
+
+/// Tasks of a core, so that all end at about the same time.
+const TASKS_OF_A_CORE: usize = 8;
+
+/// Samples of a ray that are read at a time: a ray that ends has read some for nothing.
+const SAMPLES_TOGETHER: usize = 4;
 
 /// How a ray is marched.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -169,6 +176,11 @@ pub struct RealTimePixel {
     pub distance: Option<f64>,
 }
 
+impl RealTimePixel {
+    /// Of a ray that meets nothing.
+    const NOTHING: Self = Self { radiance: [0.0; 3], transmittance: [1.0; 3], samples: 0, dense: 0, distance: None };
+}
+
 /// The parts of a ray that lie in the domain.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Inside {
@@ -234,8 +246,10 @@ impl RealTimeRay {
 
 /// A sample of a ray.
 struct Sample {
-    /// The ray's.
+    /// The ray's, among those that are on their way.
     index: usize,
+    /// Of the step.
+    number: u32,
     place: DVec3,
     /// Length of the step that it stands for.
     step: f64,
@@ -243,10 +257,15 @@ struct Sample {
     left: f64,
     /// From where the ray enters.
     distance: f64,
+    density: f64,
+    /// What of its light arrives at the begin of the ray.
+    before: [f64; 3],
 }
 
 /// A ray on its way.
 struct Way {
+    /// The ray's.
+    index: usize,
     inside: Inside,
     jitter: f64,
     /// Of the octaves of the light of each sun, phase functions included.
@@ -259,8 +278,33 @@ struct Way {
     taken: [f64; 2],
     /// By which the length is divided; the whole steps are done.
     steps: f64,
+    /// The next of them.
+    next: u32,
+    /// It has no more samples, or what is behind is no longer seen.
     is_done: bool,
+    /// What is behind is no longer seen.
+    has_ended: bool,
     pixel: RealTimePixel,
+}
+
+/// What is read while rays are marched: the density, averages around a place and along the way to a sun where the light asks for them.
+struct Read<'a> {
+    density: DensityEvaluator<'a>,
+    around: Option<DensityEvaluator<'a>>,
+    along: Option<DensityEvaluator<'a>>,
+    ways_to_suns: Vec<DVec3>,
+}
+
+impl<'a> Read<'a> {
+    fn new(marched: &Marched<'a>, [around, along]: &'a [Option<Density>; 2]) -> Result<Self> {
+        let ways = marched.light.suns.iter().map(|sun| marched.container.way(DVec3::from(sun.direction)));
+        Ok(Self {
+            density: DensityEvaluator::new(marched.density)?,
+            around: around.as_ref().map(DensityEvaluator::new).transpose()?,
+            along: along.as_ref().map(DensityEvaluator::new).transpose()?,
+            ways_to_suns: ways.collect(),
+        })
+    }
 }
 
 impl Marched<'_> {
@@ -299,136 +343,137 @@ impl Marched<'_> {
     /// Marches rays on all cores; pixels in the order of the rays. An error where the light reads averages that are not there.
     pub fn march(&self, settings: &RealTimeSettings, rays: &[RealTimeRay]) -> Result<Vec<RealTimePixel>> {
         self.check()?;
+        let together = (rays.len() / (TASKS_OF_A_CORE * rayon::current_num_threads())).clamp(FEWEST_RAYS, MOST_RAYS);
         let parts: Vec<Vec<RealTimePixel>> =
-            rays.par_chunks(RAYS).map(|rays| self.march_together(settings, rays)).collect::<Result<_>>()?;
+            rays.par_chunks(together).map(|rays| self.march_together(settings, rays)).collect::<Result<_>>()?;
         Ok(parts.concat())
     }
 
-    /// Marches rays step by step together, so that the density gets batches.
+    /// Marches rays together, a few samples of each at a time, so that the density gets batches.
     fn march_together(&self, settings: &RealTimeSettings, rays: &[RealTimeRay]) -> Result<Vec<RealTimePixel>> {
         let light = self.light;
         let outline = &self.container.outline;
-        let mean_extinction = self.extinction.iter().sum::<f64>() / 3.0;
-        let mut density = DensityEvaluator::new(self.density)?;
-        // Averages are 0 where the density is provably 0 only if their cells are: nothing is left out of them.
-        let everywhere = |program: &Arc<_>| Density::filling(Arc::clone(program), self.density.bounds);
-        let [around, along] = [
-            self.averages.filter(|_| light.terms.body.strength > 0.0).map(|averages| everywhere(&averages.around)),
-            self.averages.filter(|_| light.terms.body.shadow).map(|averages| everywhere(&averages.along)),
-        ];
-        let mut around = around.as_ref().map(DensityEvaluator::new).transpose()?;
-        let mut along = along.as_ref().map(DensityEvaluator::new).transpose()?;
-        let ways_to_suns: Vec<DVec3> =
-            light.suns.iter().map(|sun| self.container.way(DVec3::from(sun.direction))).collect();
-        let mut ways: Vec<Way> = rays.iter().map(|ray| Way::new(ray, outline, light, settings)).collect();
+        let mut pixels = vec![RealTimePixel::NOTHING; rays.len()];
+        let crossing = |(index, ray): (usize, &RealTimeRay)| {
+            let inside = ray.inside(outline);
+            (inside.length > 0.0).then(|| Way::new(index, inside, ray.jitter, light, settings))
+        };
+        let mut ways: Vec<Way> = rays.iter().enumerate().filter_map(crossing).collect();
+        if ways.is_empty() {
+            return Ok(pixels);
+        }
         if let Some(volume) = &self.light_volume {
             ways.iter_mut().for_each(|way| way.of_volume = volume.weights(way.inside.direction));
         }
-        let most = ways.iter().map(|way| way.steps as u32).max().unwrap_or(0);
-        for number in 0..most {
-            let mut samples = Vec::new();
+        let averages = self.averages_read();
+        let mut read = Read::new(self, &averages)?;
+        let mut samples = Vec::new();
+        let mut places = Vec::new();
+        while ways.iter().any(|way| !way.is_done) {
+            samples.clear();
             for (index, way) in ways.iter_mut().enumerate().filter(|(_, way)| !way.is_done) {
-                let step = way.inside.length / way.steps;
-                let passed = (f64::from(number) + way.jitter) * step;
-                let left = way.inside.length - passed;
-                let distance = way.inside.parts.distance(passed);
-                if distance > way.inside.farthest || left < 0.0 || number >= way.steps as u32 {
-                    way.is_done = true;
-                    continue;
-                }
-                way.pixel.samples += 1;
-                let place = way.inside.origin + way.inside.way * distance;
-                samples.push(Sample { index, place, step, left, distance });
+                way.ask(index, self.density, &mut samples);
             }
-            if samples.is_empty() {
-                break;
+            places.clear();
+            places.extend(samples.iter().map(|sample| sample.place));
+            let densities = read.density.values(&places);
+            for (sample, density) in samples.iter_mut().zip(densities) {
+                sample.density = density;
             }
-            let places: Vec<DVec3> = samples.iter().map(|sample| sample.place).collect();
-            let densities = density.values(&places);
-            // What is no number counts, so that it is seen in the picture.
-            let is_dense = |&at: &usize| densities[at] > settings.least_density || densities[at].is_nan();
-            let dense: Vec<usize> = (0..samples.len()).filter(is_dense).collect();
-            let lit: Vec<DVec3> = dense.iter().map(|&at| places[at]).collect();
-            let depths: Vec<Vec<[f64; 3]>> = ways_to_suns
-                .iter()
-                .enumerate()
-                .map(|(sun, &to_sun)| {
-                    let cosines: Vec<f64> = dense.iter().map(|&at| ways[samples[at].index].cosines[sun]).collect();
-                    let map = self.maps.get(sun).filter(|_| light.shadow.map.is_some());
-                    self.shadow_depths(along.as_mut().unwrap_or(&mut density), (sun, to_sun), map, &lit, &cosines)
-                })
-                .collect();
-            let surroundings = around.as_mut().map(|around| around.values(&lit));
-            for (order, (&at, place)) in dense.iter().zip(lit).enumerate() {
-                let Sample { index, step, left, distance, .. } = samples[at];
-                let fade = if settings.exit_fade { smooth(0.0, 2.0 * step, left) } else { 1.0 };
-                let way = &mut ways[index];
-                way.pixel.dense += 1;
-                let powder = light.terms.powder.factor(densities[at] * mean_extinction);
-                let share = light.terms.powder.ambient;
-                let body = surroundings
-                    .as_ref()
-                    .map_or(1.0, |around| light.terms.body.factor(around[order] * mean_extinction));
-                let height = outline.height(place);
-                let sun_factor = fade * powder * body;
-                let ambient_factor = fade * light.ambient_factor(height) * (1.0 + (powder - 1.0) * share);
-                let boost = &light.terms.boost;
-                let cosine = way.cosines.first().copied().unwrap_or(0.0);
-                let [boosted, added] = match boost.is_on() {
-                    true => boost.factors(densities[at] * mean_extinction, cosine),
-                    false => [1.0, 0.0],
-                };
-                let at_place = Lit { place, height, extinction: densities[at] * mean_extinction };
-                let mut further = [0.0; 3];
-                if let Some(volume) = &self.light_volume {
-                    let found = volume.volume.read(place, &way.of_volume);
-                    (0..3).for_each(|channel| further[channel] += fade * found[channel]);
-                }
-                for term in self.terms {
-                    let found = term.source(&at_place);
-                    (0..3).for_each(|channel| further[channel] += fade * found[channel]);
-                }
-                for channel in 0..3 {
-                    let extinct = densities[at] * self.extinction[channel];
-                    let factor = match light.source {
-                        SourceFactor::Density => densities[at],
-                        SourceFactor::Albedo(albedo) => albedo[channel] * extinct,
-                    };
-                    let mut from_suns = 0.0;
-                    for (number, (sun, weights)) in light.suns.iter().zip(&way.weights).enumerate() {
-                        let depth = depths[number][order][channel];
-                        let mut scattered = light.terms.octaves.sum(weights, depth);
-                        if light.terms.ray_powder {
-                            scattered = ray_powder(scattered, depth, way.cosines[number]);
-                        }
-                        from_suns += sun.irradiance[channel] * scattered * sun_factor;
-                    }
-                    let ambient = light.ambient[channel] * ambient_factor;
-                    let mut all = from_suns + ambient + further[channel];
-                    if boost.is_on() {
-                        all = all * boosted + fade * light.ambient[channel] * added;
-                    }
-                    let source = factor * all;
-                    let through = transmittance(extinct * step);
-                    let weight = step_weight(settings.integration, extinct, step);
-                    way.pixel.radiance[channel] += way.pixel.transmittance[channel] * source * weight;
-                    let taken = way.pixel.transmittance[channel] * (1.0 - through);
-                    way.taken[0] += taken;
-                    way.taken[1] += taken * distance;
-                    way.pixel.transmittance[channel] *= through;
-                }
-                way.is_done = DVec3::from(way.pixel.transmittance).length() < settings.least_transmittance;
-            }
+            // Light is asked for where some of it still arrives, and only there.
+            samples.retain_mut(|sample| ways[sample.index].pass(sample, settings, self.extinction));
+            self.light_up(settings, &mut ways, &samples, &mut read);
         }
-        let pixel = |way: Way| {
+        for way in ways {
             let [taken, distances] = way.taken;
-            RealTimePixel {
+            pixels[way.index] = RealTimePixel {
                 transmittance: settings.ended(way.pixel.transmittance),
                 distance: (taken > 0.0).then(|| way.inside.parts.start + distances / taken),
                 ..way.pixel
+            };
+        }
+        Ok(pixels)
+    }
+
+    /// Averages around a place and along the way to a sun, where the light reads them.
+    fn averages_read(&self) -> [Option<Density>; 2] {
+        let body = &self.light.terms.body;
+        // Averages are 0 where the density is provably 0 only if their cells are: nothing is left out of them.
+        let everywhere = |program: &Arc<_>| Density::filling(Arc::clone(program), self.density.bounds);
+        [
+            self.averages.filter(|_| body.strength > 0.0).map(|averages| everywhere(&averages.around)),
+            self.averages.filter(|_| body.shadow).map(|averages| everywhere(&averages.along)),
+        ]
+    }
+
+    /// Adds the light that samples send to the begins of their rays.
+    fn light_up(&self, settings: &RealTimeSettings, ways: &mut [Way], samples: &[Sample], read: &mut Read<'_>) {
+        let light = self.light;
+        let outline = &self.container.outline;
+        let mean_extinction = self.extinction.iter().sum::<f64>() / 3.0;
+        let places: Vec<DVec3> = samples.iter().map(|sample| sample.place).collect();
+        let depths: Vec<Vec<[f64; 3]>> = (0..light.suns.len())
+            .map(|sun| {
+                let cosines: Vec<f64> = samples.iter().map(|sample| ways[sample.index].cosines[sun]).collect();
+                let map = self.maps.get(sun).filter(|_| light.shadow.map.is_some());
+                let to_sun = read.ways_to_suns[sun];
+                let density = read.along.as_mut().unwrap_or(&mut read.density);
+                self.shadow_depths(density, (sun, to_sun), map, &places, &cosines)
+            })
+            .collect();
+        let surroundings = read.around.as_mut().map(|around| around.values(&places));
+        for (order, sample) in samples.iter().enumerate() {
+            let &Sample { index, place, step, left, density, before, .. } = sample;
+            let fade = if settings.exit_fade { smooth(0.0, 2.0 * step, left) } else { 1.0 };
+            let way = &mut ways[index];
+            let powder = light.terms.powder.factor(density * mean_extinction);
+            let share = light.terms.powder.ambient;
+            let body =
+                surroundings.as_ref().map_or(1.0, |around| light.terms.body.factor(around[order] * mean_extinction));
+            let height = outline.height(place);
+            let sun_factor = fade * powder * body;
+            let ambient_factor = fade * light.ambient_factor(height) * (1.0 + (powder - 1.0) * share);
+            let boost = &light.terms.boost;
+            let cosine = way.cosines.first().copied().unwrap_or(0.0);
+            let [boosted, added] = match boost.is_on() {
+                true => boost.factors(density * mean_extinction, cosine),
+                false => [1.0, 0.0],
+            };
+            let at_place = Lit { place, height, extinction: density * mean_extinction };
+            let mut further = [0.0; 3];
+            if let Some(volume) = &self.light_volume {
+                let found = volume.volume.read(place, &way.of_volume);
+                (0..3).for_each(|channel| further[channel] += fade * found[channel]);
             }
-        };
-        Ok(ways.into_iter().map(pixel).collect())
+            for term in self.terms {
+                let found = term.source(&at_place);
+                (0..3).for_each(|channel| further[channel] += fade * found[channel]);
+            }
+            for channel in 0..3 {
+                let extinct = density * self.extinction[channel];
+                let factor = match light.source {
+                    SourceFactor::Density => density,
+                    SourceFactor::Albedo(albedo) => albedo[channel] * extinct,
+                };
+                let mut from_suns = 0.0;
+                for (number, (sun, weights)) in light.suns.iter().zip(&way.weights).enumerate() {
+                    let depth = depths[number][order][channel];
+                    let mut scattered = light.terms.octaves.sum(weights, depth);
+                    if light.terms.ray_powder {
+                        scattered = ray_powder(scattered, depth, way.cosines[number]);
+                    }
+                    from_suns += sun.irradiance[channel] * scattered * sun_factor;
+                }
+                let ambient = light.ambient[channel] * ambient_factor;
+                let mut all = from_suns + ambient + further[channel];
+                if boost.is_on() {
+                    all = all * boosted + fade * light.ambient[channel] * added;
+                }
+                let source = factor * all;
+                let weight = step_weight(settings.integration, extinct, step);
+                way.pixel.radiance[channel] += before[channel] * source * weight;
+            }
+        }
     }
 
     /// Density times length towards the suns, where a light volume has it.
@@ -504,21 +549,72 @@ impl Marched<'_> {
 }
 
 impl Way {
-    fn new(ray: &RealTimeRay, outline: &Outline, light: &LightModel, settings: &RealTimeSettings) -> Self {
-        let inside = ray.inside(outline);
+    fn new(index: usize, inside: Inside, jitter: f64, light: &LightModel, settings: &RealTimeSettings) -> Self {
         let cosines: Vec<f64> =
             light.suns.iter().map(|sun| inside.direction.dot(sun.towards()).clamp(-1.0, 1.0)).collect();
         Self {
-            jitter: ray.jitter,
+            index,
+            jitter,
             weights: cosines.iter().map(|&cosine| light.weights(cosine)).collect(),
             cosines,
             of_volume: Vec::new(),
-            is_done: inside.length == 0.0,
+            is_done: false,
+            has_ended: false,
             steps: settings.steps_of(inside.parts.start),
+            next: 0,
             inside,
             taken: [0.0; 2],
-            pixel: RealTimePixel { radiance: [0.0; 3], transmittance: [1.0; 3], samples: 0, dense: 0, distance: None },
+            pixel: RealTimePixel::NOTHING,
         }
+    }
+
+    /// Adds the next samples that may hold something; where the ray has no more, it is done.
+    fn ask(&mut self, index: usize, density: &Density, samples: &mut Vec<Sample>) {
+        let step = self.inside.length / self.steps;
+        let mut asked = 0;
+        while asked < SAMPLES_TOGETHER {
+            let number = self.next;
+            let passed = (f64::from(number) + self.jitter) * step;
+            let left = self.inside.length - passed;
+            let distance = self.inside.parts.distance(passed);
+            if distance > self.inside.farthest || left < 0.0 || number >= self.steps as u32 {
+                self.is_done = true;
+                break;
+            }
+            self.next += 1;
+            let place = self.inside.origin + self.inside.way * distance;
+            if density.may_hold(place) {
+                samples.push(Sample { index, number, place, step, left, distance, density: 0.0, before: [0.0; 3] });
+                asked += 1;
+            }
+        }
+        // So many unless an earlier one ends the ray.
+        self.pixel.samples = self.next;
+    }
+
+    /// Takes away what a sample keeps of the light from behind it; whether its own light counts.
+    fn pass(&mut self, sample: &mut Sample, settings: &RealTimeSettings, extinction: [f64; 3]) -> bool {
+        let Sample { number, density, step, distance, .. } = *sample;
+        // What is no number counts, so that it is seen in the picture.
+        let is_dense = density > settings.least_density || density.is_nan();
+        if self.has_ended || !is_dense {
+            return false;
+        }
+        self.pixel.dense += 1;
+        sample.before = self.pixel.transmittance;
+        for (left, extinction) in self.pixel.transmittance.iter_mut().zip(extinction) {
+            let through = transmittance(density * extinction * step);
+            let taken = *left * (1.0 - through);
+            self.taken[0] += taken;
+            self.taken[1] += taken * distance;
+            *left *= through;
+        }
+        self.has_ended = DVec3::from(self.pixel.transmittance).length() < settings.least_transmittance;
+        if self.has_ended {
+            self.is_done = true;
+            self.pixel.samples = number + 1;
+        }
+        true
     }
 }
 

@@ -39,7 +39,7 @@
 use crate::base::error::{Error, Result};
 use crate::integrators::path::opacity::Thin;
 use crate::integrators::path::volume::{CoefficientEvaluator, Lobes, Part, Volume};
-use crate::media::majorant::{Majorants, Rates, Walk};
+use crate::media::majorant::{Majorants, Rates, Residual, Walk};
 use crate::media::mesh::PlacedMesh;
 use crate::media::objects::PhaseMixture;
 use crate::media::phase::{PhaseFunction, turned};
@@ -490,15 +490,13 @@ impl Tracer {
     fn travel(&self, path: &mut Path, majorants: &Majorants) -> bool {
         while path.walk.distance < path.walk.end || self.volume.is_mesh && self.next_part(path) {
             let crossing = majorants.crossing(&path.walk);
-            let Rates { control, residual, event, seen_control, seen_residual } = crossing.rates;
+            let Rates { residual, seen, event } = crossing.rates;
+            let Residual { control, rate } = if path.is_seen() { seen } else { residual };
             let (rate, control, candidates) = match path.stage {
-                Stage::Camera if path.spaced() => {
-                    (seen_residual, seen_control, path.candidates_per_event * f64::from(event))
-                }
-                Stage::Camera if self.volume.scatters() => (event, seen_control, 0.0),
-                Stage::Camera | Stage::Look => (seen_residual, seen_control, 0.0),
+                Stage::Camera if path.spaced() => (rate, control, path.candidates_per_event * f64::from(event)),
+                Stage::Camera if self.volume.scatters() => (event, control, 0.0),
                 Stage::Bounce => (event, 0.0, 0.0),
-                _ => (residual, control, 0.0),
+                _ => (rate, control, 0.0),
             };
             let (rate, control) = (f64::from(rate), f64::from(control));
             let length = crossing.exit - path.walk.distance;
@@ -864,6 +862,11 @@ impl Path {
         self.kept_distance = distance;
         self.throughput = weight.map(|weight| weight * (total / share));
         true
+    }
+
+    /// Whether the ray's opacity is asked.
+    fn is_seen(&self) -> bool {
+        matches!(self.stage, Stage::Camera | Stage::Look)
     }
 
     /// Whether candidates are spaced evenly.

@@ -275,7 +275,7 @@ impl Running<'_> {
                 break (picture, share);
             }
             let more = f64::from(needed) * error / target;
-            needed = (more.ceil().min(f64::from(path::MOST_SAMPLES)) as u32).max(needed + 1);
+            needed = (more.ceil() as u32).clamp(needed + 1, path::MOST_SAMPLES);
         };
         let our_seconds = [picture.preparation, picture.rendering / share];
         let cycles_seconds = [mode.preparation, mode.seconds(level)];
