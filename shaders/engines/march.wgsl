@@ -4,7 +4,7 @@
 // ray, else by the density), SOURCE_DENSITY (else extinction times albedo), EMPTY_CELLS (the table of what is provably empty is read),
 // SHADOW_AT_MOST (but not beyond a length), SHADOW_GROWTH (steps that grow), SHADOW_BY_ANGLE, DRAINE (else Henyey and Greenstein's),
 // OWN_PHASE (a gain and a rim), PHASE_TWICE (lobes once more), LEFTOVER_DROPPED and LEFTOVER_RESCALED (what an ended ray has left),
-// NO_SUN, SEVERAL_SUNS, SHADOW_MAP (what lies beyond the march is read), SHELL (the domain lies between spheres), MESH (in a mesh), else in a box, TERMS (those of a system's own), LIGHT_VOLUME (light that was found
+// NO_SUN, SEVERAL_SUNS, SHADOW_MAP (what lies beyond the march is read), SHADOW_LAYERS (a map knows all of it), SHELL (the domain lies between spheres), MESH (in a mesh), else in a box, TERMS (those of a system's own), LIGHT_VOLUME (light that was found
 // beforehand), COLUMNS (so was what lies towards the suns), and
 // the terms of src/engines/light/terms.rs: OCTAVES (else one), COMPRESSION, SILVER, POWDER, AMBIENT_GRADIENT, RAY_POWDER, BOOST,
 // BOOST_BY_ANGLE, BODY, COARSE_SHADOW (both read averages of the density).
@@ -98,7 +98,8 @@ struct March {
     volume_moments: vec3f,
     volume_last_moment: f32,
     columns_scale: vec3f,
-    columns_padding: f32,
+    // Layers of the shadow map, where it has some.
+    map_layers: u32,
     columns_size: vec3f,
     columns_end_padding: f32,
 }
@@ -316,6 +317,37 @@ fn from_map(sun: u32, place: vec3f, marched: f32) -> f32 {
 }
 #endif
 
+#ifdef SHADOW_LAYERS
+// One of the depths of a map, which lie four in a row.
+fn depth_in(first: u32, index: u32) -> f32 {
+    let row = map_row(first + index / 4u);
+    return row[index % 4u];
+}
+
+// Density times length from a place towards a sun: twin of `ShadowMap::read_layers` in src/engines/march/shadow_map.rs.
+fn from_layers(sun: u32, place: vec3f) -> f32 {
+    let size = march.map_size;
+    let begin = sun * (3u + (size * size * (march.map_layers + 1u) + 3u) / 4u);
+    let first = begin + 3u;
+    let at_place = vec4f(place, 1.0);
+    let last = vec3u(size - 1u, size - 1u, march.map_layers);
+    let in_map = vec3f(dot(map_row(begin), at_place), dot(map_row(begin + 1u), at_place), dot(map_row(begin + 2u), at_place));
+    let at = clamp(in_map, vec3f(0.0), vec3f(last));
+    let corner = min(vec3u(at), last - vec3u(1u));
+    let part = at - vec3f(corner);
+    var sum = 0.0;
+    for (var layer = 0u; layer < 2u; layer++) {
+        let near = ((corner.z + layer) * size + corner.y) * size + corner.x;
+        let far = near + size;
+        let upper = depth_in(first, near) * (1.0 - part.x) + depth_in(first, near + 1u) * part.x;
+        let lower = depth_in(first, far) * (1.0 - part.x) + depth_in(first, far + 1u) * part.x;
+        let mixed = upper * (1.0 - part.y) + lower * part.y;
+        sum += mixed * select(1.0 - part.z, part.z, layer == 1u);
+    }
+    return sum;
+}
+#endif
+
 // A place in a grid: the vertex before it on each axis, and the part of the way to the next.
 struct InGrid {
     corner: vec3u,
@@ -362,6 +394,10 @@ fn shadow_depth(sun: u32, place: vec3f, way: vec3f, cosine: f32) -> vec3f {
     let sum = column(sun, place);
     var step = 1.0;
 #else
+#ifdef SHADOW_LAYERS
+    let sum = from_layers(sun, place);
+    var step = 1.0;
+#else
 #ifdef MESH
     let found = sum_in_mesh(place, way);
     let sum = found.x;
@@ -391,6 +427,7 @@ fn shadow_depth(sun: u32, place: vec3f, way: vec3f, cosine: f32) -> vec3f {
         let at = place + way * (step * (f32(number) + march.shadow_sample));
         if holds(at) { sum += dimming_at(at); }
     }
+#endif
 #endif
 #endif
 #endif

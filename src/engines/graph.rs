@@ -6,7 +6,9 @@ use crate::base::error::{Error, Result};
 use crate::engines::defects::Defects;
 use crate::engines::domain::{Domain, DomainKind};
 use crate::engines::light::terms::Terms;
-use crate::engines::light::{LightModel, ShadowExtinction, ShadowLength, ShadowMarch, SourceFactor, TwoLobes};
+use crate::engines::light::{
+    LightModel, ShadowExtinction, ShadowLength, ShadowMapSettings, ShadowMarch, SourceFactor, TwoLobes,
+};
 use crate::engines::march::{Leftover, RealTimeSettings};
 use crate::engines::parameters::{Parameter, Range};
 use crate::engines::passes::compositing::Compositing;
@@ -71,6 +73,22 @@ pub const PARAMETERS: &[Parameter] = &[
         usual: [1.0, 16.0],
     },
     Parameter {
+        name: "shadow_map",
+        about: "texels along a side of a map of what lies towards the sun, which is read in the place of steps; 0: none",
+        unit: "",
+        range: Range::Whole(0, 4096),
+        default: 0.0,
+        usual: [0.0, 128.0],
+    },
+    Parameter {
+        name: "shadow_layers",
+        about: "layers of the map",
+        unit: "",
+        range: Range::Whole(1, 4096),
+        default: 64.0,
+        usual: [16.0, 128.0],
+    },
+    Parameter {
         name: "cache_cells",
         about: "cells of a density cache along the longest side; 0 evaluates the graph at each place",
         unit: "cells",
@@ -99,6 +117,7 @@ pub static MODEL: Model = Model {
         ("low", &[("march_steps", 24.0), ("light_steps", 2.0), ("cache_cells", 48.0), ("cache_format", 2.0)]),
         ("medium", &[("march_steps", 48.0), ("light_steps", 4.0), ("cache_cells", 96.0), ("cache_format", 2.0)]),
         ("high", &[("march_steps", 96.0), ("light_steps", 8.0), ("cache_cells", 0.0)]),
+        ("shadow-map", &[("shadow_map", 64.0), ("shadow_layers", 64.0)]),
     ],
     defects: &[],
     is_of_scene: true,
@@ -146,11 +165,15 @@ fn engine(request: &Request<'_>) -> Result<Engine> {
         0.0 => 0.0,
         whole => medium.scattering[channel] / whole,
     });
+    let [size, layers] = ["shadow_map", "shadow_layers"].map(|name| values.get(name) as u32);
+    let march = ShadowMarch::new(values.get("light_steps") as u32, ShadowLength::ToExit, ShadowExtinction::View);
+    // A map with layers has no march of its own.
+    let map = (size > 0).then(|| ShadowMapSettings::new(size.max(2), 1, 1.0));
     let light = LightModel {
         suns: Vec::new(),
         ambient: [0.0; 3],
         phase: TwoLobes::new([medium.anisotropy; 2], 0.0),
-        shadow: ShadowMarch::new(values.get("light_steps") as u32, ShadowLength::ToExit, ShadowExtinction::View),
+        shadow: ShadowMarch { map, layers: if size > 0 { layers } else { 0 }, ..march },
         source: SourceFactor::Albedo(albedo),
         terms: Terms::NONE,
     };

@@ -203,6 +203,13 @@ struct Plan {
     offsets: Vec<f64>,
 }
 
+impl Plan {
+    /// Runs the passes on all cores.
+    fn finish(&self, image: &mut Image, view: &View<'_>) -> Result<()> {
+        self.passes.iter().try_for_each(|pass| pass.run(image, view))
+    }
+}
+
 impl<'a> EngineRenderer<'a> {
     /// On the adapter where one is given, else on all cores.
     pub fn new(scene: &'a Scene, engine: &'a Engine, gpu: Option<&'a Gpu>) -> Result<Self> {
@@ -275,7 +282,8 @@ impl<'a> EngineRenderer<'a> {
     fn rays(&self, plan: &Plan, settings: &EngineSettings, pixels: Range<usize>) -> Vec<RealTimeRay> {
         let [width, height] = self.scene.image_size().map(|side| side as usize);
         let strata = plan.offsets.len();
-        let ray = |(pixel, part): (usize, usize)| {
+        let ray = |number: usize| {
+            let (pixel, part) = (number / strata.pow(2), number % strata.pow(2));
             let (column, line) = (pixel % width, height - 1 - pixel / width);
             let raster = DVec2::new(
                 column as f64 + 0.5 + plan.offsets[part % strata],
@@ -284,8 +292,7 @@ impl<'a> EngineRenderer<'a> {
             let fragment = [column * strata + part % strata, line * strata + part / strata];
             self.ray(raster, settings.jitter.value(fragment, settings.frame)).0
         };
-        let parts = |pixel| (0..strata * strata).map(move |part| (pixel, part)).map(ray);
-        pixels.into_par_iter().flat_map_iter(parts).collect()
+        (pixels.start * strata.pow(2)..pixels.end * strata.pow(2)).into_par_iter().map(ray).collect()
     }
 
     /// Rays that the pixel filter draws.
@@ -326,8 +333,8 @@ impl<'a> EngineRenderer<'a> {
                 frame.read_back_async(gpu).await
             })??,
             None => {
-                let mut image = self.composed(settings, None, progress)?;
-                self.finish(&mut image, settings)?;
+                let mut image = self.composed_by(&plan, settings, None, progress)?;
+                plan.finish(&mut image, &self.view())?;
                 image
             }
         };
@@ -346,8 +353,17 @@ impl<'a> EngineRenderer<'a> {
         drawn: Option<Drawn>,
         progress: Progress<'_>,
     ) -> Result<Image> {
+        self.composed_by(&self.plan(settings), settings, drawn, progress)
+    }
+
+    fn composed_by(
+        &self,
+        plan: &Plan,
+        settings: &EngineSettings,
+        drawn: Option<Drawn>,
+        progress: Progress<'_>,
+    ) -> Result<Image> {
         let Self { scene, engine, background, .. } = self;
-        let plan = &self.plan(settings);
         let marched = self.marched()?;
         let [width, height] = scene.image_size().map(|side| side as usize);
         let mut image = Image::new(width, height);
@@ -376,8 +392,7 @@ impl<'a> EngineRenderer<'a> {
 
     /// Runs the passes of a picture on all cores.
     pub(crate) fn finish(&self, image: &mut Image, settings: &EngineSettings) -> Result<()> {
-        let view = self.view();
-        self.plan(settings).passes.iter().try_for_each(|pass| pass.run(image, &view))
+        self.plan(settings).finish(image, &self.view())
     }
 
     /// What rays through raster positions find on all cores, in pixels from the bottom-left corner, without passes: for frames of a sequence

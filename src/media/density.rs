@@ -15,6 +15,9 @@ use std::sync::{Arc, Mutex, PoisonError};
 /// Cells per side of the table of provably empty parts.
 pub const CELLS: usize = 16;
 
+/// Cells per side of the table from which the others follow, each a half of the one before: bounds of large cells are wide, and dear.
+const FIRST_CELLS: usize = 8;
+
 /// Padding of a cell as a fraction of its side: rounding of f32 positions is far below it.
 const PADDING: f32 = 1e-3;
 
@@ -37,6 +40,8 @@ pub struct Density {
     pub occupied: Region,
     /// Whether each of the [`CELLS`]^3 cells may hold something, x fastest; none where all of them may.
     cells: Option<Arc<[bool]>>,
+    /// Cells of the table per length of the frame.
+    cells_per_length: DVec3,
 }
 
 impl Density {
@@ -50,7 +55,8 @@ impl Density {
 
     /// The same, of which nothing is left out: for boxes without end, and for media that emit where they are not dense.
     pub fn filling(program: Arc<Program>, bounds: Region) -> Self {
-        Self { program, bounds, occupied: bounds, cells: None }
+        let cells_per_length = CELLS as f64 / (bounds.high - bounds.low);
+        Self { program, bounds, occupied: bounds, cells: None, cells_per_length }
     }
 
     /// The same place with another program that is nothing where this one is: its cache.
@@ -86,7 +92,7 @@ impl Density {
         let mut first = [CELLS; 3];
         let mut last = [0; 3];
         for (index, _) in cells.iter().enumerate().filter(|(_, is_full)| **is_full) {
-            let place = place_of(index);
+            let place = place_of(index, CELLS);
             for axis in 0..3 {
                 first[axis] = first[axis].min(place[axis]);
                 last[axis] = last[axis].max(place[axis] + 1);
@@ -116,7 +122,7 @@ impl Density {
     /// Whether there may be something at a position.
     pub fn may_hold(&self, position: DVec3) -> bool {
         let Some(cells) = &self.cells else { return true };
-        let part = (position - self.bounds.low) / (self.bounds.high - self.bounds.low) * CELLS as f64;
+        let part = (position - self.bounds.low) * self.cells_per_length;
         let place: [usize; 3] = std::array::from_fn(|axis| (part[axis].max(0.0) as usize).min(CELLS - 1));
         cells[(place[2] * CELLS + place[1]) * CELLS + place[0]]
     }
@@ -169,6 +175,13 @@ impl<'a> DensityEvaluator<'a> {
         Ok(Self { density, evaluator, asked: Vec::new(), positions: Vec::new() })
     }
 
+    /// Densities at places all of which [may hold](Density::may_hold) something, in their order.
+    pub fn values_of_held(&mut self, places: impl Iterator<Item = DVec3>) -> impl Iterator<Item = f64> {
+        self.positions.clear();
+        self.positions.extend(places.map(|place| place.as_vec3().to_array()));
+        self.evaluator.evaluate(&self.positions).iter().map(|&value| not_negative(value))
+    }
+
     /// Densities at places, in their order; where there is provably nothing, nothing is asked.
     pub fn values(&mut self, places: &[DVec3]) -> Vec<f64> {
         self.asked.clear();
@@ -182,29 +195,58 @@ impl<'a> DensityEvaluator<'a> {
         let found = self.evaluator.evaluate(&self.positions);
         let mut values = vec![0.0; places.len()];
         for (&index, &value) in self.asked.iter().zip(found) {
-            values[index] = if value < 0.0 { 0.0 } else { f64::from(value) };
+            values[index] = not_negative(value);
         }
         values
     }
 }
 
-/// Column, row and layer of a cell.
-fn place_of(index: usize) -> [usize; 3] {
-    [index % CELLS, index / CELLS % CELLS, index / CELLS / CELLS]
+/// A value as a density: what is no number stays to be seen.
+fn not_negative(value: f32) -> f64 {
+    if value < 0.0 { 0.0 } else { f64::from(value) }
 }
 
-/// Whether each cell of a box may hold something, x fastest: on all cores, as bounds of a Voronoi texture take some 60 microseconds.
+/// Column, row and layer of a cell among so many per side.
+fn place_of(index: usize, cells: usize) -> [usize; 3] {
+    [index % cells, index / cells % cells, index / cells / cells]
+}
+
+/// Whether each cell of a box may hold something, x fastest. Bounds of a Voronoi texture take some 60 microseconds: on all cores, and only of
+/// cells that lie in such a cell of twice the side.
 fn full_cells(program: &Program, bounds: &Region) -> Result<Arc<[bool]>> {
-    let side = (bounds.high - bounds.low) / CELLS as f64;
+    let mut cells = FIRST_CELLS;
+    let mut full = full_among(program, bounds, cells, &vec![true; cells.pow(3)])?;
+    while cells < CELLS {
+        let finer = 2 * cells;
+        let in_full = |index: usize| {
+            let [x, y, z] = place_of(index, finer).map(|number| number / 2);
+            full[(z * cells + y) * cells + x]
+        };
+        let asked: Vec<bool> = (0..finer.pow(3)).map(in_full).collect();
+        full = full_among(program, bounds, finer, &asked)?;
+        cells = finer;
+    }
+    Ok(full.into())
+}
+
+/// Whether each of so many cells per side may hold something, where that is asked; else it does not.
+fn full_among(program: &Program, bounds: &Region, cells: usize, asked: &[bool]) -> Result<Vec<bool>> {
+    let side = (bounds.high - bounds.low) / cells as f64;
     let pad = side.as_vec3() * PADDING;
-    let boxes: Vec<Bounds3> = (0..CELLS.pow(3))
-        .map(|index| {
-            let low = bounds.low + side * DVec3::from(place_of(index).map(|number| number as f64));
+    let asked: Vec<usize> = (0..asked.len()).filter(|&index| asked[index]).collect();
+    let boxes: Vec<Bounds3> = asked
+        .iter()
+        .map(|&index| {
+            let low = bounds.low + side * DVec3::from(place_of(index, cells).map(|number| number as f64));
             Bounds3 { low: (low.as_vec3() - pad).to_array(), high: ((low + side).as_vec3() + pad).to_array() }
         })
         .collect();
     let found = program.bounds_many(&boxes)?;
-    Ok(found.iter().map(|found| found.may_be_nan || found.high > 0.0).collect())
+    let mut full = vec![false; cells.pow(3)];
+    for (index, found) in asked.into_iter().zip(found) {
+        full[index] = found.may_be_nan || found.high > 0.0;
+    }
+    Ok(full)
 }
 
 /// Refuses what is no density of the place alone.

@@ -178,7 +178,7 @@ impl ShadowSample {
     }
 }
 
-/// How a Beer shadow map is made ([`crate::engines::march::shadow_map`]).
+/// How a shadow map is made ([`crate::engines::march::shadow_map`]).
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct ShadowMapSettings {
     /// Texels along a side, at least 2.
@@ -236,6 +236,14 @@ pub struct ShadowMarch {
     /// A map that knows what lies beyond the march, where there is one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub map: Option<ShadowMapSettings>,
+    /// Layers of the map at whose ends it has the density times length up to the sun, so that nothing is marched for; 0: a Beer map.
+    #[serde(default, skip_serializing_if = "is_none")]
+    pub layers: u32,
+}
+
+/// Whether there are no layers.
+fn is_none(layers: &u32) -> bool {
+    *layers == 0
 }
 
 fn middle() -> ShadowSample {
@@ -245,7 +253,16 @@ fn middle() -> ShadowSample {
 impl ShadowMarch {
     /// Equal steps, read in their middle.
     pub const fn new(steps: u32, length: ShadowLength, extinction: ShadowExtinction) -> Self {
-        Self { steps, sample: ShadowSample::Middle, growth: 1.0, by_angle: 0.0, length, extinction, map: None }
+        Self {
+            steps,
+            sample: ShadowSample::Middle,
+            growth: 1.0,
+            by_angle: 0.0,
+            length,
+            extinction,
+            map: None,
+            layers: 0,
+        }
     }
 
     /// The march of published slabs: as long as the slab is thick however low the sun stands, read at the ends of its steps

@@ -262,6 +262,15 @@ pub const PARAMETERS: &[Parameter] = &[
         usual: [0.0, 64.0],
     },
     Parameter {
+        name: "shadow_layers",
+        about: "layers of a map that knows what lies between each and the sun, in the place of the march; 0: a Beer map's front and mean. \
+                Without a shadow_map it counts for nothing",
+        unit: "",
+        range: Range::Whole(0, 4096),
+        default: 0.0,
+        usual: [0.0, 64.0],
+    },
+    Parameter {
         name: "shadow_by_angle",
         about: "the depth towards the sun is multiplied with 1 minus this times the cosine",
         unit: "",
@@ -471,6 +480,7 @@ pub fn set(light: &mut LightModel, name: &str, value: f64, place: &str) -> Resul
         "shadow_length" if value == 0.0 => (),
         "shadow_length" => light.shadow.length = ShadowLength::Fixed(value),
         "shadow_map" => light.shadow.map = map_of(value as u32, light.shadow.map),
+        "shadow_layers" => light.shadow.layers = value as u32,
         "shadow_by_angle" => light.shadow.by_angle = value,
         "first_lobe" => light.phase.anisotropy[0] = value,
         "second_lobe" => light.phase.anisotropy[1] = value,
@@ -525,6 +535,7 @@ pub fn value(light: &LightModel, name: &str) -> Option<f64> {
             }
         }
         "shadow_map" => shadow.map.map_or(0.0, |map| f64::from(map.size)),
+        "shadow_layers" => f64::from(shadow.layers),
         "shadow_by_angle" => shadow.by_angle,
         "first_lobe" => phase.anisotropy[0],
         "second_lobe" => phase.anisotropy[1],

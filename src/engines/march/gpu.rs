@@ -92,7 +92,7 @@ shader_struct! {
         volume_moments: [f32; 3],
         volume_last_moment: f32,
         columns_scale: [f32; 3],
-        columns_padding: f32,
+        map_layers: u32,
         columns_size: [f32; 3],
         columns_end_padding: f32,
     }
@@ -420,7 +420,9 @@ impl MarchParts {
         define(matches!(light.shadow.length, ShadowLength::ToExitAtMost(_)), "SHADOW_AT_MOST");
         define(light.shadow.growth != 1.0, "SHADOW_GROWTH");
         define(light.shadow.by_angle != 0.0, "SHADOW_BY_ANGLE");
-        define(light.shadow.map.is_some() && !light.suns.is_empty(), "SHADOW_MAP");
+        let has_map = light.shadow.map.is_some() && !light.suns.is_empty();
+        define(has_map && light.shadow.layers == 0, "SHADOW_MAP");
+        define(has_map && light.shadow.layers > 0, "SHADOW_LAYERS");
         define(light.phase.alpha != [0.0; 2], "DRAINE");
         define(light.phase.gain != 1.0 || light.phase.rim != 0.0, "OWN_PHASE");
         define(light.phase.again.is_some(), "PHASE_TWICE");
@@ -539,6 +541,7 @@ impl MarchParts {
             shadow_by_angle: light.shadow.by_angle as f32,
             map_from: light.shadow.map_from() as f32,
             map_size: light.shadow.map.map_or(0, |map| map.size),
+            map_layers: light.shadow.layers,
             boost_light: terms.boost.light as f32,
             boost_ambient: terms.boost.ambient as f32,
             boost_length: terms.boost.length as f32,

@@ -31,6 +31,7 @@ use crate::engines::march::shadow_map::ShadowMap;
 use crate::media::averages::Averages;
 use crate::media::density::{Density, DensityEvaluator};
 use crate::media::light_volume::Columns;
+use crate::media::region::Region;
 use crate::media::transfer::{Integration, smooth, step_weight, transmittance};
 use glam::DVec3;
 use rayon::prelude::*;
@@ -198,6 +199,19 @@ pub struct Inside {
     pub farthest: f64,
 }
 
+impl Inside {
+    /// The first and the last of so many steps whose samples may lie in a box, with one more on either side; where it is crossed several
+    /// times, all.
+    fn steps_within(&self, region: &Region, steps: f64, jitter: f64) -> [u32; 2] {
+        if !self.parts.gaps.is_empty() {
+            return [0, u32::MAX];
+        }
+        let Some((enter, leave)) = region.segment(self.origin, self.way) else { return [0, 0] };
+        let number = |distance: f64| distance * steps / self.length - jitter;
+        [number(enter).floor() - 1.0, number(leave).ceil() + 1.0].map(|number| number as u32)
+    }
+}
+
 impl Container {
     /// A ray of the world: a direction of any length but 0, `farthest` in metres.
     pub fn ray(&self, origin: DVec3, direction: DVec3, farthest: f64, jitter: f64) -> RealTimeRay {
@@ -278,8 +292,12 @@ struct Way {
     taken: [f64; 2],
     /// By which the length is divided; the whole steps are done.
     steps: f64,
+    /// Their length.
+    step: f64,
     /// The next of them.
     next: u32,
+    /// After which one the ray leaves the part of the domain that may hold something.
+    last: u32,
     /// It has no more samples, or what is behind is no longer seen.
     is_done: bool,
     /// What is behind is no longer seen.
@@ -344,23 +362,27 @@ impl Marched<'_> {
     pub fn march(&self, settings: &RealTimeSettings, rays: &[RealTimeRay]) -> Result<Vec<RealTimePixel>> {
         self.check()?;
         let together = (rays.len() / (TASKS_OF_A_CORE * rayon::current_num_threads())).clamp(FEWEST_RAYS, MOST_RAYS);
-        let parts: Vec<Vec<RealTimePixel>> =
-            rays.par_chunks(together).map(|rays| self.march_together(settings, rays)).collect::<Result<_>>()?;
-        Ok(parts.concat())
+        let mut pixels = vec![RealTimePixel::NOTHING; rays.len()];
+        let tasks = rays.par_chunks(together).zip(pixels.par_chunks_mut(together));
+        tasks.try_for_each(|(rays, pixels)| self.march_together(settings, rays, pixels))?;
+        Ok(pixels)
     }
 
-    /// Marches rays together, a few samples of each at a time, so that the density gets batches.
-    fn march_together(&self, settings: &RealTimeSettings, rays: &[RealTimeRay]) -> Result<Vec<RealTimePixel>> {
-        let light = self.light;
+    /// Marches rays together, a few samples of each at a time, so that the density gets batches; `pixels` are those of rays that meet nothing.
+    fn march_together(
+        &self,
+        settings: &RealTimeSettings,
+        rays: &[RealTimeRay],
+        pixels: &mut [RealTimePixel],
+    ) -> Result<()> {
         let outline = &self.container.outline;
-        let mut pixels = vec![RealTimePixel::NOTHING; rays.len()];
         let crossing = |(index, ray): (usize, &RealTimeRay)| {
             let inside = ray.inside(outline);
-            (inside.length > 0.0).then(|| Way::new(index, inside, ray.jitter, light, settings))
+            (inside.length > 0.0).then(|| Way::new(index, inside, ray.jitter, self, settings))
         };
         let mut ways: Vec<Way> = rays.iter().enumerate().filter_map(crossing).collect();
         if ways.is_empty() {
-            return Ok(pixels);
+            return Ok(());
         }
         if let Some(volume) = &self.light_volume {
             ways.iter_mut().for_each(|way| way.of_volume = volume.weights(way.inside.direction));
@@ -368,15 +390,12 @@ impl Marched<'_> {
         let averages = self.averages_read();
         let mut read = Read::new(self, &averages)?;
         let mut samples = Vec::new();
-        let mut places = Vec::new();
         while ways.iter().any(|way| !way.is_done) {
             samples.clear();
             for (index, way) in ways.iter_mut().enumerate().filter(|(_, way)| !way.is_done) {
                 way.ask(index, self.density, &mut samples);
             }
-            places.clear();
-            places.extend(samples.iter().map(|sample| sample.place));
-            let densities = read.density.values(&places);
+            let densities: Vec<f64> = read.density.values_of_held(samples.iter().map(|sample| sample.place)).collect();
             for (sample, density) in samples.iter_mut().zip(densities) {
                 sample.density = density;
             }
@@ -392,7 +411,7 @@ impl Marched<'_> {
                 ..way.pixel
             };
         }
-        Ok(pixels)
+        Ok(())
     }
 
     /// Averages around a place and along the way to a sun, where the light reads them.
@@ -501,12 +520,18 @@ impl Marched<'_> {
             ShadowExtinction::Of(extinction) => [extinction; 3],
         };
         let octaves = &light.terms.octaves;
-        if let Some(columns) = self.columns() {
+        let whole = |column: &dyn Fn(DVec3) -> f64| -> Vec<[f64; 3]> {
             let depths = places.iter().zip(cosines).map(|(&place, &cosine)| {
-                let depth = columns.read(sun, place) * shadow.angle_factor(cosine);
+                let depth = column(place) * shadow.angle_factor(cosine);
                 scale.map(|scale| octaves.compressed(scale * depth))
             });
-            return depths.collect();
+            depths.collect()
+        };
+        if let Some(columns) = self.columns() {
+            return whole(&|place| columns.read(sun, place));
+        }
+        if let Some(map) = map.filter(|map| map.layers > 0) {
+            return whole(&|place| map.read(place, 0.0));
         }
         let mut lengths = Vec::with_capacity(places.len());
         let mut owners = Vec::new();
@@ -549,10 +574,13 @@ impl Marched<'_> {
 }
 
 impl Way {
-    fn new(index: usize, inside: Inside, jitter: f64, light: &LightModel, settings: &RealTimeSettings) -> Self {
+    fn new(index: usize, inside: Inside, jitter: f64, marched: &Marched<'_>, settings: &RealTimeSettings) -> Self {
+        let light = marched.light;
+        let steps = settings.steps_of(inside.parts.start);
+        let [next, last] = inside.steps_within(&marched.density.occupied, steps, jitter);
         let cosines: Vec<f64> =
             light.suns.iter().map(|sun| inside.direction.dot(sun.towards()).clamp(-1.0, 1.0)).collect();
-        Self {
+        let mut way = Self {
             index,
             jitter,
             weights: cosines.iter().map(|&cosine| light.weights(cosine)).collect(),
@@ -560,36 +588,55 @@ impl Way {
             of_volume: Vec::new(),
             is_done: false,
             has_ended: false,
-            steps: settings.steps_of(inside.parts.start),
-            next: 0,
+            steps,
+            step: inside.length / steps,
+            next,
+            last,
             inside,
             taken: [0.0; 2],
             pixel: RealTimePixel::NOTHING,
+        };
+        // Something opaque stands before them.
+        if next > 0 && way.reach(next - 1).is_none() {
+            way.next = 0;
         }
+        way
     }
 
     /// Adds the next samples that may hold something; where the ray has no more, it is done.
     fn ask(&mut self, index: usize, density: &Density, samples: &mut Vec<Sample>) {
-        let step = self.inside.length / self.steps;
+        let step = self.step;
         let mut asked = 0;
         while asked < SAMPLES_TOGETHER {
             let number = self.next;
-            let passed = (f64::from(number) + self.jitter) * step;
-            let left = self.inside.length - passed;
-            let distance = self.inside.parts.distance(passed);
-            if distance > self.inside.farthest || left < 0.0 || number >= self.steps as u32 {
+            let whole = self.steps as u32;
+            if number > self.last && number < whole && self.reach(whole - 1).is_some() {
+                // Nothing is left on the way, whose end is in the domain.
+                self.next = whole;
+                continue;
+            }
+            let Some([left, distance]) = self.reach(number) else {
                 self.is_done = true;
                 break;
-            }
+            };
             self.next += 1;
             let place = self.inside.origin + self.inside.way * distance;
-            if density.may_hold(place) {
+            if number <= self.last && density.may_hold(place) {
                 samples.push(Sample { index, number, place, step, left, distance, density: 0.0, before: [0.0; 3] });
                 asked += 1;
             }
         }
         // So many unless an earlier one ends the ray.
         self.pixel.samples = self.next;
+    }
+
+    /// Length of the ray behind the sample of a step, and its distance from where the ray enters; None of a step that there is not.
+    fn reach(&self, number: u32) -> Option<[f64; 2]> {
+        let passed = (f64::from(number) + self.jitter) * self.step;
+        let left = self.inside.length - passed;
+        let distance = self.inside.parts.distance(passed);
+        let is_beyond = distance > self.inside.farthest || left < 0.0 || number >= self.steps as u32;
+        (!is_beyond).then_some([left, distance])
     }
 
     /// Takes away what a sample keeps of the light from behind it; whether its own light counts.
@@ -622,7 +669,6 @@ impl Way {
 mod tests {
     use super::*;
     use crate::engines::domain::Domain;
-    use crate::media::region::Region;
     use glam::DMat4;
 
     fn container() -> Container {

@@ -12,15 +12,24 @@
 //! min(c2 + c3, c1 max(0, D - o - c0)), of the four texels around it, mixed. So a density is a slab behind its front, and what a place close to a
 //! front loses is less than it should be: that is the method, not a defect.
 //!
+//! With layers the map keeps instead, at the end of each, the density times length up to it (a deep shadow map on a lattice; Lokovic and Veach 2000),
+//! each layer by one sample in the middle of what the domain has of it. Then nothing is marched for: the depth of a place is that of the eight
+//! vertices around it, mixed. Its error is that of the lattice, which spans the occupied part of the domain; light's angle does not change it. Maps of
+//! a box are kept for the next picture of the same density under the same sun.
+//!
 //! Here one map spans the domain, where the original has cascades along the view; its percentage-closer filter and its blend over frames are
 //! left out. Twin of the reading: `shaders/engines/march.wgsl`, `from_map`.
 
 use crate::base::error::{Error, Result};
+use crate::engines::domain::Outline;
 use crate::engines::light::{ShadowMapSettings, Sun};
 use crate::engines::march::{Inside, Marched};
 use crate::media::density::DensityEvaluator;
-use glam::{DVec3, DVec4};
+use crate::media::region::Region;
+use glam::{DMat4, DVec3, DVec4};
 use rayon::prelude::*;
+use std::collections::VecDeque;
+use std::sync::{Mutex, PoisonError};
 
 /// Texels of a task.
 const TEXELS: usize = 256;
@@ -33,12 +42,28 @@ const LARGEST_HALF: f64 = 65_504.0;
 pub struct ShadowMap {
     /// Texels along a side.
     pub size: usize,
+    /// Layers; 0 of a Beer map.
+    pub layers: usize,
     /// A place of the density's frame, with 1 behind it, times these: its column and row from the centre of the first texel, and its distance below
-    /// the map in units of length.
+    /// the map in units of length, or in layers.
     pub rows: [DVec4; 3],
-    /// Row by row: distance, density, density times length, and the same of the tail.
+    /// Row by row: distance, density, density times length, and the same of the tail. With layers: the density times length above each of their
+    /// ends, row by row and layer by layer, four in one.
     pub texels: Vec<[f32; 4]>,
 }
+
+/// What a map with layers follows from: the density's program and box, the frame of the domain, the sun, texels and layers.
+type Key = (String, Region, DMat4, f64, DVec3, [u32; 2]);
+
+/// Such maps of the last pictures, newest first.
+static KNOWN: Mutex<VecDeque<(Key, ShadowMap)>> = Mutex::new(VecDeque::new());
+
+/// Maps that are kept, and the texels of those that are.
+const MOST_KNOWN: usize = 8;
+const MOST_KEPT_TEXELS: usize = 1 << 20;
+
+/// Bytes of a map with layers.
+const MOST_BYTES: f64 = (1_u64 << 30) as f64;
 
 impl ShadowMap {
     /// The maps of all suns of a light that asks for them; none where it does not. An error where the domain has no end.
@@ -52,7 +77,40 @@ impl ShadowMap {
                 "Set shadow_map to 0, or take the object's domain.",
             ));
         }
-        marched.light.suns.iter().map(|sun| Self::of_sun(marched, &settings, sun)).collect()
+        let layers = marched.light.shadow.layers;
+        let bytes = 4.0 * f64::from(settings.size).powi(2) * f64::from(layers + 1);
+        if layers > 0 && bytes > MOST_BYTES {
+            let fitting = (MOST_BYTES / (4.0 * f64::from(layers + 1))).sqrt().floor();
+            return Err(Error::new(
+                "parameter shadow_map",
+                format!("{} texels along a side with {layers} layers: {bytes:.3e} bytes", settings.size),
+                "a map of at most a gibibyte",
+                format!("Take at most {fitting} texels along a side, or fewer layers."),
+            ));
+        }
+        marched.light.suns.iter().map(|sun| Self::kept_of_sun(marched, &settings, sun)).collect()
+    }
+
+    /// A map that was made for an earlier picture, or a new one.
+    fn kept_of_sun(marched: &Marched<'_>, settings: &ShadowMapSettings, sun: &Sun) -> Result<Self> {
+        let Marched { container, density, light, .. } = marched;
+        if light.shadow.layers == 0 || !matches!(container.outline, Outline::Box(_)) {
+            return Self::of_sun(marched, settings, sun);
+        }
+        let size = [settings.size, light.shadow.layers];
+        let key =
+            (density.program().content_hash(), density.bounds, container.to_local, container.unit, sun.towards(), size);
+        let known = || KNOWN.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some((_, map)) = known().iter().find(|(other, _)| *other == key) {
+            return Ok(map.clone());
+        }
+        let map = Self::of_sun(marched, settings, sun)?;
+        if map.texels.len() <= MOST_KEPT_TEXELS {
+            let mut known = known();
+            known.truncate(MOST_KNOWN - 1);
+            known.push_front((key, map.clone()));
+        }
+        Ok(map)
     }
 
     fn of_sun(marched: &Marched<'_>, settings: &ShadowMapSettings, sun: &Sun) -> Result<Self> {
@@ -61,7 +119,9 @@ impl ShadowMap {
         let up = sun.towards();
         let (across, along) = up.any_orthonormal_pair();
         let axes = [across, along, up];
-        let region = container.outline.region();
+        let layers = marched.light.shadow.layers as usize;
+        let occupied = marched.density.occupied;
+        let region = if layers > 0 && !occupied.is_empty() { occupied } else { container.outline.region() };
         let corner = |number: usize| {
             let pick = |bit: usize, low: f64, high: f64| if number >> bit & 1 == 0 { low } else { high };
             let [low, high] = [region.low, region.high];
@@ -90,7 +150,8 @@ impl ShadowMap {
             let scale = size as f64 / (high[axis] - low[axis]);
             row(axes[axis], scale, -low[axis] * scale - 0.5)
         };
-        let rows = [flat(0), flat(1), row(up, -1.0 / container.unit, high[2] / container.unit)];
+        let per_metre = if layers > 0 { layers as f64 / (high[2] - low[2]) } else { 1.0 / container.unit };
+        let rows = [flat(0), flat(1), row(up, -per_metre, high[2] * per_metre)];
         let ray = |index: usize| {
             let part =
                 |axis: usize, texel: usize| low[axis] + (texel as f64 + 0.5) / size as f64 * (high[axis] - low[axis]);
@@ -98,6 +159,24 @@ impl ShadowMap {
             container.ray(start, -up, f64::INFINITY, 0.5).inside(&container.outline)
         };
         let numbers: Vec<usize> = (0..size * size).collect();
+        if layers > 0 {
+            let layer = 1.0 / (per_metre * container.unit);
+            let columns: Vec<Vec<f32>> = numbers
+                .par_chunks(TEXELS)
+                .map(|numbers| {
+                    let rays: Vec<Inside> = numbers.iter().map(|&index| ray(index)).collect();
+                    columns(marched, &rays, layers, layer)
+                })
+                .collect::<Result<_>>()?;
+            let mut values = vec![0.0; (size * size * (layers + 1)).next_multiple_of(4)];
+            for (texel, column) in columns.iter().flat_map(|some| some.chunks_exact(layers + 1)).enumerate() {
+                for (end, &value) in column.iter().enumerate() {
+                    values[end * size * size + texel] = value;
+                }
+            }
+            let texels = values.chunks_exact(4).map(|four| [four[0], four[1], four[2], four[3]]).collect();
+            return Ok(Self { size, layers, rows, texels });
+        }
         let texels: Vec<Vec<[f32; 4]>> = numbers
             .par_chunks(TEXELS)
             .map(|numbers| {
@@ -105,12 +184,15 @@ impl ShadowMap {
                 march(marched, settings, &rays)
             })
             .collect::<Result<_>>()?;
-        Ok(Self { size, rows, texels: texels.concat() })
+        Ok(Self { size, layers: 0, rows, texels: texels.concat() })
     }
 
-    /// Density times length from a place towards the sun beyond what has been `marched` of it, in units of length.
+    /// Density times length from a place towards the sun beyond what has been `marched` of it, in units of length; with layers all of it.
     pub fn read(&self, place: DVec3, marched: f64) -> f64 {
         let place = place.extend(1.0);
+        if self.layers > 0 {
+            return self.read_layers(place);
+        }
         let last = (self.size - 1) as f64;
         let [x, y] = [self.rows[0], self.rows[1]].map(|row| row.dot(place).clamp(0.0, last));
         let [left, top] = [x, y].map(|at| (at as usize).min(self.size - 2));
@@ -123,6 +205,54 @@ impl ShadowMap {
         let [front, density, whole, tail] = mixed;
         (whole + tail).min(density * (self.rows[2].dot(place) - marched - front).max(0.0))
     }
+
+    fn read_layers(&self, place: DVec4) -> f64 {
+        let last = [self.size - 1, self.size - 1, self.layers];
+        let mut first = [0; 3];
+        let mut part = [0.0; 3];
+        for axis in 0..3 {
+            let at = self.rows[axis].dot(place).clamp(0.0, last[axis] as f64);
+            first[axis] = (at as usize).min(last[axis] - 1);
+            part[axis] = at - first[axis] as f64;
+        }
+        let texels = self.texels.as_flattened();
+        let [column, row, layer] = first;
+        let corner = (layer * self.size + row) * self.size + column;
+        let along = |at: usize| f64::from(texels[at]) * (1.0 - part[0]) + f64::from(texels[at + 1]) * part[0];
+        let across = |at: usize| along(at) * (1.0 - part[1]) + along(at + self.size) * part[1];
+        across(corner) * (1.0 - part[2]) + across(corner + self.size * self.size) * part[2]
+    }
+}
+
+/// Density times length along rays up to the end of each layer, one ray after the other, beginning with none; layers begin at the map and
+/// are so long.
+fn columns(marched: &Marched<'_>, rays: &[Inside], layers: usize, layer: f64) -> Result<Vec<f32>> {
+    let mut density = DensityEvaluator::new(marched.density)?;
+    let (mut owners, mut places) = (Vec::new(), Vec::new());
+    for (index, ray) in rays.iter().enumerate().filter(|(_, ray)| ray.length > 0.0) {
+        let [begin, end] = [ray.parts.start, ray.parts.start + ray.parts.distance(ray.length)];
+        for number in 0..layers {
+            let from = (number as f64 * layer).max(begin);
+            let to = ((number + 1) as f64 * layer).min(end);
+            let middle = 0.5 * (from + to) - begin;
+            if from < to && ray.parts.holds(middle) {
+                owners.push((index * (layers + 1) + number + 1, to - from));
+                places.push(ray.origin + ray.way * middle);
+            }
+        }
+    }
+    let mut values = vec![0.0_f64; rays.len() * (layers + 1)];
+    for ((owner, length), found) in owners.into_iter().zip(density.values(&places)) {
+        values[owner] = found * length;
+    }
+    for column in values.chunks_exact_mut(layers + 1) {
+        let mut sum = 0.0;
+        for value in column {
+            sum += *value;
+            *value = sum;
+        }
+    }
+    Ok(values.into_iter().map(|value| value as f32).collect())
 }
 
 /// A ray on its way.
@@ -201,6 +331,10 @@ mod tests {
 
     /// A map over a box of 2 x 3 x 1 m of one density, in a frame of its own, under a sun; the unit of length is half a metre.
     fn map_over(sun: [f64; 3], settings: ShadowMapSettings) -> (ShadowMap, Container) {
+        map_with_layers(sun, settings, 0)
+    }
+
+    fn map_with_layers(sun: [f64; 3], settings: ShadowMapSettings, layers: u32) -> (ShadowMap, Container) {
         let region = Region { low: DVec3::splat(-1.0), high: DVec3::splat(1.0) };
         let to_local = DMat4::from_scale(DVec3::new(1.0, 2.0 / 3.0, 2.0)) * DMat4::from_rotation_z(0.3);
         let outline = Outline::Box(region);
@@ -211,7 +345,7 @@ mod tests {
             suns: vec![Sun { direction: sun, irradiance: [1.0; 3] }],
             ambient: [0.0; 3],
             phase: TwoLobes::new([0.0; 2], 0.0),
-            shadow: ShadowMarch { map: Some(settings), ..shadow },
+            shadow: ShadowMarch { map: Some(settings), layers, ..shadow },
             source: SourceFactor::Density,
             terms: Terms::NONE,
         };
@@ -243,6 +377,28 @@ mod tests {
             let found = map.read(DVec3::new(0.1, -0.2, height), marched);
             assert!((found - truth).abs() < 2e-3, "{height}: {found}, not {truth}");
         }
+    }
+
+    /// Depths of a map with layers of a box of one density are those of the ways through it, but for its lattice: less than half of its diagonal
+    /// of some 1/64 of the box; and the next map is the same.
+    #[test]
+    fn layers_know_the_way_through_a_box() {
+        let sun = DVec3::new(0.3, -0.5, 0.6);
+        let (map, container) = map_with_layers(sun.into(), ShadowMapSettings::new(64, 1, 0.5), 64);
+        let way = container.way(sun);
+        for place in [[0.1, 0.05, -0.9], [-0.2, 0.1, -0.3], [0.0, -0.1, 0.2], [0.5, 0.5, 0.9], [-0.9, 0.9, 0.0]] {
+            let place = DVec3::from(place);
+            let truth = 1.5 * container.outline.parts_to_light(place, way).length;
+            let found = map.read(place, 0.0);
+            assert!((found - truth).abs() < 1.5 * 8.0 / 64.0, "{place}: {found}, not {truth}");
+        }
+        assert_eq!(map.texels.len(), (64 * 64 * 65) / 4);
+        assert_eq!(map_with_layers(sun.into(), ShadowMapSettings::new(64, 1, 0.5), 64).0, map);
+        let (other, _) = map_with_layers([0.0, 0.0, 1.0], ShadowMapSettings::new(64, 1, 0.5), 64);
+        assert_ne!(other, map);
+        // Straight down a layer's end is exact: a unit is half a metre, the box a metre high.
+        assert!((other.read(DVec3::new(0.0, 0.0, -1.0), 0.0) - 1.5 * 2.0).abs() < 1e-5);
+        assert!((other.read(DVec3::new(0.0, 0.0, 0.25), 0.0) - 1.5 * 0.75).abs() < 1e-5);
     }
 
     #[test]
