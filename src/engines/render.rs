@@ -203,13 +203,6 @@ struct Plan {
     offsets: Vec<f64>,
 }
 
-impl Plan {
-    /// Runs the passes on all cores.
-    fn finish(&self, image: &mut Image, view: &View<'_>) -> Result<()> {
-        self.passes.iter().try_for_each(|pass| pass.run(image, view))
-    }
-}
-
 impl<'a> EngineRenderer<'a> {
     /// On the adapter where one is given, else on all cores.
     pub fn new(scene: &'a Scene, engine: &'a Engine, gpu: Option<&'a Gpu>) -> Result<Self> {
@@ -333,8 +326,8 @@ impl<'a> EngineRenderer<'a> {
                 frame.read_back_async(gpu).await
             })??,
             None => {
-                let mut image = self.composed_by(&plan, settings, None, progress)?;
-                plan.finish(&mut image, &self.view())?;
+                let mut image = self.composed(settings, None, progress)?;
+                self.finish(&mut image, settings)?;
                 image
             }
         };
@@ -353,17 +346,8 @@ impl<'a> EngineRenderer<'a> {
         drawn: Option<Drawn>,
         progress: Progress<'_>,
     ) -> Result<Image> {
-        self.composed_by(&self.plan(settings), settings, drawn, progress)
-    }
-
-    fn composed_by(
-        &self,
-        plan: &Plan,
-        settings: &EngineSettings,
-        drawn: Option<Drawn>,
-        progress: Progress<'_>,
-    ) -> Result<Image> {
         let Self { scene, engine, background, .. } = self;
+        let plan = &self.plan(settings);
         let marched = self.marched()?;
         let [width, height] = scene.image_size().map(|side| side as usize);
         let mut image = Image::new(width, height);
@@ -392,7 +376,8 @@ impl<'a> EngineRenderer<'a> {
 
     /// Runs the passes of a picture on all cores.
     pub(crate) fn finish(&self, image: &mut Image, settings: &EngineSettings) -> Result<()> {
-        self.plan(settings).finish(image, &self.view())
+        let view = self.view();
+        self.plan(settings).passes.iter().try_for_each(|pass| pass.run(image, &view))
     }
 
     /// What rays through raster positions find on all cores, in pixels from the bottom-left corner, without passes: for frames of a sequence
