@@ -62,8 +62,8 @@ static KNOWN: Mutex<VecDeque<(Key, ShadowMap)>> = Mutex::new(VecDeque::new());
 const MOST_KNOWN: usize = 8;
 const MOST_KEPT_TEXELS: usize = 1 << 20;
 
-/// Bytes of a map with layers.
-const MOST_BYTES: f64 = (1_u64 << 30) as f64;
+/// Bytes of the maps with layers of all suns: what every adapter binds at once, by WebGPU's default limit.
+const MOST_BYTES: f64 = (1_u64 << 27) as f64;
 
 impl ShadowMap {
     /// The maps of all suns of a light that asks for them; none where it does not. An error where the domain has no end.
@@ -78,13 +78,18 @@ impl ShadowMap {
             ));
         }
         let layers = marched.light.shadow.layers;
-        let bytes = 4.0 * f64::from(settings.size).powi(2) * f64::from(layers + 1);
+        let suns = marched.light.suns.len() as f64;
+        let of_column = 4.0 * suns * f64::from(layers + 1);
+        let bytes = of_column * f64::from(settings.size).powi(2);
         if layers > 0 && bytes > MOST_BYTES {
-            let fitting = (MOST_BYTES / (4.0 * f64::from(layers + 1))).sqrt().floor();
+            let fitting = (MOST_BYTES / of_column).sqrt().floor();
             return Err(Error::new(
                 "parameter shadow_map",
-                format!("{} texels along a side with {layers} layers: {bytes:.3e} bytes", settings.size),
-                "a map of at most a gibibyte",
+                format!(
+                    "{} texels along a side with {layers} layers and {suns} suns: {bytes:.3e} bytes",
+                    settings.size
+                ),
+                "maps of at most 128 MiB",
                 format!("Take at most {fitting} texels along a side, or fewer layers."),
             ));
         }
@@ -399,6 +404,34 @@ mod tests {
         // Straight down a layer's end is exact: a unit is half a metre, the box a metre high.
         assert!((other.read(DVec3::new(0.0, 0.0, -1.0), 0.0) - 1.5 * 2.0).abs() < 1e-5);
         assert!((other.read(DVec3::new(0.0, 0.0, 0.25), 0.0) - 1.5 * 0.75).abs() < 1e-5);
+    }
+
+    #[test]
+    fn maps_that_no_adapter_binds_are_refused() {
+        let (_, container) = map_over([0.0, 0.0, 1.0], ShadowMapSettings::new(2, 1, 0.5));
+        let density = Density::filling(Arc::new(Program::constant("one", 1.0)), container.outline.region());
+        let mut light = LightModel {
+            suns: vec![Sun { direction: [0.0, 0.0, 1.0], irradiance: [1.0; 3] }],
+            ambient: [0.0; 3],
+            phase: TwoLobes::new([0.0; 2], 0.0),
+            shadow: ShadowMarch::new(1, ShadowLength::ToExit, ShadowExtinction::View),
+            source: SourceFactor::Density,
+            terms: Terms::NONE,
+        };
+        light.shadow.map = Some(ShadowMapSettings::new(4096, 1, 0.5));
+        light.shadow.layers = 4096;
+        let marched = Marched {
+            container: &container,
+            density: &density,
+            extinction: [1.0; 3],
+            averages: None,
+            maps: &[],
+            light: &light,
+            terms: &[],
+            light_volume: None,
+        };
+        let error = ShadowMap::of(&marched).expect_err("256 GiB").to_string();
+        assert!(error.contains("shadow_map") && error.contains("Take at most 90 texels"), "{error}");
     }
 
     #[test]
