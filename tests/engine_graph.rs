@@ -649,8 +649,8 @@ fn a_shell_around_a_planet_is_the_same_on_the_adapter() {
     }
 }
 
-/// Frames of the cloud at equal error: root mean square of the difference to the same engine with many steps, in percent of the mean; processor time of a frame, median of nine after the first, which
-/// makes the map. By hand, on an idle machine: `cargo test --release --test engine_graph equal_error -- --ignored --nocapture`.
+/// Frames of the cloud at equal error: root mean square of the difference to the same engine with many steps, in percent of the mean; processor
+/// time of a frame, median of nine after the first, which makes the map. By hand, on an idle machine: `cargo test --release --test engine_graph equal_error -- --ignored --nocapture`.
 #[test]
 #[ignore = "measures times"]
 fn frames_at_equal_error() {

@@ -317,37 +317,6 @@ fn from_map(sun: u32, place: vec3f, marched: f32) -> f32 {
 }
 #endif
 
-#ifdef SHADOW_LAYERS
-// One of the depths of a map, which lie four in a row.
-fn depth_in(first: u32, index: u32) -> f32 {
-    let row = map_row(first + index / 4u);
-    return row[index % 4u];
-}
-
-// Density times length from a place towards a sun: twin of `ShadowMap::read_layers` in src/engines/march/shadow_map.rs.
-fn from_layers(sun: u32, place: vec3f) -> f32 {
-    let size = march.map_size;
-    let begin = sun * (3u + (size * size * (march.map_layers + 1u) + 3u) / 4u);
-    let first = begin + 3u;
-    let at_place = vec4f(place, 1.0);
-    let last = vec3u(size - 1u, size - 1u, march.map_layers);
-    let in_map = vec3f(dot(map_row(begin), at_place), dot(map_row(begin + 1u), at_place), dot(map_row(begin + 2u), at_place));
-    let at = clamp(in_map, vec3f(0.0), vec3f(last));
-    let corner = min(vec3u(at), last - vec3u(1u));
-    let part = at - vec3f(corner);
-    var sum = 0.0;
-    for (var layer = 0u; layer < 2u; layer++) {
-        let near = ((corner.z + layer) * size + corner.y) * size + corner.x;
-        let far = near + size;
-        let upper = depth_in(first, near) * (1.0 - part.x) + depth_in(first, near + 1u) * part.x;
-        let lower = depth_in(first, far) * (1.0 - part.x) + depth_in(first, far + 1u) * part.x;
-        let mixed = upper * (1.0 - part.y) + lower * part.y;
-        sum += mixed * select(1.0 - part.z, part.z, layer == 1u);
-    }
-    return sum;
-}
-#endif
-
 // A place in a grid: the vertex before it on each axis, and the part of the way to the next.
 struct InGrid {
     corner: vec3u,
@@ -356,8 +325,13 @@ struct InGrid {
 }
 
 fn in_grid(place: vec3f, scale: vec3f, size: vec3u) -> InGrid {
+    return among((place - march.volume_low) * scale, size);
+}
+
+// The same of a place whose vertices are those before and behind whole numbers.
+fn among(numbers: vec3f, size: vec3u) -> InGrid {
     let last = size - vec3u(1u);
-    let at = clamp((place - march.volume_low) * scale, vec3f(0.0), vec3f(last));
+    let at = clamp(numbers, vec3f(0.0), vec3f(last));
     let corner = min(vec3u(at), last - vec3u(1u));
     return InGrid(corner, at - vec3f(corner), size);
 }
@@ -373,18 +347,33 @@ fn share_of(grid: InGrid, number: u32) -> f32 {
     return shares.x * shares.y * shares.z;
 }
 
+// The values around a place, mixed; they lie four in a row, `begin` of them before the grid's.
+fn mixed(grid: InGrid, first_row: u32, begin: u32) -> f32 {
+    var sum = 0.0;
+    for (var number = 0u; number < 8u; number++) {
+        let index = begin + vertex_of(grid, number);
+        let row = map_row(first_row + index / 4u);
+        sum += share_of(grid, number) * row[index % 4u];
+    }
+    return sum;
+}
+
 #ifdef COLUMNS
 // Density times length from a place towards a sun: twin of `Columns::read` in src/media/light_volume.rs.
 fn column(sun: u32, place: vec3f) -> f32 {
     let grid = in_grid(place, march.columns_scale, vec3u(march.columns_size));
-    let begin = sun * grid.size.x * grid.size.y * grid.size.z;
-    var sum = 0.0;
-    for (var number = 0u; number < 8u; number++) {
-        let index = begin + vertex_of(grid, number);
-        let row = map_row(march.columns_first + index / 4u);
-        sum += share_of(grid, number) * row[index % 4u];
-    }
-    return sum;
+    return mixed(grid, march.columns_first, sun * grid.size.x * grid.size.y * grid.size.z);
+}
+#endif
+
+#ifdef SHADOW_LAYERS
+// The same of a map with layers: twin of `ShadowMap::read_layers` in src/engines/march/shadow_map.rs.
+fn from_layers(sun: u32, place: vec3f) -> f32 {
+    let size = vec3u(march.map_size, march.map_size, march.map_layers + 1u);
+    let begin = sun * (3u + (size.x * size.y * size.z + 3u) / 4u);
+    let at_place = vec4f(place, 1.0);
+    let numbers = vec3f(dot(map_row(begin), at_place), dot(map_row(begin + 1u), at_place), dot(map_row(begin + 2u), at_place));
+    return mixed(among(numbers, size), begin + 3u, 0u);
 }
 #endif
 

@@ -14,6 +14,7 @@ pub mod ledger;
 pub mod numbers;
 pub mod plain_text;
 pub mod progress;
+pub mod recent;
 #[cfg(test)]
 mod source_hash;
 pub mod texture;

@@ -4,13 +4,13 @@
 //! ([`crate::media::density_cache`]). Values below 0 count as 0; NaN stays to be seen.
 
 use crate::base::error::{Error, Result};
+use crate::base::recent::Recent;
 use crate::graph::bounds::Bounds3;
 use crate::graph::evaluate::{Evaluator, Points};
 use crate::graph::{Operand, Program};
 use crate::media::region::Region;
 use glam::DVec3;
-use std::collections::VecDeque;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::Arc;
 
 /// Cells per side of the table of provably empty parts.
 pub const CELLS: usize = 16;
@@ -24,11 +24,9 @@ const PADDING: f32 = 1e-3;
 /// Tables of the last densities.
 const MOST_KNOWN: usize = 32;
 
-/// A program, a box and which of its cells may hold something.
-type Table = ((String, Region), Arc<[bool]>);
-
-/// Tables of the last densities, newest first: who changes the light, or looks from another place, has the same density again.
-static KNOWN: Mutex<VecDeque<Table>> = Mutex::new(VecDeque::new());
+/// Which cells may hold something, by the program and the box of the last densities: who changes the light, or looks from another place, has the same
+/// density again.
+static KNOWN: Recent<(String, Region), Arc<[bool]>> = Recent::new(MOST_KNOWN);
 
 /// A density in a box of the program's frame.
 #[derive(Clone)]
@@ -77,15 +75,11 @@ impl Density {
     /// Marks the cells over which the density is provably zero, and shrinks [`Self::occupied`].
     fn find_empty_cells(&mut self) -> Result<()> {
         let key = (self.program.content_hash(), self.bounds);
-        let known = || KNOWN.lock().unwrap_or_else(PoisonError::into_inner);
-        let found = known().iter().find(|(other, _)| *other == key).map(|(_, cells)| Arc::clone(cells));
-        let cells = match found {
+        let cells = match KNOWN.get(&key) {
             Some(cells) => cells,
             None => {
                 let cells = full_cells(&self.program, &self.bounds)?;
-                let mut known = known();
-                known.truncate(MOST_KNOWN - 1);
-                known.push_front((key, Arc::clone(&cells)));
+                KNOWN.keep(key, Arc::clone(&cells));
                 cells
             }
         };

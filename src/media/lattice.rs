@@ -23,3 +23,21 @@ pub(crate) fn vertex(index: usize, size: [usize; 3], low: DVec3, step: DVec3) ->
     let place = [index % size[0], index / size[0] % size[1], index / size[0] / size[1]];
     low + step * DVec3::from(place.map(|number| number as f64))
 }
+
+/// The eight vertices around a place, or around the nearest place of a grid of so many per axis, at least 2 each, with the share of each. The place is in
+/// numbers of vertices.
+pub fn vertices_around(place: DVec3, size: [usize; 3]) -> [(usize, f32); 8] {
+    let mut corner = [0; 3];
+    let mut part = [0.0_f32; 3];
+    for axis in 0..3 {
+        let at = place[axis].clamp(0.0, (size[axis] - 1) as f64);
+        corner[axis] = (at as usize).min(size[axis] - 2);
+        part[axis] = (at - corner[axis] as f64) as f32;
+    }
+    let first = (corner[2] * size[1] + corner[1]) * size[0] + corner[0];
+    std::array::from_fn(|number| {
+        let which = [number & 1, number >> 1 & 1, number >> 2];
+        let share = (0..3).map(|axis| if which[axis] == 1 { part[axis] } else { 1.0 - part[axis] }).product();
+        (first + which[0] + (which[1] + which[2] * size[1]) * size[0], share)
+    })
+}

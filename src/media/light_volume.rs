@@ -15,7 +15,7 @@
 //! `column`.
 
 use crate::media::density::Density;
-use crate::media::lattice::{vertex, vertices_of};
+use crate::media::lattice::{vertex, vertices_around, vertices_of};
 use crate::media::region::Region;
 use glam::{DMat4, DVec3};
 use serde::{Deserialize, Serialize};
@@ -122,20 +122,7 @@ impl LightGrid {
 
     /// The eight vertices around a place, or around the nearest place of the grid, each with its share.
     fn around(&self, place: DVec3) -> [(usize, f32); 8] {
-        let Self { size, low, step, .. } = self;
-        let mut corner = [0; 3];
-        let mut part = [0.0_f32; 3];
-        for axis in 0..3 {
-            let at = ((place[axis] - low[axis]) / step[axis]).clamp(0.0, (size[axis] - 1) as f64);
-            corner[axis] = (at as usize).min(size[axis] - 2);
-            part[axis] = (at - corner[axis] as f64) as f32;
-        }
-        let first = (corner[2] * size[1] + corner[1]) * size[0] + corner[0];
-        std::array::from_fn(|number| {
-            let which = [number & 1, number >> 1 & 1, number >> 2];
-            let share = (0..3).map(|axis| if which[axis] == 1 { part[axis] } else { 1.0 - part[axis] }).product();
-            (first + which[0] + (which[1] + which[2] * size[1]) * size[0], share)
-        })
+        vertices_around((place - self.low) / self.step, self.size)
     }
 }
 

@@ -18,18 +18,18 @@
 //! a box are kept for the next picture of the same density under the same sun.
 //!
 //! Here one map spans the domain, where the original has cascades along the view; its percentage-closer filter and its blend over frames are
-//! left out. Twin of the reading: `shaders/engines/march.wgsl`, `from_map`.
+//! left out. Twins of the reading: `shaders/engines/march.wgsl`, `from_map` and `from_layers`.
 
 use crate::base::error::{Error, Result};
+use crate::base::recent::Recent;
 use crate::engines::domain::Outline;
 use crate::engines::light::{ShadowMapSettings, Sun};
 use crate::engines::march::{Inside, Marched};
 use crate::media::density::DensityEvaluator;
+use crate::media::lattice::vertices_around;
 use crate::media::region::Region;
 use glam::{DMat4, DVec3, DVec4};
 use rayon::prelude::*;
-use std::collections::VecDeque;
-use std::sync::{Mutex, PoisonError};
 
 /// Texels of a task.
 const TEXELS: usize = 256;
@@ -55,8 +55,8 @@ pub struct ShadowMap {
 /// What a map with layers follows from: the density's program and box, the frame of the domain, the sun, texels and layers.
 type Key = (String, Region, DMat4, f64, DVec3, [u32; 2]);
 
-/// Such maps of the last pictures, newest first.
-static KNOWN: Mutex<VecDeque<(Key, ShadowMap)>> = Mutex::new(VecDeque::new());
+/// Such maps of the last pictures.
+static KNOWN: Recent<Key, ShadowMap> = Recent::new(MOST_KNOWN);
 
 /// Maps that are kept, and the texels of those that are.
 const MOST_KNOWN: usize = 8;
@@ -105,15 +105,12 @@ impl ShadowMap {
         let size = [settings.size, light.shadow.layers];
         let key =
             (density.program().content_hash(), density.bounds, container.to_local, container.unit, sun.towards(), size);
-        let known = || KNOWN.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some((_, map)) = known().iter().find(|(other, _)| *other == key) {
-            return Ok(map.clone());
+        if let Some(map) = KNOWN.get(&key) {
+            return Ok(map);
         }
         let map = Self::of_sun(marched, settings, sun)?;
         if map.texels.len() <= MOST_KEPT_TEXELS {
-            let mut known = known();
-            known.truncate(MOST_KNOWN - 1);
-            known.push_front((key, map.clone()));
+            KNOWN.keep(key, map.clone());
         }
         Ok(map)
     }
@@ -164,15 +161,13 @@ impl ShadowMap {
             container.ray(start, -up, f64::INFINITY, 0.5).inside(&container.outline)
         };
         let numbers: Vec<usize> = (0..size * size).collect();
+        let some = numbers
+            .par_chunks(TEXELS)
+            .map(|numbers| -> Vec<Inside> { numbers.iter().map(|&index| ray(index)).collect() });
         if layers > 0 {
             let layer = 1.0 / (per_metre * container.unit);
-            let columns: Vec<Vec<f32>> = numbers
-                .par_chunks(TEXELS)
-                .map(|numbers| {
-                    let rays: Vec<Inside> = numbers.iter().map(|&index| ray(index)).collect();
-                    columns(marched, &rays, layers, layer)
-                })
-                .collect::<Result<_>>()?;
+            let columns: Vec<Vec<f32>> =
+                some.map(|rays| columns(marched, &rays, layers, layer)).collect::<Result<_>>()?;
             let mut values = vec![0.0; (size * size * (layers + 1)).next_multiple_of(4)];
             for (texel, column) in columns.iter().flat_map(|some| some.chunks_exact(layers + 1)).enumerate() {
                 for (end, &value) in column.iter().enumerate() {
@@ -182,13 +177,7 @@ impl ShadowMap {
             let texels = values.chunks_exact(4).map(|four| [four[0], four[1], four[2], four[3]]).collect();
             return Ok(Self { size, layers, rows, texels });
         }
-        let texels: Vec<Vec<[f32; 4]>> = numbers
-            .par_chunks(TEXELS)
-            .map(|numbers| {
-                let rays: Vec<Inside> = numbers.iter().map(|&index| ray(index)).collect();
-                march(marched, settings, &rays)
-            })
-            .collect::<Result<_>>()?;
+        let texels: Vec<Vec<[f32; 4]>> = some.map(|rays| march(marched, settings, &rays)).collect::<Result<_>>()?;
         Ok(Self { size, layers: 0, rows, texels: texels.concat() })
     }
 
@@ -212,20 +201,10 @@ impl ShadowMap {
     }
 
     fn read_layers(&self, place: DVec4) -> f64 {
-        let last = [self.size - 1, self.size - 1, self.layers];
-        let mut first = [0; 3];
-        let mut part = [0.0; 3];
-        for axis in 0..3 {
-            let at = self.rows[axis].dot(place).clamp(0.0, last[axis] as f64);
-            first[axis] = (at as usize).min(last[axis] - 1);
-            part[axis] = at - first[axis] as f64;
-        }
+        let numbers = DVec3::from(self.rows.map(|row| row.dot(place)));
         let texels = self.texels.as_flattened();
-        let [column, row, layer] = first;
-        let corner = (layer * self.size + row) * self.size + column;
-        let along = |at: usize| f64::from(texels[at]) * (1.0 - part[0]) + f64::from(texels[at + 1]) * part[0];
-        let across = |at: usize| along(at) * (1.0 - part[1]) + along(at + self.size) * part[1];
-        across(corner) * (1.0 - part[2]) + across(corner + self.size * self.size) * part[2]
+        let around = vertices_around(numbers, [self.size, self.size, self.layers + 1]);
+        f64::from(around.into_iter().map(|(index, share)| share * texels[index]).sum::<f32>())
     }
 }
 
