@@ -51,13 +51,16 @@ bench: build ## speed of the evaluators and of path tracing against Cycles, as r
 	$(PROGRAM) bench-bake
 	$(PROGRAM) time-to-error -o out/time-to-error
 
+# Files side by side: what a file makes once, it makes once; each process has bpy in it.
+PYTEST := .venv/bin/python -m pytest --quiet --numprocesses auto --maxprocesses 4 --dist loadfile
+
 test: setup ## lints, all tests of Rust and Python, doc tests
 	@$(MAKE) --no-print-directory lint
 	if cargo nextest --version >/dev/null 2>&1; \
 	then cargo nextest run $(CARGO_FLAGS); \
 	else cargo test $(CARGO_FLAGS) --lib --bins --tests; fi
 	cargo test $(CARGO_FLAGS) --doc
-	PYTHONDONTWRITEBYTECODE=1 .venv/bin/python -m pytest --quiet tests/python # caches in blend/ would build the program anew
+	PYTHONDONTWRITEBYTECODE=1 $(PYTEST) tests/python # caches in blend/ would build the program anew
 
 lint: setup ## format, clippy, the core alone, documentation, ruff; warnings are errors
 	cargo fmt --check

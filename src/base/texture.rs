@@ -222,16 +222,31 @@ impl Texture {
 
     /// The eight texels where every index has one: flat textures, which are at their rim everywhere, come here.
     fn corners_around(&self, low: [i32; 3]) -> [f32; 8] {
-        let [x, y, z]: [[usize; 2]; 3] = std::array::from_fn(|axis| {
-            [low[axis], low[axis].saturating_add(1)].map(|index| self.inside(axis, index).expect("nothing is outside"))
-        });
-        let rows = [0, 1, 2, 3].map(|row: usize| (z[row >> 1] * self.size[1] + y[row & 1]) * self.size[0]);
-        let texels: [usize; 8] = std::array::from_fn(|corner| rows[corner >> 1] + x[corner & 1]);
+        let x = self.ends(0, low[0]);
+        let y = self.ends(1, low[1]).map(|index| index * self.size[0]);
+        let z = self.ends(2, low[2]).map(|index| index * self.size[0] * self.size[1]);
+        let rows = [z[0] + y[0], z[0] + y[1], z[1] + y[0], z[1] + y[1]];
         match &self.texels {
-            Texels::F32(values) => texels.map(|index| values[index]),
-            Texels::F16(values) => texels.map(|index| f16::from_bits(values[index]).to_f32()),
-            Texels::Unorm8 { bytes, .. } => texels.map(|index| self.decode(bytes[index])),
+            Texels::F32(values) => of_rows(values, rows, x, |value| value),
+            Texels::F16(values) => of_rows(values, rows, x, |bits| f16::from_bits(bits).to_f32()),
+            Texels::Unorm8 { bytes, .. } => of_rows(bytes, rows, x, |byte| self.decode(byte)),
         }
+    }
+
+    /// What [`Self::inside`] gives for an index and the next, of a texture that is nowhere 0 outside, with one division at most.
+    #[inline(always)]
+    fn ends(&self, axis: usize, low: i32) -> [usize; 2] {
+        let last = self.size[axis] as i32 - 1;
+        let next = low.saturating_add(1);
+        let inside = match self.outside {
+            Outside::Repeat => {
+                let first = if (0..=last).contains(&low) { low } else { low.rem_euclid(last + 1) };
+                let second = if first == last { 0 } else { first + 1 };
+                [first, if next == low { first } else { second }]
+            }
+            Outside::Clamp | Outside::Zero => [low.clamp(0, last), next.clamp(0, last)],
+        };
+        inside.map(|index| index as usize)
     }
 
     /// Not inlined: few reads come here.
@@ -369,6 +384,13 @@ fn pairs<T: Copy>(texels: &[T], rows: [usize; 4], value: impl Fn(T) -> f32) -> [
         [value(pair[0]), value(pair[1])]
     });
     [a[0], a[1], b[0], b[1], c[0], c[1], d[0], d[1]]
+}
+
+/// The same where a row's two texels, at `x` in it, need not lie side by side.
+#[inline(always)]
+fn of_rows<T: Copy>(texels: &[T], rows: [usize; 4], x: [usize; 2], value: impl Fn(T) -> f32) -> [f32; 8] {
+    let at = |row: usize, end: usize| value(texels[rows[row] + x[end]]);
+    [at(0, 0), at(0, 1), at(1, 0), at(1, 1), at(2, 0), at(2, 1), at(3, 0), at(3, 1)]
 }
 
 /// Hulls of blocks of two per axis, of `size` ranges that stand at their indices.
@@ -515,6 +537,34 @@ mod tests {
         let size = [5, 3, 7];
         let values = (0..105).map(|number| ((number * 37) % 101) as f32 - 50.0).collect();
         Texture::new(size, Texels::F32(values), TextureFilter::Trilinear, outside)
+    }
+
+    #[test]
+    fn corners_are_the_texels_inside() {
+        let sizes = [[5, 3, 7], [6, 4, 1], [1, 1, 1], [1, 8, 2]];
+        let lows = [i32::MIN, i32::MIN + 1, -9, -8, -5, -2, -1, 0, 1, 2, 3, 4, 5, 6, 7, 8, 40, i32::MAX - 1, i32::MAX];
+        for size in sizes {
+            let count: usize = size.iter().product();
+            let numbers: Vec<f32> = (0..count).map(|number| 1.0 + (number * 37 % 251) as f32).collect();
+            let halves = numbers.iter().map(|value| f16::from_f32(*value).to_bits()).collect();
+            let bytes = numbers.iter().map(|value| *value as u8).collect();
+            for texels in
+                [Texels::F32(numbers.clone()), Texels::F16(halves), Texels::Unorm8 { bytes, range: [0.0, 255.0] }]
+            {
+                for outside in [Outside::Clamp, Outside::Repeat, Outside::Zero] {
+                    let texture = Texture::new(size, texels.clone(), TextureFilter::Trilinear, outside);
+                    for low in lows.iter().flat_map(|x| lows.iter().map(move |y| [*x, *y])) {
+                        let low = [low[0], low[1], low[0].wrapping_add(low[1])];
+                        let expected: [f32; 8] = std::array::from_fn(|corner| {
+                            texture.value(std::array::from_fn(|axis| {
+                                texture.inside(axis, low[axis].saturating_add((corner >> axis & 1) as i32))
+                            }))
+                        });
+                        assert_eq!(texture.corners(low), expected, "{size:?} {outside:?} {low:?}");
+                    }
+                }
+            }
+        }
     }
 
     #[test]

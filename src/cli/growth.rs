@@ -3,7 +3,9 @@
 use crate::base::error::{Error, Result};
 use crate::base::files;
 use crate::base::ledger::to_json;
+use crate::cli::choice::choice;
 use crate::cli::resume::{ExperimentArguments, whole};
+use crate::gpu::Backend;
 use crate::measure::speed::growth::{self, Ladder, Once, Quantity, Rung, Settings};
 use crate::scene::Scene;
 use std::path::PathBuf;
@@ -17,7 +19,8 @@ use std::process::{Command, ExitCode};
 #[command(after_help = "Examples:
   cloudparity growth CLOUD.scene.json -o GROWTH
   cloudparity growth CLOUD.scene.json --ladder objects=1,10,100,1000 -o GROWTH
-  cloudparity growth CLOUD.scene.json --ladder \"Density=1,10,100\" -o GROWTH")]
+  cloudparity growth CLOUD.scene.json --ladder \"Density=1,10,100\" -o GROWTH
+  cloudparity growth CLOUD.scene.json --ladder width=16,32,64 --backend gpu -o GROWTH-ON-THE-ADAPTER")]
 pub(super) struct Arguments {
     /// The scene file.
     scene: PathBuf,
@@ -37,6 +40,9 @@ pub(super) struct Arguments {
     /// Repetitions; the median counts.
     #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u32).range(1..=100))]
     repeats: u32,
+    /// Where it runs.
+    #[arg(long, value_parser = choice::<Backend>(), default_value_t = Backend::Cpu)]
+    backend: Backend,
     #[command(flatten)]
     experiment: ExperimentArguments,
     /// JSON instead of text.
@@ -55,7 +61,8 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
         super::print(&to_json(&rung.measure(&scene)?))?;
         return Ok(ExitCode::SUCCESS);
     }
-    let settings = Settings { width: arguments.width, samples: arguments.samples, repeats: arguments.repeats };
+    let Arguments { width, samples, repeats, backend, .. } = *arguments;
+    let settings = Settings { width, samples, repeats, backend };
     let mut ladders = arguments.ladders()?;
     if arguments.ladder.is_empty() {
         ladders.retain(|ladder| match ladder.check(&scene, settings) {

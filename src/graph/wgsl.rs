@@ -41,6 +41,12 @@ pub const ROW: u32 = 2048;
 const WORDS: SharedConstants =
     SharedConstants { path: "cloudparity::words::constants", numbers: &[("ROW", SharedNumber::Unsigned(ROW))] };
 
+/// Composers that nobody uses at the moment. One compiles a score of regular expressions, which takes longer than most compositions.
+static COMPOSERS: Mutex<Vec<Composer>> = Mutex::new(Vec::new());
+
+/// One for all texts, for the same reason.
+static PREPROCESSOR: LazyLock<Preprocessor> = LazyLock::new(Preprocessor::default);
+
 /// What programs read whose constants are in a buffer.
 const NUMBERS: (&str, &str) = ("nodes/shared/numbers.wgsl", include_str!("../../shaders/nodes/shared/numbers.wgsl"));
 
@@ -321,17 +327,32 @@ impl Linker {
         sha256(&all)
     }
 
-    fn composed(self, path: &str, source: &str, definitions: &[&str]) -> Result<naga::Module> {
-        let mut composer = Composer::default();
+    fn composed(&self, path: &str, source: &str, definitions: &[&str]) -> Result<naga::Module> {
+        let at_rest = || COMPOSERS.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut composer = at_rest().pop().unwrap_or_default();
+        let module = self.composed_by(&mut composer, path, source, definitions);
+        composer.module_sets.clear();
+        composer.module_index.clear();
+        at_rest().push(composer);
+        module
+    }
+
+    fn composed_by(
+        &self,
+        composer: &mut Composer,
+        path: &str,
+        source: &str,
+        definitions: &[&str],
+    ) -> Result<naga::Module> {
         for part in &self.parts {
             match part {
                 Part::Module(path, source) => {
                     let descriptor = ComposableModuleDescriptor { source, file_path: path, ..Default::default() };
                     let added = composer.add_composable_module(descriptor).map(|_| ());
-                    added.map_err(|cause| failure(&composer, path, &cause))?;
+                    added.map_err(|cause| failure(composer, path, &cause))?;
                 }
                 Part::Instance { name, path, text, definitions } => {
-                    add_instance(&mut composer, name, path, text, definitions)?;
+                    add_instance(composer, name, path, text, definitions)?;
                 }
             }
         }
@@ -339,7 +360,7 @@ impl Linker {
         let descriptor = NagaModuleDescriptor { source, file_path: path, shader_defs, ..Default::default() };
         let mut module = match composer.make_naga_module(descriptor) {
             Ok(module) => module,
-            Err(cause) => return Err(failure(&composer, path, &cause)),
+            Err(cause) => return Err(failure(composer, path, &cause)),
         };
         naga::compact::compact(&mut module, naga::compact::KeepUnused::No);
         rename(&mut module);
@@ -517,7 +538,7 @@ fn add_instance(
     };
     let added = composer.add_composable_module(descriptor).map(|_| ());
     added.map_err(|cause| failure(composer, path, &cause))?;
-    let text = Preprocessor::default().preprocess(source, &definitions).map_err(|inner| {
+    let text = PREPROCESSOR.preprocess(source, &definitions).map_err(|inner| {
         let source = ErrSource::Constructing { path: path.to_owned(), source: source.to_owned(), offset: 0 };
         failure(composer, path, &ComposerError { inner, source })
     })?;

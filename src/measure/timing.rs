@@ -113,12 +113,14 @@ pub fn cycles_seconds(picture: &Image, file: &Path) -> Result<[f64; 2]> {
 
 /// A picture by path tracing on all cores, and its processor seconds: preparation, paths.
 pub fn timed_picture<'a>(subject: impl Into<Subject<'a>>, settings: &PathSettings) -> Result<(Image, [f64; 2])> {
-    timed_picture_by(Clock::Processor, subject, settings)
+    timed_picture_by(Clock::Processor, Backend::Cpu, subject, settings)
 }
 
-/// [`timed_picture`] by the processor or on the wall.
+/// [`timed_picture`] by the processor or on the wall, on the adapter, too. There preparation has the kernel's compilation in it, as
+/// far as it comes before the first pass.
 pub fn timed_picture_by<'a>(
     clock: Clock,
+    backend: Backend,
     subject: impl Into<Subject<'a>>,
     settings: &PathSettings,
 ) -> Result<(Image, [f64; 2])> {
@@ -128,7 +130,7 @@ pub fn timed_picture_by<'a>(
         Clock::Processor | Clock::Timestamps => begin.elapsed().as_secs_f64(),
     };
     let prepared = OnceLock::new();
-    let image = path::render(subject, settings, Backend::Cpu, None, &|_, what| {
+    let image = path::render(subject, settings, backend, None, &|_, what| {
         // Majorants are announced before they are made; whatever comes next is after them.
         if what != path::PREPARATION {
             prepared.get_or_init(elapsed);

@@ -11,6 +11,7 @@ use crate::base::ledger::{Found, Purpose};
 use crate::base::progress::Progress;
 use crate::bridge;
 use crate::bridge::CyclesKernel;
+use crate::gpu::Backend;
 use crate::integrators::path::PathSettings;
 use crate::measure::experiment;
 use crate::measure::experiment::{Desk, Done, Experiment, Outcome};
@@ -72,8 +73,10 @@ impl Quantity {
         }
     }
 
-    fn clock(&self) -> Clock {
-        if *self == Self::Threads { Clock::Wall } else { Clock::Processor }
+    /// Hardware has no processor time; what its software stand-in does is the processor's work.
+    fn clock(&self, backend: Backend) -> Result<Clock> {
+        let is_hardware = backend.open()?.is_some_and(|gpu| !gpu.adapter().is_software());
+        Ok(if *self == Self::Threads || is_hardware { Clock::Wall } else { Clock::Processor })
     }
 }
 
@@ -92,8 +95,8 @@ impl Ladder {
         self.values.iter().try_for_each(|&value| self.rung(value, settings).apply(scene).map(drop))
     }
 
-    fn rung(&self, value: f64, Settings { width, samples, .. }: Settings) -> Rung {
-        Rung { quantity: self.quantity.clone(), value, width, samples }
+    fn rung(&self, value: f64, Settings { width, samples, backend, .. }: Settings) -> Rung {
+        Rung { quantity: self.quantity.clone(), value, width, samples, backend }
     }
 }
 
@@ -106,6 +109,9 @@ pub struct Settings {
     pub samples: u32,
     /// Rounds; the median counts.
     pub repeats: u32,
+    /// Where paths are traced.
+    #[serde(default, skip_serializing_if = "Backend::is_cpu")]
+    pub backend: Backend,
 }
 
 /// A rung of a ladder.
@@ -119,6 +125,9 @@ pub struct Rung {
     pub width: u32,
     /// Samples of a pixel, where these do not grow.
     pub samples: u32,
+    /// Where paths are traced.
+    #[serde(default, skip_serializing_if = "Backend::is_cpu")]
+    pub backend: Backend,
 }
 
 /// One measurement of a rung.
@@ -168,7 +177,8 @@ impl Rung {
     /// Renders it in this process.
     pub fn measure(&self, scene: &Scene) -> Result<Once> {
         let (scene, settings) = self.apply(scene)?;
-        let (image, [preparation, paths]) = timed_picture_by(self.quantity.clock(), &scene, &settings)?;
+        let (image, [preparation, paths]) =
+            timed_picture_by(self.quantity.clock(self.backend)?, self.backend, &scene, &settings)?;
         image.check_finite("the picture of a rung")?;
         let count = |name: &str| image.provenance.get(name).and_then(|text| text.parse().ok()).unwrap_or(0);
         let (leaves, collisions) = (count("majorant_leaves"), count("collisions"));
@@ -386,9 +396,9 @@ impl Row {
 impl Growth {
     /// A table for a terminal.
     pub fn table(&self) -> String {
-        let Settings { width, samples, repeats } = self.settings;
+        let Settings { width, samples, repeats, backend } = self.settings;
         let mut text = format!(
-            "{}, {width} pixels wide, {samples} samples; medians of {repeats}, slopes of logarithms from the rung before; {}\n",
+            "{}, {width} pixels wide, {samples} samples; medians of {repeats}, slopes of logarithms from the rung before; paths on the {backend}; {}\n",
             self.scene, self.machine
         );
         let slope = |slope: Option<f64>| slope.map_or_else(|| "-".to_owned(), |slope| format!("{slope:.2}"));
@@ -449,7 +459,7 @@ mod tests {
     }
 
     fn rung(quantity: Quantity, value: f64) -> Rung {
-        Rung { quantity, value, width: 24, samples: 64 }
+        Rung { quantity, value, width: 24, samples: 64, backend: Backend::Cpu }
     }
 
     fn mean(rung: &Rung, scene: &Scene) -> f64 {

@@ -66,7 +66,6 @@ fn build(mode: &crate::nodes::Mode) -> Box<dyn NodeEvaluator> {
 }
 
 /// A byte texture of side `side`: one channel, x fastest.
-#[derive(Debug)]
 pub struct Volume {
     /// Texels per axis.
     pub side: usize,
@@ -99,6 +98,13 @@ impl Volume {
             let texels = Texels::Unorm8 { bytes: Arc::clone(&self.texels), range: [0.0, 1.0] };
             TextureHandle::new(Texture::new([self.side; 3], texels, TextureFilter::Trilinear, self.outside))
         })
+    }
+}
+
+/// Its texels by their hash: what depends on a cloud is known by this text, and a volume has millions.
+impl std::fmt::Debug for Volume {
+    fn fmt(&self, out: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(out, "Volume({} {:?} {})", self.side, self.outside, crate::base::files::sha256(&self.texels))
     }
 }
 

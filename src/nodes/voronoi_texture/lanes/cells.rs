@@ -604,30 +604,52 @@ fn whole_number_values<S: Simd, const N: usize>(linear: [S::i32s; N]) -> [S::f32
 
 /// The rounds of [`crate::nodes::hash::pcg`] after its linear part.
 #[inline(always)]
-pub(super) fn hash<S: Simd, const N: usize>(mut v: [S::i32s; N]) -> [S::i32s; N] {
-    round::<S, N>(&mut v);
-    v = each(|axis| v[axis] ^ (v[axis] >> 16));
-    round::<S, N>(&mut v);
-    each(|axis| v[axis] & 0x7FFF_FFFF)
+pub(super) fn hash<S: Simd, const N: usize>(linear: [S::i32s; N]) -> [S::i32s; N] {
+    let [bits] = hashes::<S, N, 1>([linear]);
+    bits
+}
+
+/// [`hash`] of several cells, step by step in turn: each step waits for the one before it, and a processor looks only so far ahead for
+/// other work.
+#[inline(always)]
+pub(super) fn hashes<S: Simd, const N: usize, const CELLS: usize>(
+    mut v: [[S::i32s; N]; CELLS],
+) -> [[S::i32s; N]; CELLS] {
+    rounds::<S, N, CELLS>(&mut v);
+    for of_cell in &mut v {
+        *of_cell = each(|axis| of_cell[axis] ^ (of_cell[axis] >> 16));
+    }
+    rounds::<S, N, CELLS>(&mut v);
+    for of_cell in &mut v {
+        *of_cell = each(|axis| of_cell[axis] & 0x7FFF_FFFF);
+    }
+    v
 }
 
 #[inline(always)]
-fn round<S: Simd, const N: usize>(v: &mut [S::i32s; N]) {
+fn rounds<S: Simd, const N: usize, const CELLS: usize>(v: &mut [[S::i32s; N]; CELLS]) {
     match N {
         2 => {
-            v[0] += v[1] * MULTIPLIER;
-            v[1] += v[0] * MULTIPLIER;
+            for [to, from] in [[0, 1], [1, 0]] {
+                for of_cell in v.iter_mut() {
+                    of_cell[to] += of_cell[from] * MULTIPLIER;
+                }
+            }
         }
-        3 => {
-            v[0] += v[1] * v[2];
-            v[1] += v[2] * v[0];
-            v[2] += v[0] * v[1];
-        }
-        _ => {
-            v[0] += v[1] * v[3];
-            v[1] += v[2] * v[0];
-            v[2] += v[0] * v[1];
-            v[3] += v[1] * v[2];
+        3 => multiplied::<S, N, CELLS, 3>(v, [[0, 1, 2], [1, 2, 0], [2, 0, 1]]),
+        _ => multiplied::<S, N, CELLS, 4>(v, [[0, 1, 3], [1, 2, 0], [2, 0, 1], [3, 1, 2]]),
+    }
+}
+
+/// To the first of each three the product of the others is added.
+#[inline(always)]
+fn multiplied<S: Simd, const N: usize, const CELLS: usize, const STEPS: usize>(
+    v: &mut [[S::i32s; N]; CELLS],
+    steps: [[usize; 3]; STEPS],
+) {
+    for [to, first, second] in steps {
+        for of_cell in v.iter_mut() {
+            of_cell[to] += of_cell[first] * of_cell[second];
         }
     }
 }

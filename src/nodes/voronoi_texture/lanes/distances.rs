@@ -9,8 +9,8 @@
 
 use crate::nodes::Column;
 use crate::nodes::lanes;
-use crate::nodes::voronoi_texture::lanes::cells::{Axis, Kinds, axes, compared, distance_of, hash, least, offset_to};
-use crate::nodes::voronoi_texture::lanes::{Octave, Plan, Search, blended, cells, each};
+use crate::nodes::voronoi_texture::lanes::cells::{Axis, Kinds, axes, compared, distance_of, hashes, least, offset_to};
+use crate::nodes::voronoi_texture::lanes::{Measure, Octave, Plan, Search, blended, cells, each};
 use crate::nodes::voronoi_texture::{Hashing, Metric};
 use fearless_simd::prelude::*;
 
@@ -110,10 +110,14 @@ fn search_near<S: Simd, const N: usize, const PLAIN: bool>(
     );
 }
 
-/// The search, with a kind of hash that the compiler sees where it is known.
+/// The search, with a kind of hash and a metric that the compiler sees where they are known.
 #[inline(always)]
 fn known<const PLAIN: bool>(search: Search) -> Search {
-    if PLAIN { Search { hashing: Hashing::WholeNumbers, ..search } } else { search }
+    if PLAIN {
+        Search { hashing: Hashing::WholeNumbers, measure: Measure::EUCLIDEAN, randomness: 1.0, ..search }
+    } else {
+        search
+    }
 }
 
 #[inline(always)]
@@ -157,7 +161,7 @@ fn search_far<S: Simd, const N: usize, const PLAIN: bool>(
                     let part = |axis: usize| {
                         if axis == first || axis == second { far[axis] } else { S::f32s::splat(simd, 0.0) }
                     };
-                    needed |= cells::join::<S, N>(search.measure, each(part)).simd_lt(best);
+                    needed |= cells::join::<S, N>(known::<PLAIN>(search).measure, each(part)).simd_lt(best);
                 }
             }
             needed
@@ -166,6 +170,24 @@ fn search_far<S: Simd, const N: usize, const PLAIN: bool>(
         |axes, best| search_corners::<S, N>(simd, axes, known::<PLAIN>(search), best),
     );
 }
+
+/// The places of the set bits of each byte, from the lowest; 0 behind them.
+static SET_BITS: [[u16; 8]; 256] = {
+    let mut places = [[0; 8]; 256];
+    let mut byte = 0;
+    while byte < 256 {
+        let (mut bit, mut found) = (0, 0);
+        while bit < 8 {
+            if byte >> bit & 1 == 1 {
+                places[byte][found] = bit;
+                found += 1;
+            }
+            bit += 1;
+        }
+        byte += 1;
+    }
+    places
+};
 
 /// Searches the cells that are far along one axis, where they may matter.
 #[inline(always)]
@@ -201,7 +223,8 @@ fn search_where<S: Simd, const N: usize, const PLAIN: bool>(
         #[inline(always)]
         || {
             let width = S::f32s::LEN;
-            let mut needing = [0_usize; BATCH];
+            // With room for the vector that the last ones fill in part.
+            let mut needing = [0_u16; BATCH + lanes::MOST];
             let mut number = 0;
             for start in (0..count).step_by(width) {
                 let far: [S::f32s; N] = each(
@@ -209,20 +232,29 @@ fn search_where<S: Simd, const N: usize, const PLAIN: bool>(
                     |axis| S::f32s::from_slice(simd, &places.far[axis][start..start + width]),
                 );
                 let best = S::f32s::from_slice(simd, &places.best[start..start + width]);
-                let needed = is_needed(&far, best).to_bitmask();
-                // Written without a branch, which would be a guess: every place is put down, those that count stay.
-                for lane in 0..width.min(count - start) {
-                    needing[number % BATCH] = start + lane;
-                    number += (needed >> lane & 1) as usize;
+                let mut needed = is_needed(&far, best).to_bitmask();
+                if count - start < width {
+                    needed &= (1 << (count - start)) - 1;
+                }
+                // Without a branch, which would be a guess: eight places are put down, those that count come first.
+                for first in (0..width).step_by(8) {
+                    let bits = (needed >> first & 0xFF) as usize;
+                    let places = &mut needing[number..number + 8];
+                    for lane in 0..8 {
+                        places[lane] = (start + first) as u16 + SET_BITS[bits][lane];
+                    }
+                    number += bits.count_ones() as usize;
                 }
             }
-            for group in needing[..number].chunks(width) {
-                // The lanes that are left repeat the first place.
-                let place = |lane: usize| *group.get(lane).unwrap_or(&group[0]) % BATCH;
+            // The lanes that are left repeat a place.
+            let whole = number.next_multiple_of(width);
+            let repeated = needing[whole.saturating_sub(width)];
+            needing[number..whole].fill(repeated);
+            for group in needing[..whole].chunks_exact(width) {
                 let mut gathered = [0.0; lanes::MOST];
                 let mut gather = |from: &[f32; BATCH]| {
                     for lane in 0..width {
-                        gathered[lane] = from[place(lane)];
+                        gathered[lane] = from[usize::from(group[lane]) % BATCH];
                     }
                     S::f32s::from_slice(simd, &gathered[..width])
                 };
@@ -233,7 +265,7 @@ fn search_where<S: Simd, const N: usize, const PLAIN: bool>(
                 let best = gather(&places.best);
                 visit(&around(simd, x, known::<PLAIN>(search)), best).store_slice(&mut gathered[..width]);
                 for (&place, &best) in group.iter().zip(&gathered) {
-                    places.best[place % BATCH] = best;
+                    places.best[usize::from(place) % BATCH] = best;
                 }
             }
         },
@@ -249,7 +281,9 @@ fn search_block<S: Simd, const N: usize, const PLAIN: bool, const FAR: usize>(
     search: Search,
     mut best: S::f32s,
 ) -> S::f32s {
-    // Written out: cells that share parts of the hash share its first products. Kinds of the last axis vary slowest.
+    // Written out: cells that share parts of the hash share its first products. Kinds of the last axis vary slowest; cells go in twos
+    // along an axis on which the block has both.
+    let (other, along) = if FAR == 2 { (2, 0) } else { (0, 2) };
     kinds::<FAR>(
         if N == 4 { 3 } else { usize::MAX },
         #[inline(always)]
@@ -259,14 +293,15 @@ fn search_block<S: Simd, const N: usize, const PLAIN: bool, const FAR: usize>(
                 #[inline(always)]
                 |y| {
                     kinds::<FAR>(
-                        0,
+                        other,
                         #[inline(always)]
-                        |x| {
-                            kinds::<FAR>(
-                                2,
-                                #[inline(always)]
-                                |z| best = best.min(value::<S, N, PLAIN>(simd, axes, search, [x, y, z, w])),
-                            );
+                        |kind| {
+                            let mut cells = [[0, y, 0, w]; 2];
+                            for (number, cell) in cells.iter_mut().enumerate() {
+                                (cell[other], cell[along]) = (kind, number as u8);
+                            }
+                            let [first, second] = values::<S, N, PLAIN>(simd, axes, search, cells);
+                            best = best.min(first).min(second);
                         },
                     );
                 },
@@ -289,32 +324,44 @@ fn kinds<const FAR: usize>(axis: usize, mut each: impl FnMut(u8)) {
     }
 }
 
-/// What is compared for the point of a cell.
+/// What is compared for the points of two cells.
 #[inline(always)]
-fn value<S: Simd, const N: usize, const PLAIN: bool>(
+fn values<S: Simd, const N: usize, const PLAIN: bool>(
     simd: S,
     axes: &[Axis<S>; N],
     search: Search,
-    cell: Kinds,
-) -> S::f32s {
+    cells: [Kinds; 2],
+) -> [S::f32s; 2] {
     if !PLAIN {
-        return compared::<S, N>(simd, search.measure, offset_to(simd, axes, search, &cell));
+        return each(
+            #[inline(always)]
+            |number| compared::<S, N>(simd, search.measure, offset_to(simd, axes, search, &cells[number])),
+        );
     }
-    let kind = |axis: usize| usize::from(cell[axis]);
-    let bits = hash::<S, N>(each(
+    let kind = |number: usize, axis: usize| usize::from(cells[number][axis]);
+    let bits = hashes::<S, N, 2>(each(
         #[inline(always)]
-        |axis| axes[axis].keys[kind(axis)],
-    ));
-    let squares = each(
-        #[inline(always)]
-        |axis| {
-            // The product with 2^-31 is exact, so that fusing it with the sum changes no bit.
-            let point = S::f32s::float_from(bits[axis]).mul_add(1.0 / 2_147_483_648.0, axes[axis].offset[kind(axis)]);
-            let offset = point - axes[axis].place;
-            offset * offset
+        |number| {
+            each(
+                #[inline(always)]
+                |axis| axes[axis].keys[kind(number, axis)],
+            )
         },
-    );
-    cells::join::<S, N>(search.measure, squares)
+    ));
+    let mut squares = [[S::f32s::splat(simd, 0.0); N]; 2];
+    for axis in 0..N {
+        for number in 0..2 {
+            // The product with 2^-31 is exact, so that fusing it with the sum changes no bit.
+            let offset = axes[axis].offset[kind(number, axis)];
+            let point = S::f32s::float_from(bits[number][axis]).mul_add(1.0 / 2_147_483_648.0, offset);
+            let apart = point - axes[axis].place;
+            squares[number][axis] = apart * apart;
+        }
+    }
+    each(
+        #[inline(always)]
+        |number| cells::join::<S, N>(Measure::EUCLIDEAN, squares[number]),
+    )
 }
 
 /// The smaller of `best` and the values of the cells that are far along several axes.
