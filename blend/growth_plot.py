@@ -61,7 +61,7 @@ def _panel(axis, ladder):
     axis.set_xticks(shown, [f"{value:g}" for value in shown])
     axis.set_xticks([], minor=True)
     axis.set_xlabel(ladder["name"], fontsize=7)
-    axis.tick_params(labelsize=6)
+    axis.tick_params(which="both", labelsize=6)
 
 
 if __name__ == "__main__":

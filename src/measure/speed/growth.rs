@@ -12,7 +12,7 @@ use crate::base::progress::Progress;
 use crate::bridge;
 use crate::bridge::CyclesKernel;
 use crate::gpu::Backend;
-use crate::integrators::path::PathSettings;
+use crate::integrators::path::{self, PathSettings};
 use crate::measure::experiment;
 use crate::measure::experiment::{Desk, Done, Experiment, Outcome};
 use crate::measure::speed::median;
@@ -177,6 +177,10 @@ impl Rung {
     /// Renders it in this process.
     pub fn measure(&self, scene: &Scene) -> Result<Once> {
         let (scene, settings) = self.apply(scene)?;
+        if !self.backend.is_cpu() {
+            // Whichever rung comes first would compile the kernel, which drivers keep.
+            path::render(&scene, &PathSettings { samples: 1, ..settings }, self.backend, None, &|_, _| ())?;
+        }
         let (image, [preparation, paths]) =
             timed_picture_by(self.quantity.clock(self.backend)?, self.backend, &scene, &settings)?;
         image.check_finite("the picture of a rung")?;
@@ -441,7 +445,7 @@ impl Growth {
         let ladders: Vec<Json> =
             self.ladders.iter().map(|(quantity, rows)| json!({"name": quantity.label(), "rows": rows})).collect();
         let request = json!({
-            "title": format!("Growth of path tracing, {}", self.scene), "ladders": ladders,
+            "title": format!("Growth of path tracing on the {}, {}", self.settings.backend, self.scene), "ladders": ladders,
             "svg": file("svg"), "png": file("png"), "pdf": file("pdf"),
         });
         bridge::run_script("growth_plot.py", &request, CyclesKernel::Default, |_| ()).map(drop)

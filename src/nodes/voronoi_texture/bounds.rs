@@ -288,8 +288,10 @@ impl<M: Measure, const N: usize> Scan<'_, M, N> {
         for index in 0..self.axes[axis].count {
             let (number, gap) = self.axes[axis].cells[index];
             let joined = self.measure.join(joined, gap);
-            // The cells of an axis are in the order of their gaps.
-            if joined > self.limit() {
+            // The cells of an axis are in the order of their gaps. Candidates may be as far as the limit; otherwise what is not nearer
+            // changes nothing: in a box of many cells the least offset is 0 at the first, and the hundreds behind it are left out.
+            let limit = self.limit();
+            if joined > limit || (joined == limit && self.candidates.is_none()) {
                 break;
             }
             cell[axis] = number;
