@@ -289,7 +289,7 @@ impl<M: Measure, const N: usize> Scan<'_, M, N> {
             let (number, gap) = self.axes[axis].cells[index];
             let joined = self.measure.join(joined, gap);
             // The cells of an axis are in the order of their gaps. Candidates may be as far as the limit; otherwise what is not nearer
-            // changes nothing: in a box of many cells the least offset is 0 at the first, and the hundreds behind it are left out.
+            // changes nothing: once a point lies in the box, the cells behind it are left out. (With a constant W none does.)
             let limit = self.limit();
             if joined > limit || (joined == limit && self.candidates.is_none()) {
                 break;
