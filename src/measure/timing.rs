@@ -116,8 +116,8 @@ pub fn timed_picture<'a>(subject: impl Into<Subject<'a>>, settings: &PathSetting
     timed_picture_by(Clock::Processor, Backend::Cpu, subject, settings)
 }
 
-/// [`timed_picture`] by the processor or on the wall, on the adapter, too. There preparation has the kernel's compilation in it, as
-/// far as it comes before the first pass.
+/// [`timed_picture`] by the processor or on the wall, on the adapter, too. There the kernel's compilation is in it: in the preparation
+/// where the driver compiles before the first pass, in the paths where it does so at the first dispatch, as Mesa's lavapipe.
 pub fn timed_picture_by<'a>(
     clock: Clock,
     backend: Backend,

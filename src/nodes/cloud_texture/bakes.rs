@@ -150,38 +150,23 @@ fn nearest(place: [f64; 3], point: impl Fn([i32; 3]) -> [f64; 3]) -> f64 {
         [square(low - place[axis]), 0.0, square(low + 1.0 - place[axis])]
     });
     let mut least = f64::INFINITY;
-    for around in NEAR_CELLS {
-        let [x, y, z] = around.map(usize::from);
-        if apart[0][x] + apart[1][y] + apart[2][z] >= least {
-            continue;
+    // The cell itself first, before those below and above it.
+    for z in [1, 0, 2] {
+        for y in [1, 0, 2] {
+            for x in [1, 0, 2] {
+                if apart[0][x] + apart[1][y] + apart[2][z] >= least {
+                    continue;
+                }
+                let around = [x, y, z];
+                let at: [i32; 3] = std::array::from_fn(|axis| cell[axis] + around[axis] as i32 - 1);
+                let offset = point(at);
+                let along = |axis: usize| square(f64::from(at[axis]) + offset[axis] - place[axis]);
+                least = least.min(along(0) + along(1) + along(2));
+            }
         }
-        let at: [i32; 3] = std::array::from_fn(|axis| cell[axis] + i32::from(around[axis]) - 1);
-        let offset = point(at);
-        let along = |axis: usize| square(f64::from(at[axis]) + offset[axis] - place[axis]);
-        least = least.min(along(0) + along(1) + along(2));
     }
     least
 }
-
-/// A cell (1, 1, 1) and the 26 around it: the cell itself, then those that share a face, an edge, a corner.
-const NEAR_CELLS: [[u8; 3]; 27] = {
-    let mut cells = [[1; 3]; 27];
-    let mut filled = 0;
-    let mut shared = 0;
-    while shared < 4 {
-        let mut number = 0;
-        while number < 27 {
-            let cell = [number % 3, number / 3 % 3, number / 9];
-            if (cell[0] != 1) as u8 + (cell[1] != 1) as u8 + (cell[2] != 1) as u8 == shared {
-                cells[filled] = cell;
-                filled += 1;
-            }
-            number += 1;
-        }
-        shared += 1;
-    }
-    cells
-};
 
 /// Gradient noise and inverted cells of `bolt`, of four cells to a period.
 fn best_noise() -> TextureHandle {

@@ -101,10 +101,10 @@ impl Volume {
     }
 }
 
-/// Its texels by their hash: what depends on a cloud is known by this text, and a volume has millions.
+/// Its texture's: what depends on a cloud is known by this text, and a volume has millions of texels.
 impl std::fmt::Debug for Volume {
     fn fmt(&self, out: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(out, "Volume({} {:?} {})", self.side, self.outside, crate::base::files::sha256(&self.texels))
+        self.texture().fmt(out)
     }
 }
 

@@ -36,6 +36,10 @@ const LARGEST_WINDOW: f64 = 20_000.0;
 /// Candidates for the nearest point beyond which colours, positions, edges and radii are not looked at singly.
 const LARGEST_CANDIDATE_COUNT: usize = 64;
 
+/// Distance in cells that a box without a use for the far side takes for 0, and looks no further. Such a box holds so many points that
+/// the least distance is rarely above it, and all of its cells would be looked at to say how little it is.
+const CLOSE: f64 = 0.05;
+
 /// Minkowski exponents with a scan. Outside, f32 powers of offsets over- or underflow, or the
 /// comparison orders the other way round (below 0).
 const EXPONENTS: [f64; 2] = [0.25, 8.0];
@@ -269,6 +273,8 @@ struct Scan<'a, M, const N: usize> {
     far: [f64; 2],
     /// Whether the far side is wanted: not for boxes so wide that it cannot improve on the range.
     wants_far: bool,
+    /// Joined offset that counts as none.
+    close: f64,
     /// Where candidates go in the second pass, with the joined offset that limits them.
     candidates: Option<(&'a mut Vec<CellPoint<N>>, f64)>,
 }
@@ -289,7 +295,7 @@ impl<M: Measure, const N: usize> Scan<'_, M, N> {
             let (number, gap) = self.axes[axis].cells[index];
             let joined = self.measure.join(joined, gap);
             // The cells of an axis are in the order of their gaps. Candidates may be as far as the limit; otherwise what is not nearer
-            // changes nothing: once a point lies in the box, the cells behind it are left out. (With a constant W none does.)
+            // changes nothing, and no cell is nearer than none.
             let limit = self.limit();
             if joined > limit || (joined == limit && self.candidates.is_none()) {
                 break;
@@ -313,6 +319,9 @@ impl<M: Measure, const N: usize> Scan<'_, M, N> {
             return;
         }
         insert(&mut self.near, near);
+        if !self.wants_far && self.near[usize::from(self.second)] <= self.close {
+            self.near = [0.0; 2];
+        }
         let improves = self.wants_far && far < self.far[usize::from(self.second)];
         if improves && (far < self.always_seen || self.place.always_sees(cell, self.radius)) {
             insert(&mut self.far, far);
@@ -451,6 +460,7 @@ impl VoronoiTexture {
             near: [f64::INFINITY; 2],
             far: [limit; 2],
             wants_far: wants_candidates || place.widest_side() <= 1.0,
+            close: measure.term(CLOSE),
             candidates: None,
         };
         scan.visit(0, 0.0, &mut [0; N]);

@@ -598,19 +598,12 @@ fn float_values<S: Simd, const N: usize>(simd: S, keys: [S::i32s; N]) -> [S::f32
 /// Values of the hash with the given linear part. The product with 2^-31 is exact.
 #[inline(always)]
 fn whole_number_values<S: Simd, const N: usize>(linear: [S::i32s; N]) -> [S::f32s; N] {
-    let bits = hash::<S, N>(linear);
+    let [bits] = hashes::<S, N, 1>([linear]);
     each(|axis| S::f32s::float_from(bits[axis]) * (1.0 / 2_147_483_648.0))
 }
 
-/// The rounds of [`crate::nodes::hash::pcg`] after its linear part.
-#[inline(always)]
-pub(super) fn hash<S: Simd, const N: usize>(linear: [S::i32s; N]) -> [S::i32s; N] {
-    let [bits] = hashes::<S, N, 1>([linear]);
-    bits
-}
-
-/// [`hash`] of several cells, step by step in turn: each step waits for the one before it, and a processor looks only so far ahead for
-/// other work.
+/// The rounds of [`crate::nodes::hash::pcg`] after its linear part, for several cells step by step in turn: each step waits for the
+/// one before it, and a processor looks only so far ahead for other work.
 #[inline(always)]
 pub(super) fn hashes<S: Simd, const N: usize, const CELLS: usize>(
     mut v: [[S::i32s; N]; CELLS],

@@ -171,24 +171,6 @@ fn search_far<S: Simd, const N: usize, const PLAIN: bool>(
     );
 }
 
-/// The places of the set bits of each byte, from the lowest; 0 behind them.
-static SET_BITS: [[u16; 8]; 256] = {
-    let mut places = [[0; 8]; 256];
-    let mut byte = 0;
-    while byte < 256 {
-        let (mut bit, mut found) = (0, 0);
-        while bit < 8 {
-            if byte >> bit & 1 == 1 {
-                places[byte][found] = bit;
-                found += 1;
-            }
-            bit += 1;
-        }
-        byte += 1;
-    }
-    places
-};
-
 /// Searches the cells that are far along one axis, where they may matter.
 #[inline(always)]
 fn search_far_along<S: Simd, const N: usize, const PLAIN: bool, const AXIS: usize>(
@@ -208,6 +190,24 @@ fn search_far_along<S: Simd, const N: usize, const PLAIN: bool, const AXIS: usiz
         |axes, best| search_block::<S, N, PLAIN, AXIS>(simd, axes, search, best),
     );
 }
+
+/// The places of the set bits of each byte, from the lowest; 0 behind them.
+static SET_BITS: [[u16; 8]; 256] = {
+    let mut places = [[0; 8]; 256];
+    let mut byte = 0;
+    while byte < 256 {
+        let (mut bit, mut found) = (0, 0);
+        while bit < 8 {
+            if byte >> bit & 1 == 1 {
+                places[byte][found] = bit;
+                found += 1;
+            }
+            bit += 1;
+        }
+        byte += 1;
+    }
+    places
+};
 
 /// Searches cells with `visit` for the places that `is_needed` asks for.
 #[inline(always)]
