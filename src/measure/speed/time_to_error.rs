@@ -2,9 +2,10 @@
 //!
 //! The entries of a parity suite whose replicas are sub-pixel images say which scenes, and give both sides' pictures: one
 //! combined reference, in which each counts by its noise, and how noisy a sample of either is against it
-//! (`blend/sample_errors.py` has the formulas). Then path tracing renders each scene anew with as many samples as the error needs, and
-//! that picture's error is measured too; one that misses the target is rendered again with more samples until one does not. Where that would
-//! take longer than [`TimeSettings::longest`], fewer samples are rendered and time and error taken in proportion; the row says so.
+//! (`blend/sample_errors.py` has the formulas). Then path tracing renders each scene anew with as many samples as the error needs, several
+//! pictures where samples are few, and their error is measured too: more samples where it misses the target, fewer where fewer should do,
+//! until the least number is known. Where that would take longer than [`TimeSettings::longest`], fewer samples are rendered and time and
+//! error taken in proportion; the row says so.
 //!
 //! As an experiment, what a sample of a way of tracking gives and costs is a job, and so is each race.
 //!
@@ -36,10 +37,13 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 /// Format of the results.
-const FORMAT: &str = "cloudparity-time-to-error/1";
+const FORMAT: &str = "cloudparity-time-to-error/2";
 
 /// Sub-pixels per axis of Cycles' ray marching: four replicas, enough to part noise from bias.
 const MARCHING_SUB_PIXELS: u32 = 2;
+
+/// Pictures of few samples, at most, whose mean error counts.
+const MOST_PICTURES: u32 = 4;
 
 /// What is measured.
 #[derive(Debug, Clone)]
@@ -105,11 +109,13 @@ pub struct ErrorRace {
     pub cycles_seconds: [f64; 2],
     /// Our tracking.
     pub tracking: Tracking,
-    /// Samples that the error takes us: with so many a picture reached it.
+    /// Samples that the error takes us: the least number found whose pictures reach it.
     pub our_samples: u32,
-    /// Our relMSE, measured on the timed picture (in proportion where that has fewer samples).
+    /// Our pictures of so many samples, each of another seed.
+    pub our_pictures: u32,
+    /// Our relMSE, the mean of the timed pictures' (in proportion where they have fewer samples).
     pub our_error: f64,
-    /// Our processor seconds: preparation, samples.
+    /// Our processor seconds for a picture, the mean: preparation, samples.
     pub our_seconds: [f64; 2],
     /// Share of the samples that was rendered; below 1 the figures are taken in proportion.
     pub rendered_share: f64,
@@ -144,15 +150,44 @@ pub struct Samples {
     per_sample: f64,
 }
 
-/// Our side of a scene: the picture of so many samples, and its processor seconds.
+/// Our side of a scene: pictures of so many samples, and the means of their processor seconds.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 struct Timed {
     /// Below the folder.
-    file: String,
+    files: Vec<String>,
     preparation: f64,
     rendering: f64,
-    /// Its relMSE against the combined reference.
+    /// The mean of their relMSE against the combined reference.
     error: f64,
+}
+
+/// The search for the least number of samples whose error is not above a target.
+#[derive(Debug, Default)]
+struct Least {
+    /// Most samples that missed it.
+    missed: u32,
+    /// Fewest samples that reached it.
+    reached: Option<u32>,
+}
+
+impl Least {
+    /// What to try after so many samples came to `ratio` times the target, if errors fall about as one over the samples; `None`
+    /// when the least number is known to 2 %.
+    fn next(&mut self, samples: u32, ratio: f64) -> Option<u32> {
+        let asked = (f64::from(samples) * ratio).ceil().clamp(1.0, f64::from(path::MOST_SAMPLES)) as u32;
+        if ratio <= 1.0 {
+            self.reached = Some(self.reached.map_or(samples, |least| least.min(samples)));
+        } else {
+            self.missed = self.missed.max(samples);
+        }
+        let fewest = self.missed + 1;
+        match self.reached {
+            None => (samples < path::MOST_SAMPLES).then(|| asked.max(fewest)),
+            // What reached it may be as many as the error asks for.
+            Some(least) if asked >= least && least == samples => None,
+            Some(least) => (fewest + least / 50 < least).then(|| asked.clamp(fewest, least - 1)),
+        }
+    }
 }
 
 /// A unit of work on a case of the suite.
@@ -262,22 +297,28 @@ impl Running<'_> {
         }
         let affordable = (self.settings.longest / samples.per_sample).max(1.0) as u32;
         let both = Both::new(case, desk)?;
-        // As many as the noise of a sample says, and as many more as the picture itself then turns out to need: trees that are divided for fewer rays
-        // may leave more noise, and what one picture has scatters.
-        let mut needed = needed as u32;
-        let (picture, share) = loop {
-            let count = needed.min(affordable);
+        // As many as the noise of a sample says, and as many more or fewer as pictures then turn out to need: trees that are divided for fewer rays
+        // may leave more noise, and samples are stratified.
+        let (mut least, mut tried) = (Least::default(), needed as u32);
+        let mut best: Option<(u32, f64, Timed)> = None;
+        loop {
+            let count = tried.min(affordable);
             desk.report(0.5, &format!("{count} samples"));
-            let picture = self.timed(job, count, &both, desk)?;
-            let share = f64::from(count) / f64::from(needed);
-            let error = picture.error * share;
-            if error <= target || needed >= path::MOST_SAMPLES {
-                break (picture, share);
+            let timed = self.timed(job, count, &both, desk)?;
+            let share = f64::from(count) / f64::from(tried);
+            let ratio = timed.error * share / target;
+            let next = least.next(tried, ratio);
+            // Where nothing reaches it, the most samples stand for it.
+            if ratio <= 1.0 || least.reached.is_none() {
+                best = Some((tried, share, timed));
             }
-            let more = f64::from(needed) * error / target;
-            needed = (more.ceil() as u32).clamp(needed + 1, path::MOST_SAMPLES);
-        };
-        let our_seconds = [picture.preparation, picture.rendering / share];
+            match next {
+                Some(next) => tried = next,
+                None => break,
+            }
+        }
+        let (our_samples, share, timed) = best.expect("the first trial is kept");
+        let our_seconds = [timed.preparation, timed.rendering / share];
         let cycles_seconds = [mode.preparation, mode.seconds(level)];
         Ok(ErrorRace {
             name: case.entry.name.clone(),
@@ -286,8 +327,9 @@ impl Running<'_> {
             error: target,
             cycles_seconds,
             tracking: job.tracking,
-            our_samples: needed,
-            our_error: picture.error * share,
+            our_samples,
+            our_pictures: timed.files.len() as u32,
+            our_error: timed.error * share,
             our_seconds,
             rendered_share: share,
             ratio: cycles_seconds.iter().sum::<f64>() / our_seconds.iter().sum::<f64>(),
@@ -296,19 +338,34 @@ impl Running<'_> {
         })
     }
 
-    /// Our picture of so many samples, its processor seconds and its error: a record that races share.
+    /// Our pictures of so many samples, their processor seconds and their error: a record that races share. They are more the fewer samples they
+    /// have, for the error of one picture of four samples scatters by a third.
     fn timed(&self, job: &Job, samples: u32, both: &Both, desk: &Desk<'_>) -> Result<Timed> {
         let case = &self.cases[job.case];
         let inputs = json!({"timed": case.inputs(), "tracking": job.tracking, "samples": samples});
         desk.obtain("timed", &inputs, |key| {
-            let seed = seeds::first(&inputs);
-            let settings = PathSettings { samples, seed, tracking: job.tracking, ..PathSettings::default() };
-            let (image, [preparation, rendering]) = timed_picture(&both.scene, &settings)?;
-            let file = format!("{}/timed-{key}.exr", case.entry.name);
-            let path = desk.folder()?.join(&file);
-            image.write_exr(&path, false)?;
-            let errors = both.ask(&[json!({"file": path, "sub_pixels": 1})])?;
-            Ok(Timed { file, preparation, rendering, error: number(&errors["others"][0], "error")? })
+            let first = seeds::first(&inputs);
+            let mut timed = Timed { files: Vec::new(), preparation: 0.0, rendering: 0.0, error: 0.0 };
+            let mut asked = Vec::new();
+            let pictures = 64_u32.div_ceil(samples).min(MOST_PICTURES);
+            let share = 1.0 / f64::from(pictures);
+            for picture in 0..pictures {
+                let settings =
+                    PathSettings { samples, seed: first + picture, tracking: job.tracking, ..PathSettings::default() };
+                let (image, [preparation, rendering]) = timed_picture(&both.scene, &settings)?;
+                let file = format!("{}/timed-{key}-{picture}.exr", case.entry.name);
+                let path = desk.folder()?.join(&file);
+                image.write_exr(&path, false)?;
+                asked.push(json!({"file": path, "sub_pixels": 1}));
+                timed.files.push(file);
+                timed.preparation += preparation * share;
+                timed.rendering += rendering * share;
+            }
+            let errors = both.ask(&asked)?;
+            for picture in 0..asked.len() {
+                timed.error += number(&errors["others"][picture], "error")? * share;
+            }
+            Ok(timed)
         })
     }
 }
@@ -474,5 +531,43 @@ impl TimeToError {
             .expect("writing to a string cannot fail");
         }
         text
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// What the search ends with, and how often it looked.
+    fn found(first: u32, error: impl Fn(u32) -> f64) -> (Option<u32>, u32) {
+        let (mut least, mut tried, mut looks) = (Least::default(), first, 0);
+        loop {
+            looks += 1;
+            assert!(looks < 40, "the search ends");
+            match least.next(tried, error(tried)) {
+                Some(next) => tried = next,
+                None => return (least.reached, looks),
+            }
+        }
+    }
+
+    #[test]
+    fn the_least_number_of_samples_is_found_from_either_side() {
+        for goal in [1_u32, 2, 3, 7, 40, 1000] {
+            for first in [1, 3, 4, 50, 2000] {
+                // As of independent samples, and as of samples that are stratified.
+                for power in [1.0, 1.4] {
+                    let (reached, looks) = found(first, |n| (f64::from(goal) / f64::from(n)).powf(power));
+                    let reached = reached.expect("it can be reached");
+                    assert!(reached >= goal && reached <= goal + 1 + goal / 49, "{goal} from {first}: {reached}");
+                    assert!(looks <= 12, "{goal} from {first}: {looks} looks");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_target_out_of_reach_ends_at_the_most_samples() {
+        assert_eq!(found(4, |_| 1.5).0, None);
     }
 }

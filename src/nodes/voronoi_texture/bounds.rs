@@ -201,6 +201,7 @@ impl<const N: usize> CellBox<N> {
         Self { low, high, first: low.map(cell), last: high.map(cell), randomness, hashing }
     }
 
+    #[inline(always)]
     fn point(&self, cell: [i32; N]) -> CellPoint<N> {
         let hash: [f64; N] = if N == 1 || self.hashing == Hashing::Floats {
             // The interface hashes -0 as 0 here; of one axis see `edge` for the other.
@@ -249,84 +250,157 @@ impl<const N: usize> CellBox<N> {
     }
 }
 
-/// Cells that one axis of a window offers: index and least joined term to the box, nearest first.
+/// A cell along one axis.
+#[derive(Clone, Copy)]
+struct AxisCell {
+    number: i32,
+    /// The least that a point in it counts as its nearest offset to the box, and as its farthest.
+    least: [f64; 2],
+}
+
+/// Cells that one axis of a window offers, from the box's middle outwards: both least terms rise.
 #[derive(Clone, Copy)]
 struct Axis {
-    cells: [(i32, f64); MOST_CELLS],
+    cells: [AxisCell; MOST_CELLS],
     count: usize,
 }
 
 /// Cells along one axis of a window that is scanned.
 const MOST_CELLS: usize = 24;
 
-/// The scan's state: the least two of the near and of the far joined offsets.
+impl Axis {
+    const EMPTY: Self = Self { cells: [AxisCell { number: 0, least: [0.0; 2] }; MOST_CELLS], count: 0 };
+
+    /// Puts down the cells from `first` to `last` around the box from `low` to `high`.
+    #[inline(always)]
+    fn fill(&mut self, [low, high]: [f64; 2], [first, last]: [i32; 2], measure: impl Measure) {
+        let (middle, half) = (0.5 * (low + high), 0.5 * (high - low));
+        let mut above = (middle.floor() as i32).clamp(first, last);
+        let mut below = above - 1;
+        while above <= last || below >= first {
+            let above_is_nearer = f64::from(above) - middle <= middle - f64::from(below + 1);
+            let takes_above = below < first || (above <= last && above_is_nearer);
+            let number = if takes_above { above } else { below };
+            if takes_above {
+                above += 1;
+            } else {
+                below -= 1;
+            }
+            // Subtraction rounds monotonically, so that no point of the cell has less than this. The larger of the offsets to both ends is
+            // nowhere below half of the box.
+            let [start, end] = [f64::from(number), f64::from(number + 1)];
+            let near = (start - high).max(low - end).max(0.0);
+            let far = (start - low).max(high - end).max(half);
+            self.cells[self.count] = AxisCell { number, least: [near, far].map(|offset| measure.term(offset)) };
+            self.count += 1;
+        }
+    }
+}
+
+/// The cells around a box.
 struct Scan<'a, M, const N: usize> {
     place: &'a CellBox<N>,
     measure: M,
     axes: [Axis; N],
-    radius: i32,
-    /// Joined offset below which a point is in every window, whatever its cell.
-    always_seen: f64,
-    /// Keep the second least as well.
-    second: bool,
-    near: [f64; 2],
-    far: [f64; 2],
-    /// Whether the far side is wanted: not for boxes so wide that it cannot improve on the range.
-    wants_far: bool,
-    /// Joined offset that counts as none.
-    close: f64,
-    /// Where candidates go in the second pass, with the joined offset that limits them.
-    candidates: Option<(&'a mut Vec<CellPoint<N>>, f64)>,
 }
 
 impl<M: Measure, const N: usize> Scan<'_, M, N> {
-    /// Joined offset from which a cell can change nothing.
+    /// Calls `look` with every cell for whose least joined offsets (the nearest, the farthest) `matters` holds. It must hold for smaller offsets
+    /// where it holds for larger ones, and may hold for fewer as the state changes.
     #[inline(always)]
-    fn limit(&self) -> f64 {
-        if let Some((_, limit)) = &self.candidates {
-            return *limit;
+    fn walk<S>(
+        &self,
+        state: &mut S,
+        matters: impl Fn(&S, [f64; 2]) -> bool,
+        mut look: impl FnMut(&mut S, &CellPoint<N>),
+    ) {
+        let (mut axis, mut next, mut sums, mut cell) = (0, [0; N], [[0.0; 2]; N], [0; N]);
+        loop {
+            let row = &self.axes[axis];
+            if next[axis] < row.count {
+                let AxisCell { number, least } = row.cells[next[axis]];
+                let joined = [0, 1].map(|end| self.measure.join(sums[axis][end], least[end]));
+                // The cells behind it along this axis matter no more than it does.
+                if matters(state, joined) {
+                    cell[axis] = number;
+                    next[axis] += 1;
+                    if axis + 1 < N {
+                        axis += 1;
+                        (next[axis], sums[axis]) = (0, joined);
+                    } else {
+                        look(state, &self.place.point(cell));
+                    }
+                    continue;
+                }
+            }
+            if axis == 0 {
+                return;
+            }
+            axis -= 1;
         }
-        let last = usize::from(self.second);
-        if self.wants_far { self.far[last].max(self.near[last]) } else { self.near[last] }
     }
 
-    fn visit(&mut self, axis: usize, joined: f64, cell: &mut [i32; N]) {
-        for index in 0..self.axes[axis].count {
-            let (number, gap) = self.axes[axis].cells[index];
-            let joined = self.measure.join(joined, gap);
-            // The cells of an axis are in the order of their gaps. Candidates may be as far as the limit; otherwise what is not nearer
-            // changes nothing, and no cell is nearer than none.
-            let limit = self.limit();
-            if joined > limit || (joined == limit && self.candidates.is_none()) {
-                break;
-            }
-            cell[axis] = number;
-            if axis + 1 < N {
-                self.visit(axis + 1, joined, cell);
-            } else {
-                self.look(*cell);
-            }
-        }
+    /// The least two of the near and of the far joined offsets.
+    #[inline(always)]
+    fn nearest(&self, wanted: &Wanted) -> Least {
+        let last = usize::from(wanted.second);
+        let mut least = Least { near: [f64::INFINITY; 2], far: [wanted.limit; 2] };
+        self.walk(
+            &mut least,
+            #[inline(always)]
+            |least, [near, far]| near < least.near[last] || (wanted.far && far < least.far[last]),
+            #[inline(always)]
+            |least, point| {
+                let [near, far] = self.place.reach(point, self.measure);
+                insert(&mut least.near, near);
+                if !wanted.far && least.near[last] <= wanted.close {
+                    least.near = [0.0; 2];
+                }
+                let improves = wanted.far && far < least.far[last];
+                if improves && (far < wanted.always_seen || self.place.always_sees(point.cell, wanted.radius)) {
+                    insert(&mut least.far, far);
+                }
+            },
+        );
+        least
     }
 
-    fn look(&mut self, cell: [i32; N]) {
-        let point = self.place.point(cell);
-        let [near, far] = self.place.reach(&point, self.measure);
-        if let Some((candidates, limit)) = &mut self.candidates {
-            if near <= *limit {
-                candidates.push(point);
-            }
-            return;
-        }
-        insert(&mut self.near, near);
-        if !self.wants_far && self.near[usize::from(self.second)] <= self.close {
-            self.near = [0.0; 2];
-        }
-        let improves = self.wants_far && far < self.far[usize::from(self.second)];
-        if improves && (far < self.always_seen || self.place.always_sees(cell, self.radius)) {
-            insert(&mut self.far, far);
-        }
+    /// The points whose near joined offset is not above a limit.
+    fn candidates(&self, limit: f64) -> Vec<CellPoint<N>> {
+        let mut found = Vec::new();
+        self.walk(
+            &mut found,
+            |_, [near, _]| near <= limit,
+            |found, point| {
+                if self.place.reach(point, self.measure)[0] <= limit {
+                    found.push(*point);
+                }
+            },
+        );
+        found
     }
+}
+
+/// What a scan looks for.
+struct Wanted {
+    /// Keep the second least as well.
+    second: bool,
+    /// Whether the far side is wanted: not for boxes so wide that it cannot improve on the range.
+    far: bool,
+    /// Cells to each side that are in a window.
+    radius: i32,
+    /// Joined offset that no far side exceeds.
+    limit: f64,
+    /// Joined offset below which a point is in every window, whatever its cell.
+    always_seen: f64,
+    /// Joined offset that counts as none.
+    close: f64,
+}
+
+/// The least two of the near and of the far joined offsets.
+struct Least {
+    near: [f64; 2],
+    far: [f64; 2],
 }
 
 /// Keeps the two least.
@@ -422,57 +496,23 @@ impl VoronoiTexture {
         if !fits || place.window_size(radius) > LARGEST_WINDOW {
             return Scanned { distance: Interval::with_error(0.0, largest, error, false), candidates: None };
         }
-        let axes = std::array::from_fn(|axis| {
-            let gap = |cell: i32| {
-                let gap = (f64::from(cell) - place.high[axis]).max(place.low[axis] - f64::from(cell + 1));
-                measure.term(gap.max(0.0))
-            };
-            let mut cells = [(0, 0.0); MOST_CELLS];
-            let mut count = 0;
-            // The cells of the box itself have no gap.
-            for cell in place.first[axis]..=place.last[axis] {
-                cells[count].0 = cell;
-                count += 1;
-            }
-            // Outwards on both sides, the nearer one first.
-            let (mut below, mut above) = (place.first[axis] - 1, place.last[axis] + 1);
-            for _ in 0..2 * radius {
-                let (gap_below, gap_above) = (gap(below), gap(above));
-                let below_is_next = above > window[axis][1] || (below >= window[axis][0] && gap_below <= gap_above);
-                cells[count] = if below_is_next { (below, gap_below) } else { (above, gap_above) };
-                if below_is_next {
-                    below -= 1;
-                } else {
-                    above += 1;
-                }
-                count += 1;
-            }
-            Axis { cells, count }
-        });
-        let limit = measure.term(largest + error);
-        let mut scan = Scan {
-            place,
-            measure,
-            axes,
-            radius,
-            always_seen: measure.term(f64::from(radius) - error),
-            second,
-            near: [f64::INFINITY; 2],
-            far: [limit; 2],
-            wants_far: wants_candidates || place.widest_side() <= 1.0,
-            close: measure.term(CLOSE),
-            candidates: None,
-        };
-        scan.visit(0, 0.0, &mut [0; N]);
-        let which = usize::from(second);
-        let (near, far) = (measure.root(scan.near[which]), measure.root(scan.far[which]).min(largest));
-        let distance = Interval::with_error((near - error).max(0.0), far + error, 0.0, false);
-        let mut candidates = Vec::new();
-        if wants_candidates {
-            let limit = measure.term(far + 2.0 * error);
-            scan.candidates = Some((&mut candidates, limit));
-            scan.visit(0, 0.0, &mut [0; N]);
+        let mut scan = Scan { place, measure, axes: [Axis::EMPTY; N] };
+        for axis in 0..N {
+            scan.axes[axis].fill([place.low[axis], place.high[axis]], window[axis], measure);
         }
+        let least = scan.nearest(&Wanted {
+            second,
+            far: wants_candidates || place.widest_side() <= 1.0,
+            radius,
+            limit: measure.term(largest + error),
+            always_seen: measure.term(f64::from(radius) - error),
+            close: measure.term(CLOSE),
+        });
+        let which = usize::from(second);
+        let (near, far) = (measure.root(least.near[which]), measure.root(least.far[which]).min(largest));
+        let distance = Interval::with_error((near - error).max(0.0), far + error, 0.0, false);
+        let candidates =
+            if wants_candidates { scan.candidates(measure.term(far + 2.0 * error)) } else { Vec::new() };
         let few = wants_candidates && candidates.len() <= LARGEST_CANDIDATE_COUNT;
         Scanned { distance, candidates: few.then_some(candidates) }
     }
