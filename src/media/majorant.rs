@@ -5,7 +5,8 @@
 //! arithmetic through the node graph: proven, never sampled. A node is divided where that pays: the
 //! null collisions that a render is expected to spend in it, `rays / area * volume * (majorant -
 //! minorant)` with the number of rays and the mean area that the box shows to them, have to cost
-//! more than bounding eight children, and more than the rays' longer way through these. (Optical depth
+//! more than the rays' longer way through eight children, and the part of them that dividing is expected to spare more than bounding
+//! these: as large a part as its own and its siblings' bounds took off their parent's. (Optical depth
 //! decides, not density, and the number of rays: Fong 2023, "Volume rendering for Elemental".)
 //!
 //! A leaf also has [`Rates`] of tentative collisions. [`Tracking`] says where they come from: from the majorant, so that no
@@ -31,12 +32,15 @@ pub(crate) const LEVELS: u32 = 9;
 /// Level of the dense table that leads into the tree.
 pub(crate) const TABLE_LEVEL: u32 = 4;
 
-/// Expected null collisions that make dividing a node pay. Bounding a box of the cloud takes as long
-/// as evaluating 20 to 40 points, eight of them up to 320, and dividing saves a part of the null
-/// collisions, each of which also costs its share of a walk. Processor time in all, measured at 128 x 72 pixels: the cloud from close
-/// by in 20 and in 256 samples of single scattering 17.4 s and 90.5 s with 2000 here, 14.4 s and 76.7 s with 700, 12.2 s and 67.3 s
-/// with 250; a Noise Texture, whose bounds are dearer beside its values, in 64 samples 9.4 s with 2000 and 13.1 s with 250.
-const WORTHWHILE: f64 = 700.0;
+/// Null collisions that take as long as bounding eight boxes: what dividing a node has to save. Processor time in all, seconds, with 60, 120 and 240
+/// here, and when nodes were divided for 700 null collisions without a look at what that saved: the cloud from close by at 128 x 72 pixels, 4 samples
+/// 1.8, 1.9, 2.2, 2.0 and 46 samples 11.0, 11.0, 11.5, 11.2; two published clouds, whose bounds are dearer beside their values, at 64 pixels and 8
+/// samples 1.40, 1.35, 1.16, 1.21 (`best`) and 0.18, 0.18, 0.16, 0.44 (`bolt`), and 32 samples 5.1, 4.8, 3.7, 5.1 and 0.76, 0.84, 0.54, 0.76.
+const DIVISION_COST: f64 = 120.0;
+
+/// Most of a node's gap that its children are expected to keep: where bounds of a level are no tighter than those before, features are smaller than its
+/// boxes, and those of a later one may be tight.
+const MOST_KEPT: f64 = 0.95;
 
 /// Least difference of the ends of a node's optical depth, along its mean chord, that makes dividing it pay: a ray that expects fewer null collisions
 /// crosses one leaf faster than the two or three that it finds instead. Processor time in all of 512 samples of 96 x 54 pixels, with 0, 0.4, 0.8, 1.6 and 3
@@ -54,9 +58,9 @@ const PADDING: f64 = 1e-3;
 /// Padding as a fraction of the largest coordinate: 4 ulps.
 pub(crate) const COORDINATE_PADDING: f64 = 4.0 / 16_777_216.0;
 
-/// The same with [`Tracking::Adaptive`], for which bounds matter less. Measured with the cloud at Density 10, 16 bounces: 2000 and
-/// 8000 take the same time for the same noise.
-const WORTHWHILE_ADAPTIVE: f64 = 8000.0;
+/// [`DIVISION_COST`] with [`Tracking::Adaptive`], for which bounds matter less: the cloud from close by takes 13 % less time than with four times as
+/// much here, and bounds of two of three published clouds are a fifth and a third of the time.
+const DIVISION_COST_ADAPTIVE: f64 = 1000.0;
 
 /// Expected collisions in a leaf that make dividing it pay, by looking into the parts and not by bounding them.
 const WORTH_DIVIDING: f64 = 256.0;
@@ -249,7 +253,12 @@ pub struct Walk {
 struct Pending {
     node: usize,
     place: [i32; 3],
+    /// Share of its parent's gap between the bounds that it and its siblings kept on average; 0 where that is not known.
+    kept: f64,
 }
+
+/// The whole box.
+const ROOT: Pending = Pending { node: 0, place: [0; 3], kept: 0.0 };
 
 impl Majorants {
     /// Encloses the extinction over the box from `low` to `high` of the object's frame. `enclose` bounds
@@ -278,28 +287,26 @@ impl Majorants {
         };
         tree.narrow(0, enclose(&[tree.bounds_of([0; 3], 0)])?[0]);
         let density = rays_per_area(extent, to_world) * effort.rays;
-        let worthwhile = match effort.tracking {
-            Tracking::Proven => WORTHWHILE,
-            Tracking::Adaptive => WORTHWHILE_ADAPTIVE,
+        let cost = match effort.tracking {
+            Tracking::Proven => DIVISION_COST,
+            Tracking::Adaptive => DIVISION_COST_ADAPTIVE,
             Tracking::Global => f64::INFINITY,
         };
         let volume = to_world.determinant().abs() * size.element_product();
         // Of a ray that crosses the tree's own box: its volume over the mean area that it shows.
         let chord = volume * rays_per_area(size, to_world);
-        let mut pending = vec![Pending { node: 0, place: [0; 3] }];
+        let mut pending = vec![ROOT];
         for level in 0..=LEVELS {
-            let range = |pending: &Pending| {
-                let [low, high] = [tree.minorants[pending.node], tree.majorants[pending.node]].map(f64::from);
-                high - low
-            };
-            let gain = |pending: &Pending| density * volume * 0.125_f64.powi(level as i32) * range(pending);
-            let depth = |pending: &Pending| chord * 0.5_f64.powi(level as i32) * range(pending);
-            let mut wanted: Vec<_> = pending.iter().map(|node| (gain(node), *node)).collect();
-            wanted.retain(|(gain, node)| *gain > worthwhile && depth(node) > LEAST_DEPTH);
+            let collisions =
+                |pending: &Pending| density * volume * 0.125_f64.powi(level as i32) * tree.gap(pending.node);
+            let saving = |pending: &Pending| collisions(pending) * (1.0 - pending.kept.min(MOST_KEPT));
+            let depth = |pending: &Pending| chord * 0.5_f64.powi(level as i32) * tree.gap(pending.node);
+            let mut wanted: Vec<_> = pending.iter().map(|node| (saving(node), *node)).collect();
+            wanted.retain(|(saving, node)| *saving > cost && depth(node) > LEAST_DEPTH);
             // Where not all can be divided, those that pay most are; equal ones in their order.
             wanted.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.node.cmp(&b.1.node)));
             let most = if level == LEVELS { 0 } else { (MOST_BOXES - tree.boxes.min(MOST_BOXES)) / 8 };
-            if let Some((_, node)) = wanted.get(most).filter(|(gain, _)| !gain.is_finite()) {
+            if let Some((_, node)) = wanted.get(most).filter(|(saving, _)| !saving.is_finite()) {
                 return Err(tree.unbounded(node.place, level));
             }
             wanted.truncate(most);
@@ -333,8 +340,7 @@ impl Majorants {
         let mut wanted = self.all_leaves();
         loop {
             wanted.retain(|&(Pending { node, .. }, level)| {
-                let gap = f64::from(self.majorants[node]) - f64::from(self.minorants[node]);
-                density * volume * 0.125_f64.powi(level as i32) * gap > worth
+                density * volume * 0.125_f64.powi(level as i32) * self.gap(node) > worth
             });
             if wanted.is_empty() {
                 break;
@@ -379,10 +385,11 @@ impl Majorants {
     /// All leaves with their levels.
     fn all_leaves(&self) -> Vec<(Pending, u32)> {
         let mut leaves = Vec::new();
-        let mut pending = vec![Pending { node: 0, place: [0; 3] }];
-        while let Some(Pending { node, place }) = pending.pop() {
+        let mut pending = vec![ROOT];
+        while let Some(next) = pending.pop() {
+            let Pending { node, place, .. } = next;
             if self.children[node] == 0 {
-                leaves.push((Pending { node, place }, u32::from(self.levels[node])));
+                leaves.push((next, u32::from(self.levels[node])));
                 continue;
             }
             pending.extend((0..8).map(|octant| child_of(&place, self.children[node] as usize, octant)));
@@ -417,17 +424,34 @@ impl Majorants {
         for parent in parents {
             children.extend(self.give_children(parent, level));
         }
-        let (children, empty): (Vec<_>, Vec<_>) =
+        let (mut children, empty): (Vec<_>, Vec<_>) =
             children.into_iter().partition(|child| self.is_inside(child.place, level + 1));
         for Pending { node, .. } in empty {
             (self.majorants[node], self.minorants[node]) = (0.0, 0.0);
         }
         let boxes: Vec<Bounds3> = children.iter().map(|child| self.bounds_of(child.place, level + 1)).collect();
         self.boxes += boxes.len();
-        for (child, interval) in children.iter().zip(enclose(&boxes)?) {
-            self.narrow(child.node, interval);
+        let intervals = enclose(&boxes)?;
+        let mut intervals = intervals.iter();
+        // Behind the root nodes stand in eights, those of one parent.
+        for siblings in children.chunk_by_mut(|a, b| (a.node - 1) / 8 == (b.node - 1) / 8) {
+            let gaps =
+                |tree: &Self, siblings: &[Pending]| siblings.iter().map(|child| tree.gap(child.node)).sum::<f64>();
+            let before = gaps(self, siblings);
+            for (child, interval) in siblings.iter().zip(intervals.by_ref()) {
+                self.narrow(child.node, *interval);
+            }
+            let kept = gaps(self, siblings) / before;
+            // Of infinite gaps and of none that says nothing.
+            let kept = if kept.is_finite() { kept } else { 0.0 };
+            siblings.iter_mut().for_each(|child| child.kept = kept);
         }
         Ok(children)
+    }
+
+    /// Between a node's bounds, per metre: what its tentative collisions are null by.
+    fn gap(&self, node: usize) -> f64 {
+        f64::from(self.majorants[node]) - f64::from(self.minorants[node])
     }
 
     fn unbounded(&self, place: [i32; 3], level: u32) -> Error {
@@ -695,7 +719,8 @@ fn additive_recurrence(number: usize) -> DVec3 {
 
 /// A child of a node, whose first child is known.
 fn child_of(parent: &[i32; 3], first: usize, octant: usize) -> Pending {
-    Pending { node: first + octant, place: std::array::from_fn(|axis| 2 * parent[axis] + (octant >> axis & 1) as i32) }
+    let place = std::array::from_fn(|axis| 2 * parent[axis] + (octant >> axis & 1) as i32);
+    Pending { node: first + octant, place, ..ROOT }
 }
 
 #[cfg(test)]

@@ -511,8 +511,7 @@ impl VoronoiTexture {
         let which = usize::from(second);
         let (near, far) = (measure.root(least.near[which]), measure.root(least.far[which]).min(largest));
         let distance = Interval::with_error((near - error).max(0.0), far + error, 0.0, false);
-        let candidates =
-            if wants_candidates { scan.candidates(measure.term(far + 2.0 * error)) } else { Vec::new() };
+        let candidates = if wants_candidates { scan.candidates(measure.term(far + 2.0 * error)) } else { Vec::new() };
         let few = wants_candidates && candidates.len() <= LARGEST_CANDIDATE_COUNT;
         Scanned { distance, candidates: few.then_some(candidates) }
     }
