@@ -10,6 +10,10 @@
 //!   is at most that many steps away), so cells with a greatest distance below the radius count too.
 //!   That is why min(F1, 1) is continuous although F1 itself may jump where it exceeds 1.
 //!
+//! So a cell is looked at if its box may hold a point whose least distance is below the least known, or whose greatest distance is below
+//! the least known of those: the greatest distance of any point is at least half of the box's extent along every axis, and rises with
+//! the cell's distance from the box's middle.
+//!
 //! F2 takes the second least of each. Where a coordinate may be NaN, infinite or so large that its
 //! fraction is coarse, and for metrics whose powers overflow, only the feature's range is stated.
 //!
@@ -254,7 +258,7 @@ impl<const N: usize> CellBox<N> {
 #[derive(Clone, Copy)]
 struct AxisCell {
     number: i32,
-    /// The least that a point in it counts as its nearest offset to the box, and as its farthest.
+    /// The least that a point in it, or in a cell behind it, counts as its nearest offset to the box, and as its farthest.
     least: [f64; 2],
 }
 
@@ -293,6 +297,12 @@ impl Axis {
             let far = (start - low).max(high - end).max(half);
             self.cells[self.count] = AxisCell { number, least: [near, far].map(|offset| measure.term(offset)) };
             self.count += 1;
+        }
+        // Terms rise with the distance from the middle, but its rounding may have swapped cells on either side, and powers may round otherwise.
+        for index in (1..self.count).rev() {
+            let behind = self.cells[index].least;
+            let least = &mut self.cells[index - 1].least;
+            *least = [least[0].min(behind[0]), least[1].min(behind[1])];
         }
     }
 }
