@@ -307,14 +307,6 @@ impl Running<'_> {
             let timed = self.timed(job, count, &both, desk)?;
             let share = f64::from(count) / f64::from(tried);
             let ratio = timed.error * share / target;
-            if !ratio.is_finite() {
-                return Err(Error::new(
-                    format!("{}, {count} samples", case.entry.name),
-                    format!("an error of {}", timed.error),
-                    "a number",
-                    "Look at the picture below the folder, and report this defect.",
-                ));
-            }
             let next = least.next(tried, ratio);
             // Where nothing reaches it, the most samples stand for it.
             if ratio <= 1.0 || least.reached.is_none() {
@@ -361,6 +353,7 @@ impl Running<'_> {
                 let settings =
                     PathSettings { samples, seed: first + picture, tracking: job.tracking, ..PathSettings::default() };
                 let (image, [preparation, rendering]) = timed_picture(&both.scene, &settings)?;
+                image.check_finite("a timed picture")?;
                 let file = format!("{}/timed-{key}-{picture}.exr", case.entry.name);
                 let path = desk.folder()?.join(&file);
                 image.write_exr(&path, false)?;

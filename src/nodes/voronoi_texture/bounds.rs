@@ -353,8 +353,12 @@ impl<M: Measure, const N: usize> Scan<'_, M, N> {
     /// The least two of the near and of the far joined offsets.
     #[inline(always)]
     fn nearest(&self, wanted: &Wanted) -> Least {
-        let last = usize::from(wanted.second);
-        let mut least = Least { near: [f64::INFINITY; 2], far: [wanted.limit; 2] };
+        let (last, error) = (usize::from(wanted.second), self.measure.error());
+        let close = self.measure.term(CLOSE);
+        // A point nearer than this is in every window, whatever its cell.
+        let always_seen = self.measure.term(f64::from(wanted.radius) - error);
+        let largest = self.measure.term(wanted.largest + error);
+        let mut least = Least { near: [f64::INFINITY; 2], far: [largest; 2] };
         self.walk(
             &mut least,
             #[inline(always)]
@@ -363,11 +367,11 @@ impl<M: Measure, const N: usize> Scan<'_, M, N> {
             |least, point| {
                 let [near, far] = self.place.reach(point, self.measure);
                 insert(&mut least.near, near);
-                if !wanted.far && least.near[last] <= wanted.close {
+                if !wanted.far && least.near[last] <= close {
                     least.near = [0.0; 2];
                 }
                 let improves = wanted.far && far < least.far[last];
-                if improves && (far < wanted.always_seen || self.place.always_sees(point.cell, wanted.radius)) {
+                if improves && (far < always_seen || self.place.always_sees(point.cell, wanted.radius)) {
                     insert(&mut least.far, far);
                 }
             },
@@ -399,12 +403,8 @@ struct Wanted {
     far: bool,
     /// Cells to each side that are in a window.
     radius: i32,
-    /// Joined offset that no far side exceeds.
-    limit: f64,
-    /// Joined offset below which a point is in every window, whatever its cell.
-    always_seen: f64,
-    /// Joined offset that counts as none.
-    close: f64,
+    /// Distance that no far side exceeds.
+    largest: f64,
 }
 
 /// The least two of the near and of the far joined offsets.
@@ -510,14 +510,8 @@ impl VoronoiTexture {
         for axis in 0..N {
             scan.axes[axis].fill([place.low[axis], place.high[axis]], window[axis], measure);
         }
-        let least = scan.nearest(&Wanted {
-            second,
-            far: wants_candidates || place.widest_side() <= 1.0,
-            radius,
-            limit: measure.term(largest + error),
-            always_seen: measure.term(f64::from(radius) - error),
-            close: measure.term(CLOSE),
-        });
+        let least =
+            scan.nearest(&Wanted { second, far: wants_candidates || place.widest_side() <= 1.0, radius, largest });
         let which = usize::from(second);
         let (near, far) = (measure.root(least.near[which]), measure.root(least.far[which]).min(largest));
         let distance = Interval::with_error((near - error).max(0.0), far + error, 0.0, false);
