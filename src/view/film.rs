@@ -16,6 +16,8 @@ pub struct Warp {
     support: f64,
     /// Mass of the table's cells before each, and of all; empty for the box filter.
     cumulative: Vec<f64>,
+    /// For every [`TABLE`]th part of the mass, and for all of it, the first cell whose end reaches it: where the search of a quantile begins and ends.
+    guide: Vec<u16>,
 }
 
 impl Warp {
@@ -23,7 +25,7 @@ impl Warp {
     pub fn new(filter: PixelFilter, width: f64) -> Self {
         let pi = std::f64::consts::PI;
         match filter {
-            PixelFilter::Box => Self { support: 0.5, cumulative: Vec::new() },
+            PixelFilter::Box => Self { support: 0.5, cumulative: Vec::new(), guide: Vec::new() },
             PixelFilter::Gaussian => Self::tabulate(|offset| (-8.0 * (offset / width).powi(2)).exp(), 1.5 * width),
             PixelFilter::BlackmanHarris => {
                 let density = |offset: f64| {
@@ -37,7 +39,7 @@ impl Warp {
 
     /// No filter: every ray passes through the centre of its pixel, as the one ray of a pixel does that has no more.
     pub fn centre() -> Self {
-        Self { support: 0.0, cumulative: vec![0.0; TABLE + 1] }
+        Self { support: 0.0, cumulative: vec![0.0; TABLE + 1], guide: Vec::new() }
     }
 
     /// Tabulates an even density on `[-support, support]`.
@@ -49,7 +51,11 @@ impl Warp {
             total += density(-support + (index as f64 + 0.5) * cell);
             cumulative.push(total);
         }
-        Self { support, cumulative }
+        let ends = &cumulative[1..TABLE];
+        // TABLE is a power of two, so that these products round as those of quantiles do, in the same order.
+        let reached = |part: usize| ends.partition_point(|&mass| mass < part as f64 / TABLE as f64 * total) as u16;
+        let guide = (0..=TABLE).map(reached).collect();
+        Self { support, cumulative, guide }
     }
 
     /// Offset from the pixel centre, in pixels, below which the part `quantile` of the filter lies.
@@ -60,7 +66,9 @@ impl Warp {
         }
         let wanted = quantile * total;
         // The first cell whose end reaches the wanted mass.
-        let index = self.cumulative[1..TABLE].partition_point(|&mass| mass < wanted);
+        let part = ((quantile * TABLE as f64) as usize).min(TABLE - 1);
+        let [first, last] = [self.guide[part], self.guide[part + 1]].map(usize::from);
+        let index = first + self.cumulative[1 + first..1 + last].partition_point(|&mass| mass < wanted);
         let part = (wanted - self.cumulative[index]) / (self.cumulative[index + 1] - self.cumulative[index]);
         -self.support + (index as f64 + part) * (2.0 * self.support / TABLE as f64)
     }
@@ -78,6 +86,28 @@ mod tests {
 
     fn deviation(offsets: &[f64]) -> f64 {
         (offsets.iter().map(|offset| offset * offset).sum::<f64>() / offsets.len() as f64).sqrt()
+    }
+
+    #[test]
+    fn the_guide_finds_what_a_search_of_all_cells_finds() {
+        for (filter, width) in [(PixelFilter::BlackmanHarris, 1.5), (PixelFilter::Gaussian, 0.7)] {
+            let warp = Warp::new(filter, width);
+            let total = warp.cumulative[TABLE];
+            let whole = |quantile: f64| {
+                let wanted = quantile * total;
+                let index = warp.cumulative[1..TABLE].partition_point(|&mass| mass < wanted);
+                let part = (wanted - warp.cumulative[index]) / (warp.cumulative[index + 1] - warp.cumulative[index]);
+                -warp.support + (index as f64 + part) * (2.0 * warp.support / TABLE as f64)
+            };
+            // Where the guide changes, next to it, between, and where no quantile should be.
+            let parts = (0..=TABLE).map(|part| part as f64 / TABLE as f64);
+            let ends =
+                parts.flat_map(|part| [part.next_down().max(0.0), part, part.next_up(), part + 0.3 / TABLE as f64]);
+            for quantile in ends.chain([f64::MIN_POSITIVE, 1.0, 1.1, -0.1, f64::NAN]) {
+                let [found, expected] = [warp.offset(quantile), whole(quantile)];
+                assert_eq!(found.to_bits(), expected.to_bits(), "{filter:?}, {quantile}: {found}, not {expected}");
+            }
+        }
     }
 
     #[test]

@@ -307,16 +307,14 @@ impl Volume {
             let direction = object.to_object.transform_vector3(direction);
             object.bounds.segment(origin, direction)
         };
+        let later = |last: f64, object: &Arc<ObjectMedium>| {
+            let faces = faces(object).into_iter().flat_map(|(enter, leave)| [enter, leave]);
+            faces.filter(|&face| face <= far).fold(last, f64::max)
+        };
+        let Some(index) = &self.index else { return self.objects.iter().fold(f64::NEG_INFINITY, later) };
         let mut candidates = Vec::new();
-        let until = [f64::NEG_INFINITY, far];
-        self.candidates(&mut candidates, |index, found| index.along(origin, direction, until, found));
-        candidates
-            .iter()
-            .map(|&object| &self.objects[object])
-            .filter_map(faces)
-            .flat_map(|(enter, leave)| [enter, leave])
-            .filter(|&face| face <= far)
-            .fold(f64::NEG_INFINITY, f64::max)
+        index.along(origin, direction, [f64::NEG_INFINITY, far], &mut candidates);
+        candidates.iter().map(|&object| &self.objects[object]).fold(f64::NEG_INFINITY, later)
     }
 
     /// The parts of a ray that lie in meshes, each with the number of its object, between two distances. `inside` says of which objects the

@@ -36,10 +36,14 @@ pub(super) fn evaluate(node: &VoronoiTexture, inputs: &[Column<'_, f32>], output
         Hashing::WholeNumbers => LARGEST_COORDINATE,
         Hashing::Floats => LARGEST_FLOAT_COORDINATE,
     };
-    redone.extend((0..outputs[0].len()).filter(|&index| {
-        let near = |axis: usize| (inputs[axis].values[index] * plan.largest_factor).abs() < limit;
-        !(0..node.dimensions).all(near)
-    }));
+    let coordinates = &inputs[..node.dimensions];
+    let near = |value: f32| (value * plan.largest_factor).abs() < limit;
+    // Without a branch per point, since hardly any is that far.
+    if !coordinates.iter().all(|column| column.values.iter().fold(true, |all, &value| all & near(value))) {
+        redone.extend(
+            (0..outputs[0].len()).filter(|&index| !coordinates.iter().all(|column| near(column.values[index]))),
+        );
+    }
     for index in redone {
         let mut point: Vec<&mut [f32]> = outputs.iter_mut().map(|output| &mut output[index..=index]).collect();
         node.evaluate(&columns_at(inputs, index), &mut point);
