@@ -405,6 +405,7 @@ fn linker(program: &Program) -> Result<Linker> {
     let terms = "#define_import_path cloudparity::engines::own_terms\n\
                  fn source(place: vec3f, height: f32, extinction: f32) -> vec3f { return vec3f(height * extinction) + place; }\n";
     linker.add("generated/terms.wgsl", terms);
+    linker.add("engines/air.wgsl", include_str!("../shaders/engines/air.wgsl"));
     Ok(linker)
 }
 
@@ -462,8 +463,9 @@ fn every_mode_and_every_file_links_and_validates() {
         used.insert(shader.path.clone());
     }
     let march = &all["engines/march.wgsl"];
-    // Rays that a kernel makes have one interval, so neither they nor a fragment's are in a mesh.
-    let is_for_pictures = |definition: &str| definition != IN_FRAGMENT && definition != "MESH";
+    // Rays that a kernel makes have one interval, so neither they nor a fragment's are in a mesh; nor have fragments air, or light from below.
+    let is_for_pictures =
+        |definition: &str| ![IN_FRAGMENT, "MESH", "GROUND"].contains(&definition) && !definition.starts_with("AIR");
     for definition in definitions(&march.text).into_iter().filter(|definition| is_for_pictures(definition)) {
         check_picture(&[&definition]);
     }
@@ -490,10 +492,19 @@ fn every_mode_and_every_file_links_and_validates() {
         "BOOST_BY_ANGLE",
         "PHASE_TWICE",
         "LEFTOVER_RESCALED",
+        "STEP_GROWTH",
     ];
-    for more in
-        [&[][..], &["SHELL"], &["MESH"], &["SEVERAL_SUNS"], &["LEFTOVER_DROPPED"], &["NO_SUN", "SHELL", "EMPTY_CELLS"]]
-    {
+    const AIR: [&str; 7] =
+        ["AIR", "AIR_HAZE", "AIR_PERSPECTIVE", "AIR_SHAFTS", "AIR_RAYS", "AIR_ALPHA_TWICE", "GROUND"];
+    for more in [
+        &[][..],
+        &["SHELL"],
+        &["MESH"],
+        &["SEVERAL_SUNS"],
+        &["LEFTOVER_DROPPED"],
+        &["NO_SUN", "SHELL", "EMPTY_CELLS"],
+        &AIR,
+    ] {
         let definitions = [&terms, more].concat();
         check(&programs[2], "engines/march.wgsl", &definitions);
         if definitions.iter().all(|definition| is_for_pictures(definition)) {
@@ -506,7 +517,7 @@ fn every_mode_and_every_file_links_and_validates() {
             .map(|path| (path, definitions(&all[path].text).len()))
             .to_vec();
     // Conditions that the search finds: were it blind, nothing would be tried.
-    assert_eq!(conditions.iter().map(|(_, count)| *count).collect::<Vec<_>>(), [34, 7, 6], "{conditions:?}");
+    assert_eq!(conditions.iter().map(|(_, count)| *count).collect::<Vec<_>>(), [44, 7, 6], "{conditions:?}");
     // Constants in a buffer, which has no function of its own: the kernel has its binding, and programs that differ in a number have one text.
     let linked = |program: &Program| {
         let source = "#import cloudparity::graph\n@group(0) @binding(0) var<storage, read_write> found: f32;\n\

@@ -7,7 +7,8 @@
 // NO_SUN, SEVERAL_SUNS, SHADOW_MAP (what lies beyond the march is read), SHADOW_LAYERS (a map knows all of it), SHELL (the domain lies between spheres), MESH (in a mesh), else in a box, TERMS (those of a system's own), LIGHT_VOLUME (light that was found
 // beforehand), COLUMNS (so was what lies towards the suns), and
 // the terms of src/engines/light/terms.rs: OCTAVES (else one), COMPRESSION, SILVER, POWDER, AMBIENT_GRADIENT, RAY_POWDER, BOOST,
-// BOOST_BY_ANGLE, BODY, COARSE_SHADOW (both read averages of the density).
+// BOOST_BY_ANGLE, BODY, COARSE_SHADOW (both read averages of the density), GROUND (light from below). STEP_GROWTH: steps of the view ray grow. Air between the eye and the cloud: AIR, with AIR_HAZE, AIR_LEVEL_HAZE,
+// AIR_PERSPECTIVE, AIR_SHAFTS, AIR_RAYS, AIR_RAYS_BY_NUMBER and AIR_ALPHA_TWICE of src/engines/march/air.rs.
 #define_import_path cloudparity::march
 #import cloudparity::graph
 #import cloudparity::averages::along
@@ -24,6 +25,9 @@
 #import cloudparity::rays::{Pixel, Ray}
 #import cloudparity::terms
 #import cloudparity::transfer
+#ifdef AIR
+#import cloudparity::air
+#endif
 #ifdef IN_FRAGMENT
 #import cloudparity::engines::data
 #import cloudparity::words
@@ -101,7 +105,8 @@ struct March {
     // Layers of the shadow map, where it has some.
     map_layers: u32,
     columns_size: vec3f,
-    columns_end_padding: f32,
+    // Logarithm of a step of the view ray over the one before.
+    step_growth: f32,
 }
 
 struct Sun {
@@ -148,6 +153,29 @@ fn is_occupied(cell: u32) -> bool {
 fn map_row(index: u32) -> vec4f {
     return maps[index];
 }
+#endif
+
+#ifdef GROUND
+// Light from below: what reaches a place that nothing dims, and a march straight down whose steps double.
+struct Ground {
+    radiance: vec3f,
+    steps: u32,
+    // Displacement in the density's frame per unit of length.
+    down: vec3f,
+    first: f32,
+}
+
+@group(0) @binding(10) var<uniform> ground: Ground;
+#endif
+
+#ifdef AIR
+// Of each ray the length from the eye to its origin, and the sum of what was taken away times its distance from there.
+@group(0) @binding(8) var<storage, read_write> ways: array<vec2f>;
+@group(0) @binding(9) var<uniform> between: air::Air;
+
+// Of the ray at work: that sum, and what was taken away.
+var<private> taken_distance: f32;
+var<private> taken: f32;
 #endif
 
 const LARGEST = 3.40282347e38;
@@ -558,13 +586,43 @@ fn from_volume(weights: ptr<function, array<f32, 16>>, place: vec3f) -> vec3f {
 }
 #endif
 
+#ifdef STEP_GROWTH
+// Length of the first steps together, over the first one's times the logarithm of the growth: k^number - 1, by its series where that is small.
+fn grown(number: u32) -> f32 {
+    let x = f32(number) * march.step_growth;
+    let series = x * (1.0 + x * (0.5 + x * (1.0 / 6.0 + x / 24.0)));
+    return select(exp(x) - 1.0, series, x < 0.05);
+}
+#endif
+
+#ifdef GROUND
+// Light from the ground, dimmed by what lies below a place.
+fn from_ground(place: vec3f) -> vec3f {
+    var sum = 0.0;
+    var begin = 0.0;
+    var step = ground.first;
+    for (var number = 0u; number < ground.steps; number++) {
+        let at = place + ground.down * (begin + 0.5 * step);
+        if holds(at) { sum += step * density_at(at); }
+        begin += step;
+        step *= 2.0;
+    }
+    return ground.radiance * transfer::transmittance(march.extinction * sum);
+}
+#endif
+
 // What a ray comes to in the steps from `first_step` to before `end_step`, after what it came to before them.
 fn marched(ray: Ray, begun: Pixel, first_step: u32, end_step: u32) -> Pixel {
     var pixel = begun;
     // An ended ray is one that is looked at before its first step here.
     let is_done = first_step > 0u && length(pixel.transmittance) < march.least_transmittance;
     if ray.length > 0.0 && !is_done {
+#ifdef STEP_GROWTH
+        // The whole length is that of so many first steps.
+        let first_length = ray.length / grown(march.steps);
+#else
         let step = ray.length / f32(march.steps);
+#endif
 #ifdef SEVERAL_SUNS
         var weights: array<f32, constants::MOST_SUNS * 16u>;
         prepare(&weights, ray.direction);
@@ -578,7 +636,13 @@ fn marched(ray: Ray, begun: Pixel, first_step: u32, end_step: u32) -> Pixel {
         volume_weights(&of_volume, ray.direction);
 #endif
         for (var number = first_step; number < min(march.steps, end_step); number++) {
+#ifdef STEP_GROWTH
+            let begin = first_length * grown(number);
+            let step = first_length * grown(number + 1u) - begin;
+            let passed = begin + ray.jitter * step;
+#else
             let passed = (f32(number) + ray.jitter) * step;
+#endif
             let left = ray.length - passed;
             var distance = select(passed, passed + ray.gap, passed > ray.first);
 #ifdef MESH
@@ -610,6 +674,9 @@ fn marched(ray: Ray, begun: Pixel, first_step: u32, end_step: u32) -> Pixel {
             var lit = vec3f(0.0);
 #else
             var lit = from_sun(&weights, 0u, place, ray.direction);
+#endif
+#ifdef GROUND
+            from_world += from_ground(place);
 #endif
 #ifdef POWDER
             let powder = terms::powder(march.powder_strength, march.powder_length, mean_extinction);
@@ -652,10 +719,16 @@ fn marched(ray: Ray, begun: Pixel, first_step: u32, end_step: u32) -> Pixel {
             let weight = transfer::mean_transmittance(extinct * step) * step;
 #endif
             pixel.radiance += pixel.transmittance * source * weight;
+#ifdef AIR
+            taken_distance += dot(pixel.transmittance, transfer::absorbed(extinct * step)) * distance;
+#endif
             pixel.transmittance *= transfer::transmittance(extinct * step);
             if length(pixel.transmittance) < march.least_transmittance { break; }
         }
     }
+#ifdef AIR
+    taken = 3.0 - (pixel.transmittance.x + pixel.transmittance.y + pixel.transmittance.z);
+#endif
 #ifdef LEFTOVER_DROPPED
     if length(pixel.transmittance) < march.least_transmittance { pixel.transmittance = vec3f(0.0); }
 #else ifdef LEFTOVER_RESCALED
@@ -669,6 +742,169 @@ fn marched(ray: Ray, begun: Pixel, first_step: u32, end_step: u32) -> Pixel {
     return pixel;
 }
 
+#ifdef AIR
+#ifdef AIR_SHAFTS
+// Density times length from a place towards a sun, of its map alone; 0 beside it: twin of `ShadowMap::read_below`.
+fn below_map(sun: u32, place: vec3f) -> f32 {
+#ifdef SHADOW_LAYERS
+    let size = march.map_size;
+    let begin = sun * (3u + (size * size * (march.map_layers + 1u) + 3u) / 4u);
+#else
+    let begin = sun * (3u + march.map_size * march.map_size);
+#endif
+    let at_place = vec4f(place, 1.0);
+    let at = vec2f(dot(map_row(begin), at_place), dot(map_row(begin + 1u), at_place));
+    if any(at < vec2f(-0.5)) || any(at > vec2f(f32(march.map_size) - 0.5)) { return 0.0; }
+#ifdef SHADOW_LAYERS
+    return from_layers(sun, place);
+#else
+    return from_map(sun, place, 0.0);
+#endif
+}
+
+// Metres of a ray up to `end` that lie in the shadow of the cloud from a sun.
+fn in_shadow(sun: u32, eye: vec3f, ray: Ray, line: air::Line, end: f32) -> f32 {
+    let extinction = (march.extinction.x + march.extinction.y + march.extinction.z) / 3.0;
+    var begin = 0.0;
+    if line.height > between.top {
+        if line.rise >= 0.0 { return 0.0; }
+        begin = (line.height - between.top) / -line.rise;
+    }
+    var step = 50.0;
+    var weight = 1.0;
+    var sum = 0.0;
+    for (var number = 0u; number < 500u; number++) {
+        if begin >= end { break; }
+        let whole = min(step, end - begin);
+        let place = eye + ray.way * ((begin + ray.jitter * whole) / between.metres);
+        sum += weight * whole * transfer::absorbed(vec3f(extinction * below_map(sun, place))).x;
+        begin += step;
+        step *= 1.01;
+        weight *= between.shaft_fade;
+    }
+    return sum;
+}
+#endif
+
+#ifdef AIR_RAYS
+// God rays in the march.
+fn march_rays(eye: vec3f, ray: Ray, farthest: f32) -> vec3f {
+    let length = min(farthest * between.metres, between.ray_length);
+    // Published samples that one stands for.
+    let share = length / between.ray_length;
+    var sum = vec3f(0.0);
+    for (var number = 0u; number < between.ray_samples; number++) {
+        let part = (f32(number) + ray.jitter) / f32(between.ray_samples);
+        let place = eye + ray.way * (part * length / between.metres);
+        let fog = exp(-max(air::height_of(between, place.z), 0.0) / air::HAZE_HEIGHT);
+#ifdef AIR_RAYS_BY_NUMBER
+        let weight = fog * pow(between.ray_decay, f32(number));
+#else
+        let weight = fog * share * between.ray_weight * pow(between.ray_decay, share * f32(number));
+#endif
+        for (var sun = 0u; sun < march.suns; sun++) {
+#ifdef AIR_RAYS_BY_NUMBER
+            var through = vec3f(1.0);
+            if holds(place) { through -= 0.5 * density_at(place); }
+#else
+            let way = suns[sun].way;
+            let entered = towards_light(place, way);
+            var through = vec3f(1.0);
+            if entered.w > 0.0 {
+                through = transfer::transmittance(shadow_depth(sun, entered.xyz, way, dot(ray.direction, suns[sun].direction)));
+            }
+#endif
+            sum += weight * suns[sun].irradiance * through;
+        }
+    }
+    return between.ray_strength * sum;
+}
+
+// Where the way from a place towards a sun enters the box, or that around a mesh, and 1; 0 where it passes beside: twin of `entered`.
+fn towards_light(place: vec3f, way: vec3f) -> vec4f {
+    var enter = 0.0;
+    var leave = LARGEST;
+    for (var axis = 0u; axis < 3u; axis++) {
+        if way[axis] == 0.0 {
+            if place[axis] < march.low[axis] || place[axis] > march.high[axis] { return vec4f(place, 0.0); }
+            continue;
+        }
+        let first = (march.low[axis] - place[axis]) / way[axis];
+        let second = (march.high[axis] - place[axis]) / way[axis];
+        enter = max(enter, min(first, second));
+        leave = min(leave, max(first, second));
+    }
+    let is_met = select(0.0, 1.0, enter < leave);
+#ifdef MESH
+    return vec4f(place, is_met);
+#else
+    return vec4f(place + way * enter, is_met);
+#endif
+}
+#endif
+
+// Air over what a ray came to, which began so far behind the eye.
+fn through_air(ray: Ray, start: f32, found: Pixel) -> Pixel {
+    var pixel = found;
+    let eye = ray.origin - ray.way * start;
+    let farthest = ray.farthest + start;
+#ifdef AIR_ALPHA_TWICE
+    pixel.radiance *= 1.0 - pixel.transmittance;
+#endif
+    let line = air::line_of(between, eye.z, ray.way.z, farthest);
+    let opacity = 1.0 - (pixel.transmittance.x + pixel.transmittance.y + pixel.transmittance.z) / 3.0;
+    let has_front = taken > 0.0;
+    var front = LARGEST;
+    if has_front { front = (start + taken_distance / taken) * between.metres; }
+    let dark = air::seen(air::end_of(line, between.top), front, opacity);
+#ifdef AIR_LEVEL_HAZE
+    let end = dark;
+#else
+    let end = air::seen(air::end_of(line, LARGEST), front, opacity);
+#endif
+    var of_air = vec3f(0.0);
+    var of_haze = vec3f(0.0);
+    let haze_depth = air::haze_depth(between, line, end);
+    for (var sun = 0u; sun < max(march.suns, 1u); sun++) {
+        let direct = suns[sun].irradiance;
+        let to_sun = suns[sun].direction;
+        let world = select(vec3f(0.0), march.ambient, sun == 0u);
+#ifdef AIR_SHAFTS
+        let shadow = in_shadow(sun, eye, ray, line, dark);
+#else
+        let shadow = 0.0;
+#endif
+#ifdef AIR_PERSPECTIVE
+        if has_front {
+            let rayleigh = direct * air::rayleigh_phase(ray.direction, to_sun) + world;
+            let mie = direct * air::mie_phase(ray.direction, to_sun) + world;
+            of_air += air::air_light(between.aerial, line, max(front - shadow, 0.0), rayleigh, mie);
+        }
+#endif
+#ifdef AIR_HAZE
+        let lit = transfer::absorbed(vec3f(max(haze_depth - air::haze_depth(between, line, min(shadow, end)), 0.0)));
+        let source = direct * two_lobes(march.anisotropy, ray.direction, to_sun) + air::HAZE_AMBIENT * world;
+        of_haze += between.haze_albedo * source * lit;
+#endif
+    }
+#ifdef AIR_PERSPECTIVE
+    if has_front {
+        pixel.radiance *= transfer::transmittance(air::air_depth(between.aerial, line, front));
+        pixel.radiance += (1.0 - pixel.transmittance) * of_air;
+    }
+#endif
+#ifdef AIR_HAZE
+    let left = exp(-haze_depth);
+    pixel.radiance = pixel.radiance * left + of_haze;
+    pixel.transmittance *= left;
+#endif
+#ifdef AIR_RAYS
+    pixel.radiance += march_rays(eye, ray, farthest);
+#endif
+    return pixel;
+}
+#endif
+
 #ifndef IN_FRAGMENT
 @compute @workgroup_size(64)
 fn main(@builtin(global_invocation_id) invocation: vec3u) {
@@ -676,6 +912,15 @@ fn main(@builtin(global_invocation_id) invocation: vec3u) {
     let index = invocation.x;
     var pixel = Pixel(vec3f(0.0), 0u, vec3f(1.0), 0u);
     if march.first_step > 0u { pixel = pixels[index]; }
+#ifdef AIR
+    taken_distance = ways[index].y;
+    pixel = marched(rays[index], pixel, march.first_step, march.end_step);
+    // Once, in the ray's last dispatch.
+    if march.end_step >= march.steps { pixel = through_air(rays[index], ways[index].x, pixel); }
+    ways[index].y = taken_distance;
+    pixels[index] = pixel;
+#else
     pixels[index] = marched(rays[index], pixel, march.first_step, march.end_step);
+#endif
 }
 #endif

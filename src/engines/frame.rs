@@ -3,6 +3,7 @@
 use crate::base::error::Result;
 use crate::engines::Request;
 use crate::engines::domain::{Container, Domain};
+use crate::engines::march::air::Air;
 use crate::engines::node_graph::{Input, NodeGraph};
 
 /// A published slab, placed in a container: the container's lower face is the slab's base, its upper face the slab's top, and its sides
@@ -46,6 +47,12 @@ impl SlabFrame {
             base,
             unit: per_metre * container.unit,
         }
+    }
+
+    /// Air over this slab, without any of it yet.
+    pub fn air(&self) -> Air {
+        let slope = self.scale[2];
+        Air::none(self.unit, [slope, self.base - self.origin[2] * slope], self.base + self.height * slope)
     }
 
     /// The published place in metres, and its height as a part of the slab's.

@@ -191,6 +191,7 @@ fn engine(request: &Request<'_>) -> Result<Engine> {
         march: RealTimeSettings {
             steps: values.get("march_steps") as u32,
             integration: Integration::EnergyConserving,
+            growth: 1.0,
             exit_fade: false,
             least_density: 0.0,
             least_transmittance: 0.01,
@@ -202,5 +203,6 @@ fn engine(request: &Request<'_>) -> Result<Engine> {
         warnings: Vec::new(),
         averages: std::sync::OnceLock::new(),
         light_volume: None,
+        air: None,
     })
 }

@@ -29,6 +29,7 @@ use crate::base::error::{Error, Result};
 use crate::engines::defects::{Defect, Defects};
 use crate::engines::domain::{Container, Domain, DomainKind, Outline};
 use crate::engines::light::{LightModel, LightTerm, SourceFactor};
+use crate::engines::march::air::Air;
 use crate::engines::march::light_volume::ReadVolume;
 use crate::engines::march::{Marched, RealTimeSettings};
 use crate::engines::node_graph::{GraphDensity, Input, NodeGraph};
@@ -113,6 +114,7 @@ impl Request<'_> {
             warnings: Vec::new(),
             averages: OnceLock::new(),
             light_volume: None,
+            air: None,
         })
     }
 }
@@ -168,6 +170,8 @@ pub struct Engine {
     /// Light of all suns behind the first order of scattering, and of the world: what path tracing found in this cloud under the lights of a
     /// scene, for its pictures alone. In its place no ambient light counts.
     pub light_volume: Option<Arc<LightVolume>>,
+    /// Air between the eye and the cloud, where the engine has some.
+    pub air: Option<Air>,
 }
 
 impl Engine {
@@ -185,7 +189,18 @@ impl Engine {
         let averages = if light.terms.needs_coarse() { Some(self.averages()?) } else { None };
         let Self { container, density, extinction, terms, .. } = self;
         let light_volume = self.light_volume.as_deref().map(|volume| ReadVolume::new(volume, light));
-        Ok(Marched { container, density, extinction: *extinction, averages, maps: &[], light, terms, light_volume })
+        let air = self.air.as_ref();
+        Ok(Marched {
+            container,
+            density,
+            extinction: *extinction,
+            averages,
+            maps: &[],
+            light,
+            terms,
+            light_volume,
+            air,
+        })
     }
 
     /// Extinction and scattering per unit of density and metre, for light transport. An error where the source is no albedo times

@@ -216,9 +216,9 @@ impl<'a> EngineRenderer<'a> {
     pub async fn on_adapter(scene: &'a Scene, engine: &'a Engine, gpu: &'a Gpu, ray_maker: RayMaker) -> Result<Self> {
         let mut renderer = Self::prepared(scene, engine)?;
         let march = MarchKernel::new_async(gpu, &renderer.marched()?, &engine.march).await?;
-        // A panorama and another domain have no such view, a picture behind the cloud needs the rays.
+        // A panorama and another domain have no such view; a picture behind the cloud needs the rays, air where they begin.
         let view = match (ray_maker, &renderer.background) {
-            (RayMaker::Adapter, Background::Constant(_)) => {
+            (RayMaker::Adapter, Background::Constant(_)) if engine.air.is_none() => {
                 ViewUniform::new(&renderer.camera, &engine.container, scene.image_size()).ok()
             }
             _ => None,
@@ -482,7 +482,7 @@ impl<'a> EngineRenderer<'a> {
             let marched = match camera {
                 Some(camera) => {
                     let rays = camera.rays(first as u32, pixels.len() as u32)?;
-                    march.march_buffer(&rays, pixels.len(), &[])?
+                    march.march_buffer(&rays, pixels.len(), &[], None)?
                 }
                 None => march.march_on_adapter(&self.rays(&plan, settings, pixels.clone()))?,
             };
@@ -522,6 +522,9 @@ impl<'a> EngineRenderer<'a> {
             ("render_seconds", format!("{seconds:.3}")),
         ] {
             image.provenance.insert(name.to_owned(), value);
+        }
+        if let Some(air) = &engine.air {
+            image.provenance.insert("air".into(), json(air));
         }
         if let Some(volume) = &engine.light_volume {
             image.provenance.insert("light_volume".into(), json(&volume.report()));

@@ -62,6 +62,7 @@ impl Boxed {
             light,
             terms: &[],
             light_volume: None,
+            air: None,
         }
     }
 }

@@ -74,6 +74,7 @@ fn build(request: &Request<'_>) -> Result<Engine> {
         march: RealTimeSettings {
             steps: values.get("march_steps") as u32,
             integration: Integration::EnergyConserving,
+            growth: 1.0,
             exit_fade: false,
             least_density: 0.0,
             leftover: Leftover::Kept,
@@ -86,6 +87,7 @@ fn build(request: &Request<'_>) -> Result<Engine> {
         warnings: Vec::new(),
         averages: OnceLock::new(),
         light_volume: None,
+        air: None,
     })
 }
 

@@ -59,6 +59,13 @@ pub const FOG_AT_THE_ZENITH: Defect = Defect {
     corrected: "(1 - exp(-distance)) exp(-height), as the source has it",
 };
 
+/// BO-15, of chapter 5.3; the number is ours.
+pub const RAYS_BY_NUMBER: Defect = Defect {
+    id: "BO-15",
+    about: "god rays of the march count their samples, whatever their length, and know no shadow: each loses half the cloud's density where it lies",
+    corrected: "an integral over the way, of what the cloud lets through from the sun",
+};
+
 /// All of them.
 pub const DEFECTS: &[Defect] = &[
     SOURCE_WITHOUT_ABSORPTION,
@@ -69,4 +76,5 @@ pub const DEFECTS: &[Defect] = &[
     PLAIN_SUM,
     UNUSED_SOFTNESS,
     FOG_AT_THE_ZENITH,
+    RAYS_BY_NUMBER,
 ];

@@ -21,6 +21,7 @@ use crate::engines::domain::DomainKind;
 use crate::engines::frame::SlabFrame;
 use crate::engines::light::terms::{Boost, Powder, SilverLining, Terms};
 use crate::engines::light::{LightModel, ShadowExtinction, ShadowMarch, SourceFactor, Sun, TwoLobes};
+use crate::engines::march::air::{Air, MarchRays};
 use crate::engines::march::{RealTimeSettings, distance_levels};
 use crate::engines::node_graph::{ClusterField, Input, NodeGraph};
 use crate::engines::parameters::{Parameter, Range, Values, parameter};
@@ -136,6 +137,16 @@ pub const PARAMETERS: &[Parameter] = &[
         "m",
         "how far away the background stands in it",
     ),
+    parameter(
+        "march_ray_intensity",
+        0.0,
+        Range::NotNegative,
+        [0.0, 2.0],
+        "",
+        "god rays summed up over the first 500 m; 0 is none",
+    ),
+    parameter("march_ray_density", 1.0, Range::NotNegative, [0.0, 3.0], "", "of the fog that they light"),
+    parameter("march_ray_samples", 16.0, Range::Whole(1, 1000), [8.0, 32.0], "", "their samples"),
     parameter("march_steps", 64.0, Range::Whole(1, 100_000), [8.0, 128.0], "", "steps of a view ray"),
     parameter("light_steps", 6.0, Range::Whole(1, 1000), [1.0, 8.0], "", "steps towards the sun"),
     parameter("albedo", 1.0, UNIT, [0.0, 1.0], "", "single-scattering albedo; without defect BO-1 only"),
@@ -222,7 +233,21 @@ fn engine(request: &Request<'_>) -> Result<Engine> {
             without_parentheses: defects.has(&defects::FOG_AT_THE_ZENITH),
         }));
     }
-    engine.compositing.alpha_twice = defects.has(&defects::ALPHA_TWICE);
+    let is_twice = defects.has(&defects::ALPHA_TWICE);
+    engine.compositing.alpha_twice = is_twice;
+    let intensity = values.get("march_ray_intensity");
+    if intensity > 0.0 {
+        let rays = MarchRays {
+            intensity,
+            density: values.get("march_ray_density"),
+            samples: values.get("march_ray_samples") as u32,
+            counts_samples: defects.has(&defects::RAYS_BY_NUMBER),
+        };
+        // Rays are added behind the compositing that multiplies the cloud by its opacity where there is a background.
+        let alpha_twice = is_twice && !request.scene.film.transparent;
+        engine.compositing.alpha_twice = is_twice && !alpha_twice;
+        engine.air = Some(Air { rays: Some(rays), alpha_twice, ..frame.air() });
+    }
     Ok(engine)
 }
 

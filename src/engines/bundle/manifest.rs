@@ -191,7 +191,7 @@ pub struct Binding {
     pub file: Option<String>,
 }
 
-/// An error where an engine has what bundles do not carry: passes over its picture, a light volume.
+/// An error where an engine has what bundles do not carry: passes over its picture, air before it, a light volume.
 pub(super) fn refuse_beyond_bundles(engine: &Engine) -> Result<()> {
     if engine.light_volume.is_some() {
         return Err(Error::new(
@@ -199,6 +199,14 @@ pub(super) fn refuse_beyond_bundles(engine: &Engine) -> Result<()> {
             "a light volume",
             "an engine without one: hosts move suns, and change the density, whose light it would not be",
             "Leave it out.",
+        ));
+    }
+    if engine.air.is_some() || engine.light.terms.ground.is_some() {
+        return Err(Error::new(
+            "the engine of a bundle",
+            "air before the cloud (haze, aerial perspective, rays of the march), or light from the ground",
+            "an engine without them: bundles carry none",
+            "Set their parameters to 0.",
         ));
     }
     let Some(pass) = engine.passes.first() else { return Ok(()) };

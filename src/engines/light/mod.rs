@@ -13,7 +13,7 @@ use crate::media::light_volume::MOST_BANDS;
 use crate::media::phase::{ScatteringLobe, draine, henyey_greenstein};
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
-use terms::Terms;
+use terms::{Ground, Terms};
 
 /// A sum of two phase functions of Henyey and Greenstein or, with an alpha, of Draine: Cornette and Shanks' for alpha 1, the fit to Mie's of
 /// droplets where one lobe has an alpha and the other none. Normalised to 1 over the sphere, but for what published systems add.
@@ -393,6 +393,14 @@ impl LightModel {
             weights[0] += self.terms.silver.value(cosine);
         }
         weights
+    }
+
+    /// Radiance from the ground at a place which nothing dims.
+    pub fn from_ground(&self, ground: &Ground) -> [f64; 3] {
+        std::array::from_fn(|channel| {
+            let suns: f64 = self.suns.iter().map(|sun| sun.irradiance[channel]).sum();
+            ground.of_world * std::f64::consts::PI * self.ambient[channel] + ground.of_suns * suns
+        })
     }
 
     /// Factor on the ambient light at a height of the domain, 0 to 1.

@@ -26,6 +26,7 @@
 //!   share q of it, as published all;
 //! - powder of the light ray, O': light from behind loses what has no depth before it (bestclouds);
 //! - a boost, L', for scattering of a second order (boltbestclouds32): u on the light that there is, v of the ambient colour, x the length;
+//! - light from the ground, where a system has it: added to the ambient light, exp(-depth below) of a radiance ([`Ground`]);
 //! - body of strength v and length m, with the extinction f around the place; t may be that of the density's averages, too
 //!   ([`crate::media::averages`]).
 
@@ -99,6 +100,19 @@ pub struct Boost {
     pub by_angle: bool,
 }
 
+/// Light that the ground sends back: a radiance without direction, dimmed by a march straight down whose steps double, each read in its middle.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Ground {
+    /// Share of the irradiance of the world, pi times its radiance, that arrives as radiance at a place which nothing dims.
+    pub of_world: f64,
+    /// The same of the suns' irradiance.
+    pub of_suns: f64,
+    /// Steps of the march.
+    pub steps: u32,
+    /// Length of the first, in units of length.
+    pub first: f64,
+}
+
 /// All of them.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Terms {
@@ -120,6 +134,9 @@ pub struct Terms {
     /// A second order of scattering.
     #[serde(default = "Boost::none")]
     pub boost: Boost,
+    /// Light from the ground, where there is some.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub ground: Option<Ground>,
 }
 
 impl Terms {
@@ -133,6 +150,7 @@ impl Terms {
         ambient: [1.0; 2],
         ray_powder: false,
         boost: Boost { light: 0.0, ambient: 0.0, length: 0.1, by_angle: true },
+        ground: None,
     };
 }
 
@@ -145,6 +163,7 @@ impl Terms {
             || self.silver.strength > 0.0
             || self.ray_powder
             || self.boost.is_on()
+            || self.ground.is_some()
     }
 
     /// Whether averages of the density are read.

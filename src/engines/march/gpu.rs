@@ -4,6 +4,7 @@ use crate::base::error::{Error, Result};
 use crate::base::texture::TextureHandle;
 use crate::engines::domain::Outline;
 use crate::engines::light::{MOST_SUNS, ShadowExtinction, ShadowLength, SourceFactor};
+use crate::engines::march::air::AirUniform;
 use crate::engines::march::light_volume::ReadVolume;
 use crate::engines::march::{Leftover, Marched, RealTimePixel, RealTimeRay, RealTimeSettings};
 use crate::gpu::{Bindings, ComputeKernel, Gpu, Layout, SOFTWARE_LOOPS, Slices};
@@ -94,7 +95,7 @@ shader_struct! {
         columns_scale: [f32; 3],
         map_layers: u32,
         columns_size: [f32; 3],
-        columns_end_padding: f32,
+        step_growth: f32,
     }
 }
 
@@ -107,6 +108,16 @@ shader_struct! {
         more_padding: f32,
         irradiance: [f32; 3],
         end_padding: f32,
+    }
+}
+
+shader_struct! {
+    /// Light from below.
+    struct GroundUniform = "Ground" {
+        radiance: [f32; 3],
+        steps: u32,
+        down: [f32; 3],
+        first: f32,
     }
 }
 
@@ -164,6 +175,8 @@ pub struct MarchKernel<'a> {
     mesh: Option<wgpu::Buffer>,
     maps: Option<wgpu::Buffer>,
     numbers: Option<wgpu::Buffer>,
+    air: Option<wgpu::Buffer>,
+    ground: Option<wgpu::Buffer>,
     /// Steps of one dispatch.
     together: u32,
     /// Rays of one dispatch.
@@ -225,6 +238,10 @@ impl<'a> MarchKernel<'a> {
             mesh,
             maps: (!parts.maps.is_empty()).then(|| upload("maps", bytemuck::cast_slice(&parts.maps))),
             numbers: (!parts.numbers.is_empty()).then(|| upload("numbers", bytemuck::cast_slice(&parts.numbers))),
+            air: parts.air.map(|air| gpu.upload("air", bytemuck::bytes_of(&air), wgpu::BufferUsages::UNIFORM)),
+            ground: parts
+                .ground
+                .map(|ground| gpu.upload("ground", bytemuck::bytes_of(&ground), wgpu::BufferUsages::UNIFORM)),
             together,
             // What takes a software adapter 50 ms is little for hardware: there the size follows what the adapter takes.
             slices: Mutex::new(match (parts.rays_together(together), gpu.adapter().is_software()) {
@@ -240,6 +257,11 @@ impl<'a> MarchKernel<'a> {
     pub fn march_on_adapter(&self, rays: &[RealTimeRay]) -> Result<wgpu::Buffer> {
         let mut gaps: Vec<[f32; 2]> = Vec::new();
         let inside: Vec<_> = rays.par_iter().map(|ray| ray.inside(&self.outline)).collect();
+        // From the eye to where a ray enters; one that misses begins at the eye.
+        let starts: Vec<f64> = match &self.air {
+            Some(_) => inside.iter().map(|ray| if ray.length > 0.0 { ray.parts.start } else { 0.0 }).collect(),
+            None => Vec::new(),
+        };
         let data: Vec<Ray> = rays
             .iter()
             .zip(inside)
@@ -261,12 +283,22 @@ impl<'a> MarchKernel<'a> {
                 }
             })
             .collect();
+        let ways = self.air.as_ref().map(|_| {
+            let ways: Vec<[f32; 2]> = starts.into_iter().map(|start| [start as f32, 0.0]).collect();
+            self.gpu.upload("ways", bytemuck::cast_slice(&ways), wgpu::BufferUsages::STORAGE)
+        });
         let rays = self.gpu.upload("rays", bytemuck::cast_slice(&data), wgpu::BufferUsages::STORAGE);
-        self.march_buffer(&rays, data.len(), &gaps)
+        self.march_buffer(&rays, data.len(), &gaps, ways.as_ref())
     }
 
-    /// Marches the first rays of a buffer that lies on the adapter; gaps are those that rays name.
-    pub(crate) fn march_buffer(&self, rays: &wgpu::Buffer, count: usize, gaps: &[[f32; 2]]) -> Result<wgpu::Buffer> {
+    /// Marches the first rays of a buffer that lies on the adapter; gaps are those that rays name, `ways` what air knows of each.
+    pub(crate) fn march_buffer(
+        &self,
+        rays: &wgpu::Buffer,
+        count: usize,
+        gaps: &[[f32; 2]],
+        ways: Option<&wgpu::Buffer>,
+    ) -> Result<wgpu::Buffer> {
         let gpu = self.gpu;
         // A buffer cannot be empty.
         let gaps = if gaps.is_empty() { &[[0.0; 2]] } else { gaps };
@@ -299,6 +331,13 @@ impl<'a> MarchKernel<'a> {
                 }
                 if let Some(maps) = &self.maps {
                     bindings = bindings.bind(0, 6, maps.as_entire_binding());
+                }
+                if let (Some(air), Some(ways)) = (&self.air, ways) {
+                    bindings = bindings.bind(0, 8, part(ways, first, together, size_of::<[f32; 2]>()));
+                    bindings = bindings.bind(0, 9, air.as_entire_binding());
+                }
+                if let Some(ground) = &self.ground {
+                    bindings = bindings.bind(0, 10, ground.as_entire_binding());
                 }
                 if let Some(numbers) = &self.numbers {
                     bindings = bindings.bind(1, 1, numbers.as_entire_binding());
@@ -376,14 +415,20 @@ pub(crate) struct MarchParts {
     pub(crate) maps: Vec<[f32; 4]>,
     /// Constants of the programs, where they are in a buffer.
     pub(crate) numbers: Vec<f32>,
+    /// Air, where there is some.
+    air: Option<AirUniform>,
+    /// Light from below, where there is some.
+    ground: Option<GroundUniform>,
     iterations: u32,
     visits: u32,
 }
 
 impl MarchParts {
     /// Of the structs in the kernel's buffers.
-    pub(crate) const LAYOUTS: [Layout; 5] = [
+    pub(crate) const LAYOUTS: [Layout; 7] = [
+        Layout::of::<GroundUniform>(),
         Layout::of::<MarchUniform>(),
+        Layout::of::<AirUniform>(),
         Layout::of::<Ray>(),
         Layout::of::<Pixel>(),
         Layout::of::<Sun>(),
@@ -447,6 +492,11 @@ impl MarchParts {
         define(!marched.terms.is_empty(), "TERMS");
         define(marched.light_volume.is_some(), "LIGHT_VOLUME");
         define(marched.columns().is_some() && !light.suns.is_empty(), "COLUMNS");
+        define(terms.ground.is_some(), "GROUND");
+        define(settings.growth != 1.0, "STEP_GROWTH");
+        if let Some(air) = marched.air {
+            definitions.extend(air.definitions(has_map));
+        }
         let mut linker = match form {
             Form::KernelWithNumbers => Linker::with_numbers(density.program())?,
             Form::KernelWithParameters(parameters) | Form::Fragment { parameters: Some(parameters), .. } => {
@@ -455,6 +505,9 @@ impl MarchParts {
             Form::Kernel | Form::Fragment { parameters: None, .. } => Linker::new(density.program())?,
         };
         linker.add_constants(&CONSTANTS);
+        if marched.air.is_some() {
+            linker.add("engines/air.wgsl", include_str!("../../../shaders/engines/air.wgsl"));
+        }
         match marched.averages {
             Some(averages) => {
                 linker.add_program(ALONG, &averages.along)?;
@@ -542,6 +595,7 @@ impl MarchParts {
             map_from: light.shadow.map_from() as f32,
             map_size: light.shadow.map.map_or(0, |map| map.size),
             map_layers: light.shadow.layers,
+            step_growth: settings.growth.ln() as f32,
             boost_light: terms.boost.light as f32,
             boost_ambient: terms.boost.ambient as f32,
             boost_length: terms.boost.length as f32,
@@ -614,6 +668,13 @@ impl MarchParts {
             textures,
             numbers,
             maps,
+            air: marched.air.map(AirUniform::new),
+            ground: terms.ground.map(|ground| GroundUniform {
+                radiance: single(light.from_ground(&ground)),
+                steps: ground.steps,
+                down: vector(container.way(DVec3::NEG_Z)),
+                first: ground.first as f32,
+            }),
             iterations: iterations(density.program()),
             visits,
         })
@@ -634,7 +695,8 @@ impl MarchParts {
     pub(crate) fn steps_together(&self) -> u32 {
         let MarchUniform { shadow_steps, suns, octaves, volume_coefficients, .. } = self.uniform;
         // A read of a light volume goes through eight vertices.
-        let density = self.iterations.saturating_add(8 * volume_coefficients);
+        let down = self.ground.map_or(0, |ground| ground.steps.saturating_mul(1 + self.iterations));
+        let density = self.iterations.saturating_add(8 * volume_coefficients).saturating_add(down);
         steps_together(density, shadow_steps, suns, octaves, self.visits)
     }
 
@@ -643,7 +705,8 @@ impl MarchParts {
     pub(crate) fn rays_together(&self, together: u32) -> usize {
         let densities = if self.iterations > 0 { DENSITIES / 16 } else { DENSITIES };
         let MarchUniform { steps, suns, shadow_steps, .. } = self.uniform;
-        let per_ray = steps.min(together) as usize * (1 + (suns * shadow_steps) as usize);
+        let down = self.ground.map_or(0, |ground| ground.steps);
+        let per_ray = steps.min(together) as usize * (1 + (suns * shadow_steps + down) as usize);
         // A fragment has no workgroups.
         let workgroup = self.module.entry_points[0].workgroup_size[0].max(1) as usize;
         (densities / per_ray).max(1).next_multiple_of(workgroup)

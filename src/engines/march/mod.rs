@@ -12,9 +12,10 @@
 //! - energy-conserving: C += T S (1 - exp(-e s)) / e (Hillaire 2015, "Physically Based and Unified Volumetric Rendering in
 //!   Frostbite");
 //!
-//! and T *= exp(-e s). Lengths are in the engine's unit ([`Container::unit`]), directions unit vectors of the world; places are in the
+//! and T *= exp(-e s). Steps that grow by a factor k begin at L (k^i - 1) / (k^steps - 1). Lengths are in the engine's unit ([`Container::unit`]), directions unit vectors of the world; places are in the
 //! density's frame, whose axes need not be of one length or at right angles.
 
+pub mod air;
 pub mod camera;
 pub mod distance_levels;
 pub mod gpu;
@@ -24,8 +25,9 @@ pub mod shadow_map;
 use crate::base::choice::choice;
 use crate::base::error::{Error, Result};
 use crate::engines::domain::{Container, Outline, Parts, unit};
-use crate::engines::light::terms::ray_powder;
+use crate::engines::light::terms::{Ground, ray_powder};
 use crate::engines::light::{LightModel, LightTerm, Lit, ShadowExtinction, ShadowLength, SourceFactor};
+use crate::engines::march::air::Air;
 use crate::engines::march::light_volume::ReadVolume;
 use crate::engines::march::shadow_map::ShadowMap;
 use crate::media::averages::Averages;
@@ -56,6 +58,9 @@ const SAMPLES_TOGETHER: usize = 4;
 pub struct RealTimeSettings {
     /// Steps of a ray; at least 1.
     pub steps: u32,
+    /// Length of a step over that of the one before, at least 1; 1: equal steps.
+    #[serde(default = "equal", skip_serializing_if = "is_equal")]
+    pub growth: f64,
     /// How a step adds its light.
     pub integration: Integration,
     /// Whether the source fades to nothing over the last two steps of a ray, while its extinction stays (defect PF-9).
@@ -71,6 +76,14 @@ pub struct RealTimeSettings {
     /// length. On the CPU alone.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub distance_levels: Option<f64>,
+}
+
+fn equal() -> f64 {
+    1.0
+}
+
+fn is_equal(growth: &f64) -> bool {
+    *growth == 1.0
 }
 
 fn kept() -> Leftover {
@@ -95,6 +108,7 @@ impl RealTimeSettings {
     pub fn until_one_percent(steps: f64, integration: Integration) -> Self {
         Self {
             steps: steps as u32,
+            growth: 1.0,
             integration,
             exit_fade: false,
             least_density: 0.0,
@@ -144,6 +158,8 @@ pub struct Marched<'a> {
     pub terms: &'a [Arc<dyn LightTerm>],
     /// Light that was found beforehand, where there is some.
     pub light_volume: Option<ReadVolume<'a>>,
+    /// Air between the eye and it, where there is some.
+    pub air: Option<&'a Air>,
 }
 
 /// A ray to be marched.
@@ -202,13 +218,18 @@ pub struct Inside {
 impl Inside {
     /// The first and the last of so many steps whose samples may lie in a box, with one more on either side; where it is crossed several
     /// times, all.
-    fn steps_within(&self, region: &Region, steps: f64, jitter: f64) -> [u32; 2] {
+    fn steps_within(&self, region: &Region, ladder: &Ladder, jitter: f64) -> [u32; 2] {
         if !self.parts.gaps.is_empty() {
             return [0, u32::MAX];
         }
         let Some((enter, leave)) = region.segment(self.origin, self.way) else { return [0, 0] };
-        let number = |distance: f64| distance * steps / self.length - jitter;
-        [number(enter).floor() - 1.0, number(leave).ceil() + 1.0].map(|number| number as u32)
+        // A sample lies within its step.
+        let begun = |distance: f64| ladder.number(distance / self.length);
+        match ladder.growth == 0.0 {
+            true => [(begun(enter) - jitter).floor() - 1.0, (begun(leave) - jitter).ceil() + 1.0]
+                .map(|number| number as u32),
+            false => [begun(enter).floor() - 2.0, begun(leave).ceil() + 2.0].map(|number| number as u32),
+        }
     }
 }
 
@@ -258,6 +279,33 @@ impl RealTimeRay {
     }
 }
 
+/// Where the steps of a ray begin, as parts of its length.
+#[derive(Debug, Clone, Copy)]
+struct Ladder {
+    /// By which the length is divided; the whole steps are done.
+    steps: f64,
+    /// Logarithm of what a step has over the one before; 0: equal steps.
+    growth: f64,
+}
+
+impl Ladder {
+    /// Begin of a step.
+    fn begin(&self, number: f64) -> f64 {
+        match self.growth == 0.0 {
+            true => number / self.steps,
+            false => (number * self.growth).exp_m1() / (self.steps * self.growth).exp_m1(),
+        }
+    }
+
+    /// The number of the step, and part of it, in which a part of the length ends.
+    fn number(&self, part: f64) -> f64 {
+        match self.growth == 0.0 {
+            true => part * self.steps,
+            false => (part * (self.steps * self.growth).exp_m1()).max(-1.0).ln_1p() / self.growth,
+        }
+    }
+}
+
 /// A sample of a ray.
 struct Sample {
     /// The ray's, among those that are on their way.
@@ -290,10 +338,7 @@ struct Way {
     of_volume: Vec<f32>,
     /// Sums of what was taken away, and of it times its distance.
     taken: [f64; 2],
-    /// By which the length is divided; the whole steps are done.
-    steps: f64,
-    /// Their length.
-    step: f64,
+    steps: Ladder,
     /// The next of them.
     next: u32,
     /// After which one the ray leaves the part of the domain that may hold something.
@@ -336,6 +381,23 @@ impl Marched<'_> {
                 "Make them (march::shadow_map::ShadowMap::of), or leave them out of the light.",
             ));
         }
+        let is_without_end = matches!(self.container.outline, Outline::Shell { .. });
+        if self.air.is_some() && is_without_end {
+            return Err(Error::new(
+                "the march of an engine",
+                "air in the domain of a shell",
+                "a slab or an object: air knows one direction that is up",
+                "Leave haze, aerial perspective and rays of the march out, or take another domain.",
+            ));
+        }
+        if self.air.is_some_and(|air| air.shafts.is_some()) && self.light.shadow.map.is_none() {
+            return Err(Error::new(
+                "the march of an engine",
+                "shafts under a light without shadow maps",
+                "a light with shadow maps, which shafts read",
+                "Set shadow_map to a number of texels, or shafts to 0.",
+            ));
+        }
         if self.light_volume.is_some() && (self.light.terms.imitates_orders() || !self.terms.is_empty()) {
             return Err(Error::new(
                 "the march of an engine",
@@ -364,7 +426,10 @@ impl Marched<'_> {
         let together = (rays.len() / (TASKS_OF_A_CORE * rayon::current_num_threads())).clamp(FEWEST_RAYS, MOST_RAYS);
         let mut pixels = vec![RealTimePixel::NOTHING; rays.len()];
         let tasks = rays.par_chunks(together).zip(pixels.par_chunks_mut(together));
-        tasks.try_for_each(|(rays, pixels)| self.march_together(settings, rays, pixels))?;
+        tasks.try_for_each(|(rays, pixels)| {
+            self.march_together(settings, rays, pixels)?;
+            self.air.map_or(Ok(()), |air| air.apply(self, &self.averages_read(), rays, pixels))
+        })?;
         Ok(pixels)
     }
 
@@ -440,6 +505,7 @@ impl Marched<'_> {
                 self.shadow_depths(density, (sun, to_sun), map, &places, &cosines)
             })
             .collect();
+        let from_ground = light.terms.ground.map(|ground| self.from_ground(&mut read.density, &ground, &places));
         let surroundings = read.around.as_mut().map(|around| around.values(&places));
         for (order, sample) in samples.iter().enumerate() {
             let &Sample { index, place, step, left, density, before, .. } = sample;
@@ -452,6 +518,7 @@ impl Marched<'_> {
             let height = outline.height(place);
             let sun_factor = fade * powder * body;
             let ambient_factor = fade * light.ambient_factor(height) * (1.0 + (powder - 1.0) * share);
+            let ground_factor = fade * (1.0 + (powder - 1.0) * share);
             let boost = &light.terms.boost;
             let cosine = way.cosines.first().copied().unwrap_or(0.0);
             let [boosted, added] = match boost.is_on() {
@@ -483,7 +550,8 @@ impl Marched<'_> {
                     }
                     from_suns += sun.irradiance[channel] * scattered * sun_factor;
                 }
-                let ambient = light.ambient[channel] * ambient_factor;
+                let below = from_ground.as_ref().map_or(0.0, |found| found[order][channel]);
+                let ambient = light.ambient[channel] * ambient_factor + below * ground_factor;
                 let mut all = from_suns + ambient + further[channel];
                 if boost.is_on() {
                     all = all * boosted + fade * light.ambient[channel] * added;
@@ -493,6 +561,33 @@ impl Marched<'_> {
                 way.pixel.radiance[channel] += before[channel] * source * weight;
             }
         }
+    }
+
+    /// Light from the ground at each place, before powder.
+    fn from_ground(&self, read: &mut DensityEvaluator<'_>, ground: &Ground, places: &[DVec3]) -> Vec<[f64; 3]> {
+        let outline = &self.container.outline;
+        let down = self.container.way(DVec3::NEG_Z);
+        let (mut owners, mut asked) = (Vec::new(), Vec::new());
+        for (index, &place) in places.iter().enumerate() {
+            let (mut begin, mut step) = (0.0, ground.first);
+            for _ in 0..ground.steps {
+                let at = place + down * (begin + 0.5 * step);
+                if outline.holds(at) {
+                    owners.push((index, step));
+                    asked.push(at);
+                }
+                begin += step;
+                step *= 2.0;
+            }
+        }
+        let mut sums = vec![0.0; places.len()];
+        for ((owner, step), found) in owners.into_iter().zip(read.values(&asked)) {
+            sums[owner] += found * step;
+        }
+        let radiance = self.light.from_ground(ground);
+        let of =
+            |sum: f64| std::array::from_fn(|channel| radiance[channel] * transmittance(self.extinction[channel] * sum));
+        sums.into_iter().map(of).collect()
     }
 
     /// Density times length towards the suns, where a light volume has it.
@@ -576,8 +671,8 @@ impl Marched<'_> {
 impl Way {
     fn new(index: usize, inside: Inside, jitter: f64, marched: &Marched<'_>, settings: &RealTimeSettings) -> Self {
         let light = marched.light;
-        let steps = settings.steps_of(inside.parts.start);
-        let [next, last] = inside.steps_within(&marched.density.occupied, steps, jitter);
+        let steps = Ladder { steps: settings.steps_of(inside.parts.start), growth: settings.growth.ln() };
+        let [next, last] = inside.steps_within(&marched.density.occupied, &steps, jitter);
         let cosines: Vec<f64> =
             light.suns.iter().map(|sun| inside.direction.dot(sun.towards()).clamp(-1.0, 1.0)).collect();
         let mut way = Self {
@@ -589,7 +684,6 @@ impl Way {
             is_done: false,
             has_ended: false,
             steps,
-            step: inside.length / steps,
             next,
             last,
             inside,
@@ -605,17 +699,16 @@ impl Way {
 
     /// Adds the next samples that may hold something; where the ray has no more, it is done.
     fn ask(&mut self, index: usize, density: &Density, samples: &mut Vec<Sample>) {
-        let step = self.step;
         let mut asked = 0;
         while asked < SAMPLES_TOGETHER {
             let number = self.next;
-            let whole = self.steps as u32;
+            let whole = self.steps.steps as u32;
             if number > self.last && number < whole && self.reach(whole - 1).is_some() {
                 // Nothing is left on the way, whose end is in the domain.
                 self.next = whole;
                 continue;
             }
-            let Some([left, distance]) = self.reach(number) else {
+            let Some([left, distance, step]) = self.reach(number) else {
                 self.is_done = true;
                 break;
             };
@@ -630,13 +723,25 @@ impl Way {
         self.pixel.samples = self.next;
     }
 
-    /// Length of the ray behind the sample of a step, and its distance from where the ray enters; None of a step that there is not.
-    fn reach(&self, number: u32) -> Option<[f64; 2]> {
-        let passed = (f64::from(number) + self.jitter) * self.step;
+    /// Length of the ray behind the sample of a step, its distance from where the ray enters, and the step's length; None of a step that there
+    /// is not.
+    fn reach(&self, number: u32) -> Option<[f64; 3]> {
+        let Ladder { steps, growth } = self.steps;
+        let [passed, step] = match growth == 0.0 {
+            true => {
+                let step = self.inside.length / steps;
+                [(f64::from(number) + self.jitter) * step, step]
+            }
+            false => {
+                let [begin, end] =
+                    [0.0, 1.0].map(|more| self.inside.length * self.steps.begin(f64::from(number) + more));
+                [begin + self.jitter * (end - begin), end - begin]
+            }
+        };
         let left = self.inside.length - passed;
         let distance = self.inside.parts.distance(passed);
-        let is_beyond = distance > self.inside.farthest || left < 0.0 || number >= self.steps as u32;
-        (!is_beyond).then_some([left, distance])
+        let is_beyond = distance > self.inside.farthest || left < 0.0 || number >= steps as u32;
+        (!is_beyond).then_some([left, distance, step])
     }
 
     /// Takes away what a sample keeps of the light from behind it; whether its own light counts.
@@ -674,6 +779,21 @@ mod tests {
     fn container() -> Container {
         let region = Region { low: DVec3::splat(-0.5), high: DVec3::splat(0.5) };
         Container { domain: Domain::Object, to_local: DMat4::IDENTITY, outline: Outline::Box(region), unit: 1.0 }
+    }
+
+    #[test]
+    fn steps_that_grow_fill_the_length_and_are_found_again() {
+        for growth in [1.0, 1.0 + 1e-12, 1.001, 1.05, 1.3] {
+            let ladder = Ladder { steps: 37.0, growth: f64::ln(growth) };
+            assert!(ladder.begin(0.0) == 0.0 && (ladder.begin(37.0) - 1.0).abs() < 1e-15, "{growth}");
+            for number in 1..37 {
+                let [before, begin, end] = [-1.0, 0.0, 1.0].map(|more| ladder.begin(f64::from(number) + more));
+                // 1 + 1e-12 is known to 2^-53 of 1, and the logarithm to 1e-4 of itself: which moves all alike.
+                let ratio = (end - begin) / (begin - before);
+                assert!((ratio - growth).abs() < 1e-9, "{growth}, step {number}: {ratio}");
+                assert!((ladder.number(begin) - f64::from(number)).abs() < 1e-9, "{growth}, step {number}");
+            }
+        }
     }
 
     #[test]

@@ -200,6 +200,13 @@ impl ShadowMap {
         (whole + tail).min(density * (self.rows[2].dot(place) - marched - front).max(0.0))
     }
 
+    /// All of it from a place towards the sun, 0 beside the map: for places outside the domain.
+    pub fn read_below(&self, place: DVec3) -> f64 {
+        let last = self.size as f64 - 0.5;
+        let is_below = self.rows[..2].iter().all(|row| (-0.5..=last).contains(&row.dot(place.extend(1.0))));
+        if is_below { self.read(place, 0.0) } else { 0.0 }
+    }
+
     fn read_layers(&self, place: DVec4) -> f64 {
         let numbers = DVec3::from(self.rows.map(|row| row.dot(place)));
         let texels = self.texels.as_flattened();
@@ -343,6 +350,7 @@ mod tests {
             light: &light,
             terms: &[],
             light_volume: None,
+            air: None,
         };
         let maps = ShadowMap::of(&marched).expect("a map");
         (maps[0].clone(), container)
@@ -408,6 +416,7 @@ mod tests {
             light: &light,
             terms: &[],
             light_volume: None,
+            air: None,
         };
         let error = ShadowMap::of(&marched).expect_err("256 GiB").to_string();
         assert!(error.contains("shadow_map") && error.contains("Take at most 90 texels"), "{error}");

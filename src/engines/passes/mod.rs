@@ -30,8 +30,32 @@ pub struct NamedPass {
     pub prefix: Option<&'static str>,
 }
 
-/// All passes.
+/// All passes, those that are made ray by ray included ([`crate::engines::march::air`]).
 pub const PASSES: &[NamedPass] = &[
+    NamedPass {
+        id: "aerial-perspective",
+        about: "air that dims and brightens the cloud by its distance: Rayleigh's and haze (takram)",
+        how: "the parameter aerial_perspective",
+        prefix: Some("aerial_perspective"),
+    },
+    NamedPass {
+        id: "haze",
+        about: "haze that falls with the height, in front of cloud and background (takram; defect TK-18)",
+        how: "the parameter haze",
+        prefix: Some("haze"),
+    },
+    NamedPass {
+        id: "shafts",
+        about: "the cloud's shadow in haze and aerial perspective, from its shadow map (takram; defect TK-11)",
+        how: "the parameter shafts",
+        prefix: Some("shafts"),
+    },
+    NamedPass {
+        id: "march-rays",
+        about: "god rays summed up along the first 500 m of each ray (boltbestclouds32; defect BO-15)",
+        how: "the parameter march_ray_intensity",
+        prefix: Some("march_ray_"),
+    },
     NamedPass {
         id: "compositing",
         about: "the cloud over its background: premultiplied, or as published engines do it (defects PF-7, PF-8, BO-2)",

@@ -53,6 +53,7 @@ fn engine(request: &Request<'_>) -> Result<Engine> {
         warnings,
         averages: OnceLock::new(),
         light_volume: None,
+        air: None,
     })
 }
 

@@ -228,6 +228,7 @@ pub fn march(values: &Values, kept: &Defects) -> RealTimeSettings {
     RealTimeSettings {
         steps: values.get("march_steps") as u32,
         integration: if is_plain { Integration::Plain } else { Integration::EnergyConserving },
+        growth: 1.0,
         exit_fade: kept.has(&defects::EXIT_FADE),
         least_density: 0.01,
         least_transmittance: 0.01,

@@ -37,5 +37,20 @@ pub const FRONT_BY_WHAT_IS_LEFT: Defect = Defect {
     corrected: "by the light that it takes",
 };
 
+/// TK-11.
+pub const FADING_SHAFTS: Defect = Defect {
+    id: "TK-11",
+    about: "each step of the shadow's length along a view ray counts a thousandth less than the one before",
+    corrected: "all count alike",
+};
+
+/// TK-18; the number is ours.
+pub const LEVEL_HAZE: Defect = Defect {
+    id: "TK-18",
+    about: "haze ends at the top of the layers, and below the horizon it is that of the camera's height, however far down a ray goes",
+    corrected: "it thickens towards the ground and thins out above",
+};
+
 /// All of them.
-pub const DEFECTS: &[Defect] = &[DIAGONAL_FEATURES, HALF_FLOATS, TO_LAST_SAMPLE, RESCALED_ALPHA, FRONT_BY_WHAT_IS_LEFT];
+pub const DEFECTS: &[Defect] =
+    &[DIAGONAL_FEATURES, HALF_FLOATS, TO_LAST_SAMPLE, FADING_SHAFTS, RESCALED_ALPHA, FRONT_BY_WHAT_IS_LEFT, LEVEL_HAZE];

@@ -14,21 +14,22 @@
 
 pub mod defects;
 
-use crate::base::error::Result;
+use crate::base::error::{Error, Result};
 use crate::engines::defects::Defects;
 use crate::engines::domain::DomainKind;
 use crate::engines::frame::SlabFrame;
-use crate::engines::light::terms::{Octaves, Powder, Terms};
+use crate::engines::light::terms::{Ground, Octaves, Powder, Terms};
 use crate::engines::light::{
     LightModel, ShadowExtinction, ShadowLength, ShadowMapSettings, ShadowMarch, SourceFactor, Sun, TwoLobes,
 };
+use crate::engines::march::air::{Air, Haze, Shafts};
 use crate::engines::march::{Leftover, RealTimeSettings};
 use crate::engines::node_graph::{Input, NodeGraph};
 use crate::engines::parameters::{Parameter, Range, Values, parameter};
 use crate::engines::{Engine, GraphParts, Model, Request};
 use crate::media::transfer::Integration;
 use crate::nodes::cloud_texture::bakes::FeaturePoints;
-use std::f64::consts::FRAC_1_SQRT_2;
+use std::f64::consts::{FRAC_1_SQRT_2, PI, TAU};
 
 const UNIT: Range = Range::Between(0.0, 1.0);
 
@@ -67,6 +68,32 @@ pub const PARAMETERS: &[Parameter] = &[
         "",
         "steps towards the sun, each twice as long as the one before",
     ),
+    parameter(
+        "ground_steps",
+        0.0,
+        Range::Whole(0, 8),
+        [0.0, 3.0],
+        "",
+        "steps down to light from the ground; 0 is none",
+    ),
+    parameter(
+        "step_growth",
+        1.0,
+        Range::Between(1.0, 1.1),
+        [1.0, 1.05],
+        "",
+        "length of a view step over the one before",
+    ),
+    parameter("haze", 0.0, Range::NotNegative, [0.0, 3.0], "", "haze over that of the document; 0 is none"),
+    parameter(
+        "aerial_perspective",
+        0.0,
+        Range::NotNegative,
+        [0.0, 3.0],
+        "",
+        "air between the camera and the cloud, over that of the earth; 0 is none",
+    ),
+    parameter("shafts", 0.0, SWITCH, [0.0, 1.0], "", "1: the cloud's shadow in haze and aerial perspective"),
     parameter("march_steps", 128.0, Range::Whole(1, 100_000), [16.0, 500.0], "", "steps of a view ray"),
 ];
 
@@ -88,6 +115,7 @@ const QUALITIES: &[(&str, &[(&str, f64)])] = &[
     ("high", &[("march_steps", 128.0), ("shadow_map", 512.0)]),
     ("ultra", &[("march_steps", 128.0), ("shadow_map", 1024.0)]),
     ("without-shadow-map", &[("shadow_map", 0.0), ("sun_steps", 6.0)]),
+    ("with-air", &[("haze", 1.0), ("aerial_perspective", 1.0), ("shafts", 1.0)]),
     ("with-cirrus", &[("thickness", 7250.0), ("march_steps", 256.0)]),
 ];
 
@@ -160,6 +188,9 @@ const TURBULENCE_REPEAT: f64 = 20.0;
 /// How far clouds sink while one weather map passes, in metres.
 const SINKING: f64 = 20_000.0;
 
+/// Logarithm of the last view step over the first, at most.
+const MOST_GROWTH: f64 = 39.0;
+
 /// Least extinction that counts, per metre.
 const LEAST_EXTINCTION: f64 = 1e-5;
 
@@ -170,15 +201,60 @@ fn engine(request: &Request<'_>) -> Result<Engine> {
     let density = density(&mut graph, &frame, values, defects, seconds);
     let extinction = values.get("scattering") + values.get("absorption");
     let march = RealTimeSettings::until_one_percent(values.get("march_steps"), Integration::EnergyConserving);
+    let growth = values.get("step_growth");
+    if f64::from(march.steps) * growth.ln() > MOST_GROWTH {
+        return Err(Error::new(
+            "parameter step_growth",
+            format!(
+                "{growth}, over {} steps: the last is {:.1e} times the first",
+                march.steps,
+                growth.powf(march.steps.into())
+            ),
+            "a last step that is at most 1e17 times the first: f32 knows no shorter ones",
+            "Take fewer march_steps, or a growth nearer to 1.",
+        )
+        .with_setting("step_growth"));
+    }
     let march = RealTimeSettings {
         least_density: if extinction > 0.0 { LEAST_EXTINCTION / extinction } else { 0.0 },
         least_transmittance: values.get("least_transmittance") * 3.0_f64.sqrt(),
+        growth,
         leftover: if defects.has(&defects::RESCALED_ALPHA) { Leftover::Rescaled } else { Leftover::Kept },
         ..march
     };
     let light = light(values, defects, &frame);
     let extinction = [extinction * frame.unit; 3];
-    request.engine_of_graph(MODEL.id, GraphParts { container, graph, density, extinction, light, march })
+    let engine =
+        request.engine_of_graph(MODEL.id, GraphParts { container, graph, density, extinction, light, march })?;
+    with_air(engine, values, defects, &frame)
+}
+
+/// Haze per metre at the height 0 where all is covered.
+const HAZE: f64 = 3e-5;
+
+/// The engine with the air of its parameters.
+fn with_air(mut engine: Engine, values: &Values, kept: &Defects, frame: &SlabFrame) -> Result<Engine> {
+    let [scattering, absorption] = ["scattering", "absorption"].map(|name| values.get(name));
+    let covered = ((values.get("coverage") - 0.2) / 0.2).clamp(0.0, 1.0);
+    let [haze, aerial] = ["haze", "aerial_perspective"].map(|name| values.get(name));
+    let (wants_shafts, has_map) = (values.get("shafts") == 1.0, engine.light.shadow.map.is_some());
+    let air = Air {
+        haze: (haze > 0.0).then(|| Haze {
+            density: haze * HAZE * covered,
+            albedo: if scattering > 0.0 { scattering / (scattering + absorption) } else { 1.0 },
+            is_level: kept.has(&defects::LEVEL_HAZE),
+        }),
+        aerial: (aerial > 0.0).then_some(aerial),
+        shafts: (wants_shafts && has_map).then(|| Shafts { fades: kept.has(&defects::FADING_SHAFTS) }),
+        ..frame.air()
+    };
+    if wants_shafts && !has_map {
+        engine.warnings.push("shafts is 1 and shadow_map 0, which shafts read: there are none".to_owned());
+    } else if wants_shafts && !air.is_seen() {
+        engine.warnings.push("shafts is 1, and neither haze nor aerial_perspective is there to show them".to_owned());
+    }
+    engine.air = air.is_seen().then_some(air);
+    Ok(engine)
 }
 
 /// A layer at a place: its height as a part of the layer, and how much of it the weather leaves.
@@ -285,12 +361,16 @@ fn turbulence(graph: &mut NodeGraph, layers: &[Covered<'_>], weather_at: &Input,
     graph.combine(parts)
 }
 
+/// Radiance from the ground per irradiance of it: a factor of 3 / (4 pi) on what a reflectance of 0.3 sends back.
+const GROUND: f64 = 3.0 / (4.0 * PI) * 0.3 / PI;
+
 /// The engine's light.
 fn light(values: &Values, kept: &Defects, frame: &SlabFrame) -> LightModel {
     let [scattering, absorption] = ["scattering", "absorption"].map(|name| values.get(name));
     let whole = scattering + absorption;
     let thickness = values.get("thickness") / frame.unit;
-    let [steps, size, map_steps] = ["sun_steps", "shadow_map", "shadow_steps"].map(|name| values.get(name) as u32);
+    let [steps, size, map_steps, ground_steps] =
+        ["sun_steps", "shadow_map", "shadow_steps", "ground_steps"].map(|name| values.get(name) as u32);
     // The first of n steps is 100 m / n long.
     let marched = 100.0 / f64::from(steps) * (2.0_f64.powi(steps as i32) - 1.0) / frame.unit;
     let (map, length) = match size {
@@ -318,6 +398,12 @@ fn light(values: &Values, kept: &Defects, frame: &SlabFrame) -> LightModel {
             powder: Powder { strength: 0.8, length: 150.0 / frame.unit, ambient: 1.0 },
             // 2.5 / (4 pi) of a sky's irradiance, pi times its radiance, times 0.5 + eta: here of the domain's height.
             ambient: [0.3125, 0.9375],
+            ground: (ground_steps > 0).then(|| Ground {
+                of_world: GROUND,
+                of_suns: GROUND * (1.0 - values.get("coverage")) / TAU,
+                steps: ground_steps,
+                first: 100.0 / f64::from(ground_steps) / frame.unit,
+            }),
             ..Terms::NONE
         },
     }

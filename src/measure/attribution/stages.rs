@@ -87,7 +87,10 @@ impl<'a> Staged<'a> {
             // Drawn rays are none of an engine.
             Stage::Filter => true,
             Stage::Compositing => {
-                engine.compositing != Compositing::default() || !engine.passes.is_empty() || self.combination.god_rays
+                engine.compositing != Compositing::default()
+                    || !engine.passes.is_empty()
+                    || engine.air.is_some()
+                    || self.combination.god_rays
             }
             Stage::Display => self.measured.plant.gamma != 1.0,
         };
@@ -121,6 +124,7 @@ impl<'a> Staged<'a> {
         if is_exact(Stage::Ambient) {
             engine.light.terms.ambient = [0.0; 2];
             engine.light.terms.boost.ambient = 0.0;
+            engine.light.terms.ground = None;
             engine.terms.clear();
         }
         if is_exact(Stage::ViewRay) {
@@ -128,6 +132,7 @@ impl<'a> Staged<'a> {
             engine.march = RealTimeSettings {
                 steps,
                 integration: Integration::EnergyConserving,
+                growth: 1.0,
                 exit_fade: false,
                 least_density: 0.0,
                 least_transmittance: 0.0,
@@ -145,6 +150,7 @@ impl<'a> Staged<'a> {
         if is_exact(Stage::Compositing) {
             engine.compositing = Compositing::default();
             engine.passes.clear();
+            engine.air = None;
             settings.god_rays = false;
         }
         let gamma = if is_exact(Stage::Display) { 1.0 } else { self.measured.plant.gamma };

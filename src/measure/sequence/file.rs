@@ -6,6 +6,7 @@ use crate::base::kinds::{self, FileKind};
 use crate::engines::Selection;
 use crate::engines::defects::Defects;
 use crate::engines::light::models;
+use crate::engines::parameters::Range;
 use crate::engines::reconstruction::Reconstruction;
 use crate::engines::render::EngineJitter;
 use crate::measure::combination::{CacheAxis, Combination, Quality, no_cache};
@@ -15,6 +16,7 @@ use crate::measure::truth::Truth;
 use crate::scene::{self, Scene};
 use glam::{DMat4, DVec3};
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
 use std::path::Path;
 
 /// The format that this version reads.
@@ -103,7 +105,7 @@ fn unjittered() -> EngineJitter {
 }
 
 /// What moves from the first frame to the last.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Motion {
     /// Its name.
@@ -117,6 +119,10 @@ pub struct Motion {
     /// Seconds of the clouds' own motion from one frame to the next.
     #[serde(default)]
     pub seconds: f64,
+    /// Parameters of the system, or numbers of a scene's own graph, that pass evenly from a value in the first frame to another in the last: clouds
+    /// that form or vanish.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub parameters: BTreeMap<String, [f64; 2]>,
 }
 
 /// A way to make frames, with its name.
@@ -186,9 +192,30 @@ impl SequenceFile {
             }
         }
         for (index, motion) in self.motions.iter().enumerate() {
-            let numbers = [motion.turn, motion.seconds, motion.travel[0], motion.travel[1], motion.travel[2]];
-            if let Some(strange) = numbers.iter().find(|number| !number.is_finite()) {
+            let ends = motion.parameters.values().flatten();
+            let mut numbers = [motion.turn, motion.seconds].into_iter().chain(motion.travel).chain(ends.copied());
+            if let Some(strange) = numbers.find(|number| !number.is_finite()) {
                 return wrong(&format!("motions[{index}]"), strange.to_string(), "finite numbers".into());
+            }
+            // Numbers of a scene's graph are known with the scene.
+            for name in motion.parameters.keys().filter(|_| !selection.model.is_of_scene) {
+                let place_of_file = place;
+                let place = format!("motions[{index}].parameters.{name}");
+                let parameter = selection.model.parameters.iter().find(|parameter| parameter.name == *name);
+                if !parameter.is_some_and(|parameter| !matches!(parameter.range, Range::Whole(..))) {
+                    let known = selection.model.parameters.iter();
+                    let known = known.filter(|parameter| !matches!(parameter.range, Range::Whole(..)));
+                    let known: Vec<&str> = known.map(|parameter| parameter.name).collect();
+                    return wrong(
+                        &place,
+                        format!("\"{name}\""),
+                        format!("one of {} that is no whole number: {}", selection.model.id, known.join(", ")),
+                    );
+                }
+                for part in [0.0, 1.0] {
+                    let settings = [selection.settings.as_slice(), &motion.settings(part)].concat();
+                    selection.model.values(None, &settings).map_err(|error| at(error, place_of_file, &place))?;
+                }
             }
         }
         for (index, one) in self.reconstructions.iter().enumerate() {
@@ -247,6 +274,12 @@ impl Motion {
         moved.camera.matrix_world = scene::matrix_from_glam(turn * before);
         moved
     }
+
+    /// Its parameters after a part of the sequence, `NAME=VALUE`.
+    pub(super) fn settings(&self, part: f64) -> Vec<String> {
+        let at = |(name, [from, to]): (&String, &[f64; 2])| format!("{name}={}", from + (to - from) * part);
+        self.parameters.iter().map(at).collect()
+    }
 }
 
 #[cfg(test)]
@@ -261,7 +294,7 @@ mod tests {
         warm_up = 2
         scene = { file = "a.scene.json" }
         engine = { density = "bolt", steps = 8, light_steps = 2 }
-        motions = [{ name = "turn", turn = 10.0 }, { name = "clouds", seconds = 2.0 }]
+        motions = [{ name = "turn", turn = 10.0 }, { name = "clouds", seconds = 2.0, parameters = { coverage = [0.2, 0.6] } }]
         reconstructions = [{ name = "plain" }, { name = "bayer", how = { rays = "bayer", clip = 2.0 } }]
     "#;
 
@@ -282,12 +315,22 @@ mod tests {
         assert!(error("clip = 2.0", "clip = -2.0").place.contains("reconstructions[1].how.clip"));
         assert!(error("rays = \"bayer\"", "rays = \"byer\"").to_string().contains("checkerboard"));
         assert!(error("turn = 10.0", "turn = nan").place.contains("motions[0]"));
+        assert_eq!(file.motions[1].settings(0.25), ["coverage=0.30000000000000004"]);
+        for (change, named) in [
+            ("cover = [0.2, 0.6]", "wind_influence"),
+            ("light_steps = [2.0, 6.0]", "no whole number"),
+            ("coverage = [0.2, 1.5]", "coverage"),
+            ("coverage = [0.2, inf]", "finite"),
+        ] {
+            let error = error("coverage = [0.2, 0.6]", change);
+            assert!(error.place.contains("motions[1]") && error.to_string().contains(named), "{error}");
+        }
     }
 
     #[test]
     fn cameras_turn_and_travel() {
         let scene = Scene::load(Path::new("parity/scenes/linear-ramp.scene.json")).expect("a scene");
-        let motion = Motion { name: "both".into(), turn: 90.0, travel: [1.0, 2.0, 3.0], seconds: 0.0 };
+        let motion = Motion { name: "both".into(), turn: 90.0, travel: [1.0, 2.0, 3.0], ..Motion::default() };
         let matrix = |frame: u32| scene::matrix_to_glam(&motion.scene(&scene, frame, 9).camera.matrix_world);
         let first = scene::matrix_to_glam(&scene.camera.matrix_world);
         assert!(matrix(0).abs_diff_eq(first, 1e-6));

@@ -20,9 +20,9 @@ use crate::base::ledger::{Found, Purpose, to_json};
 use crate::base::numbers::{figure, uncertain};
 use crate::base::plain_text::csv_cell;
 use crate::base::progress::Progress;
-use crate::engines::Engine;
 use crate::engines::reconstruction::{Reconstruction, Sequence, Shooter, Shot};
 use crate::engines::render::{EngineJitter, EngineRenderer, EngineSettings};
+use crate::engines::{Engine, Selection};
 use crate::gpu::Backend;
 use crate::integrators::path;
 use crate::integrators::path::Subject;
@@ -175,7 +175,8 @@ pub fn run(
     settings: &Settings,
     progress: Progress<'_>,
 ) -> Result<Outcome<Results>> {
-    let mut running = Running { file, scene, plain: HashMap::new() };
+    let is_of_scene = Selection::parse(&file.engine.density)?.model.is_of_scene;
+    let mut running = Running { file, scene, is_of_scene, plain: HashMap::new() };
     experiment::run(&mut running, Some(folder), settings, progress)
 }
 
@@ -201,6 +202,8 @@ type Frames = Vec<Vec<[f64; 3]>>;
 struct Running {
     file: SequenceFile,
     scene: Scene,
+    /// Whether the density is the scene's own graph.
+    is_of_scene: bool,
     /// Frames without any reconstruction or jitter, by motion.
     plain: HashMap<usize, Arc<Frames>>,
 }
@@ -243,7 +246,26 @@ impl Running {
         if let Some(steps) = way.and_then(|way| way.steps) {
             combination.steps = steps;
         }
-        combination.engine_at(scene, &[], motion.seconds * f64::from(frame))
+        let settings = self.settings(motion, frame);
+        combination.engine_at(scene, &settings, motion.seconds * f64::from(frame))
+    }
+
+    /// The system's parameters at a frame.
+    fn settings(&self, motion: &Motion, frame: u32) -> Vec<String> {
+        if self.is_of_scene { Vec::new() } else { motion.settings(self.part(frame)) }
+    }
+
+    fn part(&self, frame: u32) -> f64 {
+        f64::from(frame) / f64::from(self.file.frames - 1)
+    }
+
+    /// The scene at a frame, with the numbers of its own graph.
+    fn scene(&self, motion: &Motion, frame: u32) -> Result<Scene> {
+        let mut scene = motion.scene(&self.scene, frame, self.file.frames);
+        for setting in motion.settings(self.part(frame)).iter().filter(|_| self.is_of_scene) {
+            scene.set(setting)?;
+        }
+        Ok(scene)
     }
 
     /// All frames of a motion by a way, with the processor seconds and rays of each. Without a way: no reconstruction, no jitter.
@@ -258,7 +280,7 @@ impl Running {
         let mut sequence = Sequence::new(how);
         let (mut frames, mut seconds, mut rays) = (Vec::new(), Vec::new(), Vec::new());
         for frame in 0..self.file.frames {
-            let scene = motion.scene(&self.scene, frame, self.file.frames);
+            let scene = self.scene(motion, frame)?;
             let engine = self.engine(&scene, motion, way, frame)?;
             let renderer = EngineRenderer::new(&scene, &engine, None)?;
             let settings = EngineSettings { jitter, frame, sub_pixels: 1, god_rays: false };
@@ -285,19 +307,25 @@ impl Running {
     }
 
     fn truth_inputs(&self, motion: usize, frame: u32) -> Json {
-        let Motion { turn, travel, seconds, .. } = &self.file.motions[motion];
-        json!({
+        let Motion { turn, travel, seconds, parameters, .. } = &self.file.motions[motion];
+        let mut inputs = json!({
             "scene": self.scene.content_hash(), "density": self.file.engine.density, "truth": self.file.truth.path, "frame": frame,
             "frames": self.file.frames, "motion": (turn, travel, seconds),
-        })
+        });
+        // Records of motions without any keep their keys.
+        if !parameters.is_empty() {
+            inputs["parameters"] = json!(parameters);
+        }
+        inputs
     }
 
     /// Path tracing of a frame: of the scene's own medium, or of the corrected form of a published system at its time.
     fn truth(&self, motion: usize, frame: u32, desk: &Desk<'_>) -> Result<FrameTruth> {
         let moving = &self.file.motions[motion];
-        let scene = moving.scene(&self.scene, frame, self.file.frames);
+        let scene = self.scene(moving, frame)?;
         let seconds = moving.seconds * f64::from(frame);
-        let medium = Truth::medium_at(&scene, &self.file.engine.density, seconds)?;
+        let density = [vec![self.file.engine.density.clone()], self.settings(moving, frame)].concat().join(" ");
+        let medium = Truth::medium_at(&scene, &density, seconds)?;
         let path = &self.file.truth.path;
         let settings = path.path_settings(PixelRays::Centres);
         let first = seeds::first(&self.truth_inputs(motion, frame));

@@ -385,6 +385,7 @@ impl Uniform {
             light,
             terms: &[],
             light_volume: None,
+            air: None,
         }
     }
 
@@ -433,6 +434,7 @@ pub fn steps(steps: u32, integration: Integration) -> RealTimeSettings {
     RealTimeSettings {
         steps,
         integration,
+        growth: 1.0,
         exit_fade: false,
         least_density: 0.0,
         least_transmittance: 0.0,

@@ -1,0 +1,227 @@
+//! Air between the eye and a cloud, light from the ground, and steps that grow, in closed forms: a slab of one density in metres above a ground, the
+//! same on the adapter.
+
+mod support;
+
+use cloudparity::engines::domain::{Container, Domain, Outline};
+use cloudparity::engines::light::terms::{Ground, Terms};
+use cloudparity::engines::light::{
+    LightModel, ShadowExtinction, ShadowLength, ShadowMapSettings, ShadowMarch, SourceFactor, Sun, TwoLobes,
+};
+use cloudparity::engines::march::air::{Air, Haze, MarchRays, Shafts};
+use cloudparity::engines::march::gpu::MarchKernel;
+use cloudparity::engines::march::shadow_map::ShadowMap;
+use cloudparity::engines::march::{Marched, RealTimeRay, RealTimeSettings};
+use cloudparity::gpu::Gpu;
+use cloudparity::graph::Program;
+use cloudparity::media::density::Density;
+use cloudparity::media::region::Region;
+use cloudparity::media::transfer::Integration;
+use glam::{DMat4, DVec3};
+use std::f64::consts::PI;
+use std::sync::Arc;
+
+/// A box of 2 km x 2 km from 1000 m to 1500 m, of density 1.
+struct Slab {
+    container: Container,
+    density: Density,
+    extinction: f64,
+    light: LightModel,
+}
+
+impl Slab {
+    fn new(extinction: f64, sun: DVec3) -> Self {
+        let region = Region { low: DVec3::new(-1000.0, -1000.0, 1000.0), high: DVec3::new(1000.0, 1000.0, 1500.0) };
+        let outline = Outline::Box(region);
+        let shadow = ShadowMarch {
+            map: Some(ShadowMapSettings::new(64, 64, 1.0)),
+            ..ShadowMarch::new(4, ShadowLength::ToExit, ShadowExtinction::View)
+        };
+        Self {
+            container: Container { domain: Domain::Object, to_local: DMat4::IDENTITY, outline, unit: 1.0 },
+            density: Density::filling(Arc::new(Program::constant("one", 1.0)), region),
+            extinction,
+            light: LightModel {
+                suns: vec![Sun { direction: sun.to_array(), irradiance: [1.0; 3] }],
+                ambient: [0.0; 3],
+                phase: TwoLobes::new([0.0; 2], 0.0),
+                shadow,
+                source: SourceFactor::Albedo([0.0; 3]),
+                terms: Terms::NONE,
+            },
+        }
+    }
+
+    /// Red of a ray from a place along a direction, on the CPU and on the adapter; what lies beyond `farthest` is hidden.
+    fn seen(&self, air: Option<&Air>, from: DVec3, along: DVec3, farthest: f64) -> Vec<f64> {
+        let mut marched = Marched {
+            container: &self.container,
+            density: &self.density,
+            extinction: [self.extinction; 3],
+            averages: None,
+            maps: &[],
+            light: &self.light,
+            terms: &[],
+            light_volume: None,
+            air,
+        };
+        let maps = ShadowMap::of(&marched).expect("maps");
+        marched.maps = &maps;
+        let settings = RealTimeSettings {
+            least_transmittance: 0.0,
+            ..RealTimeSettings::until_one_percent(64.0, Integration::EnergyConserving)
+        };
+        let ray: RealTimeRay = self.container.ray(from, along, farthest, 0.5);
+        let mut found = marched.march(&settings, &[ray]).expect("marched");
+        if support::require("vulkan") {
+            let gpu = Gpu::open().expect("the adapter that was just there");
+            found
+                .extend(MarchKernel::new(&gpu, &marched, &settings).expect("a kernel").march(&[ray]).expect("marched"));
+        }
+        found.iter().map(|pixel| pixel.radiance[0]).collect()
+    }
+}
+
+/// Haze that sends back all that it takes of a sun of irradiance 1, alike in all directions.
+fn haze(density: f64) -> Haze {
+    Haze { density, albedo: 4.0 * PI, is_level: true }
+}
+
+/// Air whose height is the third coordinate.
+fn air() -> Air {
+    Air::none(1.0, [1.0, 0.0], 1500.0)
+}
+
+#[test]
+fn shafts_are_as_long_as_the_shadow() {
+    let density = 1e-4;
+    let farthest = 3000.0;
+    // Level at 500 m from below the middle towards +x: the shadow ends under the edge, or with a sun at 45 degrees over +x half a kilometre before.
+    for (sun, expected) in [(DVec3::Z, 1000.0), (DVec3::new(1.0, 0.0, 1.0), 500.0)] {
+        let slab = Slab::new(10.0, sun);
+        let at_eye = density * (-0.5_f64).exp();
+        let of = |shafts: Option<Shafts>| -> Vec<f64> {
+            let air = Air { haze: Some(haze(density)), shafts, ..air() };
+            let found = slab.seen(Some(&air), DVec3::new(0.0, 0.0, 500.0), DVec3::X, farthest);
+            // Of the length that is lit.
+            found.iter().map(|radiance| farthest + (-radiance).ln_1p() / at_eye).collect()
+        };
+        // Published haze takes a level ray for one that rises by 1e-5: 1.5e-5 of the length, and f32 knows 1 - exp(-0.18) to 1e-6.
+        assert!(of(None).iter().all(|shadow| shadow.abs() < 0.2), "{:?}", of(None));
+        for (fades, least) in [(false, 1.0), (true, 0.98)] {
+            for shadow in of(Some(Shafts { fades })) {
+                // A step is in the shadow or not by its middle; the last is 50 m + 1 % of the way. A texel is 31 m wide, 45 m with the sun aslant.
+                let bound = (50.0 + 0.01 * expected) / 2.0 + 45.0;
+                let [low, high] = [least * expected - bound, expected + bound];
+                assert!(low < shadow && shadow < high, "{sun}, {fades}: {shadow} m, not {expected} m");
+            }
+        }
+        let [plain, faded] = [false, true].map(|fades| of(Some(Shafts { fades }))[0]);
+        assert!(faded < plain, "{faded} m, not below {plain} m");
+    }
+}
+
+#[test]
+fn rays_of_the_march_lie_in_the_shadow_only_when_corrected() {
+    let slab = Slab::new(10.0, DVec3::Z);
+    let of = |counts_samples: bool, from: DVec3| {
+        let rays = MarchRays { intensity: 2.0, density: 3.0, samples: 16, counts_samples };
+        slab.seen(Some(&Air { rays: Some(rays), ..air() }), from, DVec3::X, 1e5)
+    };
+    // Outside the shadow and at the height 0, where fog does not fall: 0.01 / pi x 2 x 3 x (1 - 0.95^16) / 0.05.
+    let whole = 0.06 / PI * (1.0 - 0.95_f64.powi(16)) / 0.05;
+    for (counts_samples, x, expected) in
+        [(true, -400.0, whole), (false, -400.0, 0.0), (true, 2000.0, whole), (false, 2000.0, whole)]
+    {
+        for found in of(counts_samples, DVec3::new(x, 0.0, 0.0)) {
+            // Sixteen sums in f32 of terms with three roundings each.
+            assert!(
+                (found - expected).abs() < 40.0 / 8_388_608.0 * whole,
+                "{counts_samples}, {x}: {found}, not {expected}"
+            );
+        }
+    }
+    // Inside the cloud, which hides nothing of them as published but half: over 500 m the density is 1.
+    let inside = DVec3::new(-900.0, 0.0, 1250.0);
+    let clear = Slab { extinction: 0.0, ..Slab::new(0.0, DVec3::Z) };
+    let rays = MarchRays { intensity: 2.0, density: 3.0, samples: 16, counts_samples: true };
+    for found in clear.seen(Some(&Air { rays: Some(rays), ..air() }), inside, DVec3::X, 1e5) {
+        let expected = 0.5 * (-1.25_f64).exp() * whole;
+        assert!((found - expected).abs() < 40.0 / 8_388_608.0 * whole, "{found}, not {expected}");
+    }
+}
+
+#[test]
+fn haze_and_air_over_an_opaque_cloud_are_those_up_to_its_front() {
+    // Level in the layer's height towards its face 4 km away, whose extinction stops light within a metre: the cloud, which is black, is hidden by what
+    // the air up to there sends back.
+    let slab = Slab::new(10.0, DVec3::Z);
+    let from = DVec3::new(-5000.0, 0.0, 1250.0);
+    let density = 1e-4;
+    let hazy = Air { haze: Some(haze(density)), ..air() };
+    // Steps are 31 m long: the front lies in the middle of the first.
+    let front = 4000.0 + 2000.0 / 64.0 / 2.0;
+    for found in slab.seen(Some(&hazy), from, DVec3::X, 1e5) {
+        let expected = -(-density * (-1.25_f64).exp() * front).exp_m1();
+        // LEAST_RISE, and f32.
+        assert!((found / expected - 1.0).abs() < 5e-5, "{found}, not {expected}");
+    }
+    let aerial = Air { aerial: Some(5.0), ..air() };
+    for found in slab.seen(Some(&aerial), from, DVec3::X, 1e5) {
+        // Red, at right angles to the sun: Rayleigh's 3 / 16 pi, and Cornette and Shanks' of 0.8.
+        let [air, haze] = [8000.0, 1200.0].map(|fall| 5.0 * (-1250.0 / fall as f64).exp() * front);
+        let g: f64 = 0.8;
+        let shanks = 3.0 / (8.0 * PI) * (1.0 - g * g) / (2.0 + g * g) / (1.0 + g * g).powf(1.5);
+        let depth = 5.802e-6 * air + 3.996e-6 / 0.9 * haze;
+        let scattered = 5.802e-6 * air * 3.0 / (16.0 * PI) + 3.996e-6 * haze * shanks;
+        let expected = scattered * -(-depth).exp_m1() / depth;
+        assert!((found / expected - 1.0).abs() < 1e-5, "{found}, not {expected}");
+    }
+}
+
+#[test]
+fn light_from_the_ground_is_dimmed_by_what_lies_below() {
+    let extinction = 1e-3;
+    let mut slab = Slab::new(extinction, DVec3::Z);
+    slab.light.source = SourceFactor::Albedo([1.0; 3]);
+    slab.light.suns[0].irradiance = [0.0; 3];
+    slab.light.ambient = [2.0; 3];
+    slab.light.terms.ambient = [0.0; 2];
+    slab.light.terms.ground = Some(Ground { of_world: 0.5 / PI, of_suns: 0.0, steps: 3, first: 100.0 / 3.0 });
+    // 200 m above the base: three steps of 33, 67 and 133 m, whose middles are all inside.
+    for found in slab.seen(None, DVec3::new(-5000.0, 0.0, 1200.0), DVec3::X, 1e5) {
+        let expected = (-extinction * 700.0 / 3.0).exp() * -(-extinction * 2000.0).exp_m1();
+        assert!((found / expected - 1.0).abs() < 1e-5, "{found}, not {expected}");
+    }
+    // 50 m above it only those of the first.
+    for found in slab.seen(None, DVec3::new(-5000.0, 0.0, 1050.0), DVec3::X, 1e5) {
+        let expected = (-extinction * 100.0 / 3.0).exp() * -(-extinction * 2000.0).exp_m1();
+        assert!((found / expected - 1.0).abs() < 1e-5, "{found}, not {expected}");
+    }
+}
+
+#[test]
+fn air_is_refused_where_it_has_no_meaning() {
+    let mut slab = Slab::new(1.0, DVec3::Z);
+    slab.light.shadow.map = None;
+    let air = Air { haze: Some(haze(1e-4)), shafts: Some(Shafts { fades: false }), ..air() };
+    let marched = Marched {
+        container: &slab.container,
+        density: &slab.density,
+        extinction: [1.0; 3],
+        averages: None,
+        maps: &[],
+        light: &slab.light,
+        terms: &[],
+        light_volume: None,
+        air: Some(&air),
+    };
+    let error = marched.check().expect_err("no map").to_string();
+    assert!(error.contains("shadow_map") && error.contains("shafts"), "{error}");
+    let scene = support::scene("cloud-layer");
+    let model = cloudparity::engines::find("takram").expect("it is there");
+    let values = model.values(None, &["step_growth=1.1".into(), "march_steps=500".into()]).expect("in range");
+    let none = cloudparity::engines::defects::Defects::NONE;
+    let error = model.engine(&scene, &values, &none, 0.0).err().expect("too much").to_string();
+    assert!(error.contains("step_growth"), "{error}");
+}
