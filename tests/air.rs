@@ -17,7 +17,10 @@ use cloudparity::graph::Program;
 use cloudparity::media::density::Density;
 use cloudparity::media::region::Region;
 use cloudparity::media::transfer::Integration;
-use glam::{DMat4, DVec3};
+use cloudparity::view::camera::Camera;
+use glam::{DMat4, DVec2, DVec3};
+use rand::{Rng as _, SeedableRng};
+use rand_chacha::ChaCha8Rng;
 use std::f64::consts::PI;
 use std::sync::Arc;
 
@@ -52,9 +55,9 @@ impl Slab {
         }
     }
 
-    /// Red of a ray from a place along a direction, on the CPU and on the adapter; what lies beyond `farthest` is hidden.
-    fn seen(&self, air: Option<&Air>, from: DVec3, along: DVec3, farthest: f64) -> Vec<f64> {
-        let mut marched = Marched {
+    /// What a march goes through, without maps.
+    fn marched<'a>(&'a self, air: Option<&'a Air>) -> Marched<'a> {
+        Marched {
             container: &self.container,
             density: &self.density,
             extinction: [self.extinction; 3],
@@ -64,8 +67,13 @@ impl Slab {
             terms: &[],
             light_volume: None,
             air,
-        };
-        let maps = ShadowMap::of(&marched).expect("maps");
+        }
+    }
+
+    /// Red of a ray from a place along a direction, on the CPU and on the adapter; what lies beyond `farthest` is hidden.
+    fn seen(&self, air: Option<&Air>, from: DVec3, along: DVec3, farthest: f64) -> Vec<f64> {
+        let mut marched = self.marched(air);
+        let maps = ShadowMap::of(&marched, None).expect("maps");
         marched.maps = &maps;
         let settings = RealTimeSettings {
             least_transmittance: 0.0,
@@ -205,17 +213,7 @@ fn air_is_refused_where_it_has_no_meaning() {
     let mut slab = Slab::new(1.0, DVec3::Z);
     slab.light.shadow.map = None;
     let air = Air { haze: Some(haze(1e-4)), shafts: Some(Shafts { fades: false }), ..air() };
-    let marched = Marched {
-        container: &slab.container,
-        density: &slab.density,
-        extinction: [1.0; 3],
-        averages: None,
-        maps: &[],
-        light: &slab.light,
-        terms: &[],
-        light_volume: None,
-        air: Some(&air),
-    };
+    let marched = slab.marched(Some(&air));
     let error = marched.check().expect_err("no map").to_string();
     assert!(error.contains("shadow_map") && error.contains("shafts"), "{error}");
     let scene = support::scene("cloud-layer");
@@ -224,4 +222,60 @@ fn air_is_refused_where_it_has_no_meaning() {
     let none = cloudparity::engines::defects::Defects::NONE;
     let error = model.engine(&scene, &values, &none, 0.0).err().expect("too much").to_string();
     assert!(error.contains("step_growth"), "{error}");
+}
+
+#[test]
+fn maps_of_parts_of_a_view_are_those_of_the_whole() {
+    let mut slab = Slab::new(1e-3, DVec3::Z);
+    let mut scene = support::scene("cloud-layer");
+    scene.camera.clip_end = 1e5;
+    // From its inside.
+    let looking = DMat4::from_cols(
+        DVec3::X.extend(0.0),
+        DVec3::Z.extend(0.0),
+        DVec3::NEG_Y.extend(0.0),
+        DVec3::new(0.0, -450.0, 1250.0).extend(1.0),
+    );
+    scene.camera.matrix_world = cloudparity::scene::matrix_from_glam(looking);
+    let camera = Camera::new(&scene, [64, 36]).expect("a camera");
+    let maps = |slab: &Slab, camera| ShadowMap::of(&slab.marched(None), camera);
+    let whole = maps(&slab, None).expect("a map").remove(0);
+    for cascades in [2, 3, 4] {
+        slab.light.shadow.map = Some(ShadowMapSettings { cascades, ..ShadowMapSettings::new(128, 64, 1.0) });
+        let parts = maps(&slab, Some(&camera)).expect("maps");
+        assert_eq!(parts.len(), cascades as usize);
+        let mut used = vec![0; parts.len()];
+        let mut random = ChaCha8Rng::seed_from_u64(7);
+        for _ in 0..4000 {
+            let raster = DVec2::new(random.random_range(0.0..64.0), random.random_range(0.0..36.0));
+            let ray = camera.ray(raster);
+            let place = ray.origin + ray.direction * random.random_range(1.0..1000.0);
+            // Half a kilometre from its sides, more than a texel of the widest map.
+            if place.x.abs() > 500.0 || place.y.abs() > 500.0 || !slab.container.outline.holds(place) {
+                continue;
+            }
+            let map = ShadowMap::chosen(&parts, place, random.random_range(0.0..1.0)).expect("a part of the view");
+            used[parts.iter().position(|part| std::ptr::eq(part, map)).expect("one of them")] += 1;
+            let [found, expected] = [map.read_below(place, 100.0), whole.read(place, 100.0)];
+            assert!((found - expected).abs() <= 1e-4 * 500.0, "{cascades}, {place}: {found}, not {expected}");
+        }
+        assert!(used.iter().all(|&count| count > 10), "{cascades}: {used:?}");
+    }
+    // Between two parts the jitter decides, over a quarter of the square of the depth on both sides.
+    let maps = maps(&slab, Some(&camera)).expect("maps");
+    let cut = maps[0].cascade.expect("a part of the view").ends[1];
+    let at = |depth: f64, jitter: f64| {
+        let cascade = maps[0].cascade.expect("a part of the view");
+        let place = DVec3::new(0.0, (depth - cascade.view.w) / cascade.view.y, 1250.0);
+        let map = ShadowMap::chosen(&maps, place, jitter).expect("a part");
+        maps.iter().position(|part| std::ptr::eq(part, map)).expect("one of them")
+    };
+    let margin = 0.25 * cut * cut;
+    assert_eq!(
+        [at(cut - 1.01 * margin, 0.99), at(cut, 0.4), at(cut, 0.6), at(cut + 1.01 * margin, 0.99)],
+        [0, 1, 0, 1]
+    );
+    slab.light.shadow.map = Some(ShadowMapSettings { cascades: 5, ..ShadowMapSettings::new(8, 8, 1.0) });
+    let error = ShadowMap::of(&slab.marched(None), Some(&camera)).expect_err("refused").to_string();
+    assert!(error.contains("cascades"), "{error}");
 }

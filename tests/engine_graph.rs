@@ -582,11 +582,13 @@ fn air_before_a_cloud_is_the_same_on_the_adapter() {
     transparent.film.transparent = true;
     let slab = Domain::Slab { bottom: 0.0, top: 1.0 };
     for (model, domain, changes, scene) in [
-        ("takram", None, &["haze=1"][..], &scene),
-        ("takram", None, &["aerial_perspective=2"], &scene),
+        ("takram", None, &["haze=1", "shadow_map=12"][..], &scene),
+        ("takram", None, &["aerial_perspective=2", "shadow_map=12"], &scene),
         ("takram", None, &["haze=3", "shafts=1", "shadow_map=12"], &two),
         ("takram", None, &["haze=1", "aerial_perspective=1", "shafts=1", "shadow_map=24"], &transparent),
-        ("takram", None, &["haze=1", "ground_steps=3", "step_growth=1.05"], &two),
+        ("takram", None, &["haze=1", "ground_steps=3", "step_growth=1.05", "shadow_map=12"], &two),
+        ("takram", None, &["haze=1", "shafts=1", "shadow_map=24", "cascades=3"], &two),
+        ("takram", None, &["haze=1", "shafts=1", "shadow_map=12", "cascades=2"], &scene),
         ("takram", Some(slab), &["haze=1", "aerial_perspective=1", "shadow_map=0"], &two),
         ("bolt", None, &["march_ray_intensity=2", "march_ray_samples=5"], &two),
         ("bolt", None, &["march_ray_intensity=2"], &transparent),

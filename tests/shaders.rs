@@ -463,9 +463,10 @@ fn every_mode_and_every_file_links_and_validates() {
         used.insert(shader.path.clone());
     }
     let march = &all["engines/march.wgsl"];
-    // Rays that a kernel makes have one interval, so neither they nor a fragment's are in a mesh; nor have fragments air, or light from below.
-    let is_for_pictures =
-        |definition: &str| ![IN_FRAGMENT, "MESH", "GROUND"].contains(&definition) && !definition.starts_with("AIR");
+    // Rays that a kernel makes have one interval, so neither they nor a fragment's are in a mesh; nor have fragments air, light from below, or parts of a view.
+    let is_for_pictures = |definition: &str| {
+        ![IN_FRAGMENT, "MESH", "GROUND", "SHADOW_CASCADES"].contains(&definition) && !definition.starts_with("AIR")
+    };
     for definition in definitions(&march.text).into_iter().filter(|definition| is_for_pictures(definition)) {
         check_picture(&[&definition]);
     }
@@ -494,8 +495,16 @@ fn every_mode_and_every_file_links_and_validates() {
         "LEFTOVER_RESCALED",
         "STEP_GROWTH",
     ];
-    const AIR: [&str; 7] =
-        ["AIR", "AIR_HAZE", "AIR_PERSPECTIVE", "AIR_SHAFTS", "AIR_RAYS", "AIR_ALPHA_TWICE", "GROUND"];
+    const AIR: [&str; 8] = [
+        "AIR",
+        "AIR_HAZE",
+        "AIR_PERSPECTIVE",
+        "AIR_SHAFTS",
+        "AIR_RAYS",
+        "AIR_ALPHA_TWICE",
+        "GROUND",
+        "SHADOW_CASCADES",
+    ];
     for more in [
         &[][..],
         &["SHELL"],
@@ -517,7 +526,7 @@ fn every_mode_and_every_file_links_and_validates() {
             .map(|path| (path, definitions(&all[path].text).len()))
             .to_vec();
     // Conditions that the search finds: were it blind, nothing would be tried.
-    assert_eq!(conditions.iter().map(|(_, count)| *count).collect::<Vec<_>>(), [44, 7, 6], "{conditions:?}");
+    assert_eq!(conditions.iter().map(|(_, count)| *count).collect::<Vec<_>>(), [45, 7, 6], "{conditions:?}");
     // Constants in a buffer, which has no function of its own: the kernel has its binding, and programs that differ in a number have one text.
     let linked = |program: &Program| {
         let source = "#import cloudparity::graph\n@group(0) @binding(0) var<storage, read_write> found: f32;\n\

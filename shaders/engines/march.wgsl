@@ -4,7 +4,7 @@
 // ray, else by the density), SOURCE_DENSITY (else extinction times albedo), EMPTY_CELLS (the table of what is provably empty is read),
 // SHADOW_AT_MOST (but not beyond a length), SHADOW_GROWTH (steps that grow), SHADOW_BY_ANGLE, DRAINE (else Henyey and Greenstein's),
 // OWN_PHASE (a gain and a rim), PHASE_TWICE (lobes once more), LEFTOVER_DROPPED and LEFTOVER_RESCALED (what an ended ray has left),
-// NO_SUN, SEVERAL_SUNS, SHADOW_MAP (what lies beyond the march is read), SHADOW_LAYERS (a map knows all of it), SHELL (the domain lies between spheres), MESH (in a mesh), else in a box, TERMS (those of a system's own), LIGHT_VOLUME (light that was found
+// NO_SUN, SEVERAL_SUNS, SHADOW_MAP (what lies beyond the march is read), SHADOW_LAYERS (a map knows all of it), SHADOW_CASCADES (each part of the view has a map), SHELL (the domain lies between spheres), MESH (in a mesh), else in a box, TERMS (those of a system's own), LIGHT_VOLUME (light that was found
 // beforehand), COLUMNS (so was what lies towards the suns), and
 // the terms of src/engines/light/terms.rs: OCTAVES (else one), COMPRESSION, SILVER, POWDER, AMBIENT_GRADIENT, RAY_POWDER, BOOST,
 // BOOST_BY_ANGLE, BODY, COARSE_SHADOW (both read averages of the density), GROUND (light from below). STEP_GROWTH: steps of the view ray grow. Air between the eye and the cloud: AIR, with AIR_HAZE, AIR_LEVEL_HAZE,
@@ -152,6 +152,48 @@ fn is_occupied(cell: u32) -> bool {
 
 fn map_row(index: u32) -> vec4f {
     return maps[index];
+}
+#endif
+
+#ifdef SHADOW_CASCADES
+// Parts of the view: a place of the density's frame, times `view` and with `view_end` behind it, is its depth as a part of the whole; the ends
+// of all but the last.
+struct Cascades {
+    view: vec3f,
+    view_end: f32,
+    ends: vec3f,
+    count: u32,
+}
+
+@group(0) @binding(11) var<uniform> cascades: Cascades;
+
+// Of the ray at work.
+var<private> own_jitter: f32;
+
+// The number of the map for a place, of those of a sun; `count` where there is none: twin of `ShadowMap::chosen`.
+fn cascade_of(place: vec3f) -> u32 {
+    let depth = dot(cascades.view, place) + cascades.view_end;
+    var chosen = cascades.count;
+    var before = cascades.count;
+    var share = 1.0;
+    var begin = 0.0;
+    for (var number = 0u; number < cascades.count; number++) {
+        let is_last = number + 1u == cascades.count;
+        var end = 1.0;
+        if number < 3u && !is_last { end = cascades.ends[number]; }
+        let near = select(end, begin, depth < 0.5 * (begin + end));
+        let margin = 0.5 * near * near;
+        let from_begin = depth - (begin - 0.5 * margin);
+        let to_end = select(end + 0.5 * margin - depth, 3.4e38, is_last);
+        if from_begin >= 0.0 && to_end > 0.0 {
+            before = chosen;
+            chosen = number;
+            share = 1.0;
+            if margin > 0.0 { share = clamp(min(from_begin, to_end) / margin, 0.0, 1.0); }
+        }
+        begin = end;
+    }
+    return select(before, chosen, own_jitter <= share);
 }
 #endif
 
@@ -329,9 +371,18 @@ fn sum_in_mesh(place: vec3f, way: vec3f) -> vec2f {
 #ifdef SHADOW_MAP
 // Density times length towards a sun beyond what has been marched of it: twin of src/engines/march/shadow_map.rs.
 fn from_map(sun: u32, place: vec3f, marched: f32) -> f32 {
+#ifdef SHADOW_CASCADES
+    let cascade = cascade_of(place);
+    if cascade >= cascades.count { return 0.0; }
+    let begin = (sun * cascades.count + cascade) * (3u + march.map_size * march.map_size);
+#else
     let begin = sun * (3u + march.map_size * march.map_size);
+#endif
     let at_place = vec4f(place, 1.0);
     let column_and_row = vec2f(dot(map_row(begin), at_place), dot(map_row(begin + 1u), at_place));
+#ifdef SHADOW_CASCADES
+    if any(column_and_row < vec2f(-0.5)) || any(column_and_row > vec2f(f32(march.map_size) - 0.5)) { return 0.0; }
+#endif
     let at = clamp(column_and_row, vec2f(0.0), vec2f(f32(march.map_size - 1u)));
     let corner = min(vec2u(at), vec2u(march.map_size - 2u));
     let part = at - vec2f(corner);
@@ -614,6 +665,9 @@ fn from_ground(place: vec3f) -> vec3f {
 // What a ray comes to in the steps from `first_step` to before `end_step`, after what it came to before them.
 fn marched(ray: Ray, begun: Pixel, first_step: u32, end_step: u32) -> Pixel {
     var pixel = begun;
+#ifdef SHADOW_CASCADES
+    own_jitter = ray.jitter;
+#endif
     // An ended ray is one that is looked at before its first step here.
     let is_done = first_step > 0u && length(pixel.transmittance) < march.least_transmittance;
     if ray.length > 0.0 && !is_done {
@@ -746,6 +800,9 @@ fn marched(ray: Ray, begun: Pixel, first_step: u32, end_step: u32) -> Pixel {
 #ifdef AIR_SHAFTS
 // Density times length from a place towards a sun, of its map alone; 0 beside it: twin of `ShadowMap::read_below`.
 fn below_map(sun: u32, place: vec3f) -> f32 {
+#ifdef SHADOW_CASCADES
+    return from_map(sun, place, 0.0);
+#else
 #ifdef SHADOW_LAYERS
     let size = march.map_size;
     let begin = sun * (3u + (size * size * (march.map_layers + 1u) + 3u) / 4u);
@@ -759,6 +816,7 @@ fn below_map(sun: u32, place: vec3f) -> f32 {
     return from_layers(sun, place);
 #else
     return from_map(sun, place, 0.0);
+#endif
 #endif
 }
 

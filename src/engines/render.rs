@@ -239,7 +239,7 @@ impl<'a> EngineRenderer<'a> {
             light.ambient = [0.0; 3];
         }
         let camera = Camera::new(scene, scene.image_size())?;
-        let maps = ShadowMap::of(&engine.marched(&light)?)?;
+        let maps = ShadowMap::of(&engine.marched(&light)?, Some(&camera))?;
         let renderer = Self { scene, engine, light, background, camera, maps, adapter: None };
         renderer.marched()?.check()?;
         Ok(renderer)

@@ -19,14 +19,17 @@ impl Region {
 
     /// The box around it in the frame that a matrix takes it to.
     pub fn surrounding(&self, transform: &DMat4) -> Self {
-        let corners = (0..8_u32).map(|corner| {
-            let upper = |axis: usize| corner >> axis & 1 == 1;
-            let place: [f64; 3] =
-                std::array::from_fn(|axis| if upper(axis) { self.high[axis] } else { self.low[axis] });
-            transform.transform_point3(DVec3::from(place))
-        });
+        let corners = self.corners().into_iter().map(|corner| transform.transform_point3(corner));
         let nowhere = Self { low: DVec3::INFINITY, high: DVec3::NEG_INFINITY };
         corners.fold(nowhere, |known, corner| Self { low: known.low.min(corner), high: known.high.max(corner) })
+    }
+
+    /// Its corners, those of the lower face first; x changes fastest.
+    pub fn corners(&self) -> [DVec3; 8] {
+        std::array::from_fn(|corner| {
+            let upper = |axis: usize| corner >> axis & 1 == 1;
+            DVec3::from(std::array::from_fn(|axis| if upper(axis) { self.high[axis] } else { self.low[axis] }))
+        })
     }
 
     /// Parameters at which `origin + t direction` enters and leaves, or None where it misses.

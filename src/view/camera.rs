@@ -124,6 +124,16 @@ impl Camera {
         Some(((plane - self.offset) / self.scale, -local.z / local.length()))
     }
 
+    /// Pixels of the picture along its axes.
+    pub fn size(&self) -> [f64; 2] {
+        self.size.into()
+    }
+
+    /// Unit vector along the view axis. None in a panorama.
+    pub fn forward(&self) -> Option<DVec3> {
+        (self.projection != Projection::Equirectangular).then_some(-self.rotation.z_axis)
+    }
+
     /// The directions of all rays as a plane that the raster lies in. None in a panorama.
     pub fn plane(&self) -> Option<RasterPlane> {
         let step = 2.0 * self.scale / self.size;

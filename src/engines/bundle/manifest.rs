@@ -209,6 +209,14 @@ pub(super) fn refuse_beyond_bundles(engine: &Engine) -> Result<()> {
             "Set their parameters to 0.",
         ));
     }
+    if engine.light.shadow.map.is_some_and(|map| map.cascades > 1) {
+        return Err(Error::new(
+            "the engine of a bundle",
+            "shadow maps of parts of the view",
+            "one map over the whole cloud: the camera of a bundle moves",
+            "Set cascades to 1.",
+        ));
+    }
     let Some(pass) = engine.passes.first() else { return Ok(()) };
     Err(Error::new(
         format!("pass {}", pass.id()),

@@ -178,11 +178,25 @@ impl ShadowSample {
     }
 }
 
+/// Most shadow maps of a sun.
+pub const MOST_CASCADES: u32 = 4;
+
+fn single() -> u32 {
+    1
+}
+
+fn is_single(cascades: &u32) -> bool {
+    *cascades == 1
+}
+
 /// How a shadow map is made ([`crate::engines::march::shadow_map`]).
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct ShadowMapSettings {
     /// Texels along a side, at least 2.
     pub size: u32,
+    /// Maps of a sun: 1 over the whole domain, or as many, at most [`MOST_CASCADES`], each over a part of the view.
+    #[serde(default = "single", skip_serializing_if = "is_single")]
+    pub cascades: u32,
     /// Steps of a texel's ray.
     pub steps: u32,
     /// Transmittance at which such a ray ends.
@@ -204,6 +218,7 @@ impl ShadowMapSettings {
     pub const fn new(size: u32, steps: u32, metres: f64) -> Self {
         Self {
             size,
+            cascades: 1,
             steps,
             least_transmittance: 1e-4,
             tail: 0.0,

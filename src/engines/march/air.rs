@@ -27,6 +27,7 @@
 
 use crate::engines::domain::Outline;
 use crate::engines::light::LightModel;
+use crate::engines::march::shadow_map::ShadowMap;
 use crate::engines::march::{Marched, Read, RealTimePixel, RealTimeRay};
 use crate::media::density::Density;
 use crate::media::phase::draine;
@@ -237,7 +238,8 @@ impl Air {
 
     /// Metres of a ray up to `end` that lie in the shadow of the cloud from a sun.
     fn shadow(&self, marched: &Marched<'_>, sun: usize, ray: &RealTimeRay, line: &Line, end: f64) -> f64 {
-        let (Some(shafts), Some(map)) = (&self.shafts, marched.maps.get(sun)) else { return 0.0 };
+        let Some(shafts) = &self.shafts else { return 0.0 };
+        let maps = marched.maps_of(sun);
         let extinction = marched.extinction.iter().sum::<f64>() / 3.0;
         let mut begin = match line.height > self.top {
             true if line.rise < 0.0 => (line.height - self.top) / -line.rise,
@@ -251,7 +253,8 @@ impl Air {
             }
             let whole = step.min(end - begin);
             let place = ray.origin + ray.way * ((begin + ray.jitter * whole) / self.metres);
-            sum += weight * whole * absorbed(extinction * map.read_below(place));
+            let dense = ShadowMap::chosen(maps, place, ray.jitter).map_or(0.0, |map| map.read_below(place, 0.0));
+            sum += weight * whole * absorbed(extinction * dense);
             begin += step;
             step *= SHAFT_GROWTH;
             weight *= if shafts.fades { SHAFT_FADE } else { 1.0 };
@@ -385,14 +388,14 @@ impl Air {
                 .iter()
                 .flat_map(|ray| std::iter::repeat_n(ray.direction.dot(towards).clamp(-1.0, 1.0), samples))
                 .collect();
+            let jitters: Vec<f64> = rays.iter().flat_map(|ray| std::iter::repeat_n(ray.jitter, samples)).collect();
             let outline = &marched.container.outline;
             let entered: Vec<Option<DVec3>> = places.iter().map(|&place| entered(outline, place, way)).collect();
             // What passes beside the domain is read where nobody looks at it.
             let asked: Vec<DVec3> =
                 entered.iter().zip(&places).map(|(entered, place)| entered.unwrap_or(*place)).collect();
-            let map = marched.maps.get(sun).filter(|_| marched.light.shadow.map.is_some());
             let density = read.along.as_mut().unwrap_or(&mut read.density);
-            let depths = marched.shadow_depths(density, (sun, way), map, &asked, &cosines);
+            let depths = marched.shadow_depths(density, (sun, way), &asked, &cosines, &jitters);
             add(sun, &|index| entered[index].map_or([1.0; 3], |_| depths[index].map(transmittance)));
         }
         Ok(())

@@ -6,6 +6,7 @@ use crate::engines::domain::Outline;
 use crate::engines::light::{MOST_SUNS, ShadowExtinction, ShadowLength, SourceFactor};
 use crate::engines::march::air::AirUniform;
 use crate::engines::march::light_volume::ReadVolume;
+use crate::engines::march::shadow_map::{Cascade, ShadowMap};
 use crate::engines::march::{Leftover, Marched, RealTimePixel, RealTimeRay, RealTimeSettings};
 use crate::gpu::{Bindings, ComputeKernel, Gpu, Layout, SOFTWARE_LOOPS, Slices};
 use crate::graph::Program;
@@ -112,6 +113,16 @@ shader_struct! {
 }
 
 shader_struct! {
+    /// Parts of the view that have a shadow map each.
+    struct CascadesUniform = "Cascades" {
+        view: [f32; 3],
+        view_end: f32,
+        ends: [f32; 3],
+        count: u32,
+    }
+}
+
+shader_struct! {
     /// Light from below.
     struct GroundUniform = "Ground" {
         radiance: [f32; 3],
@@ -177,6 +188,7 @@ pub struct MarchKernel<'a> {
     numbers: Option<wgpu::Buffer>,
     air: Option<wgpu::Buffer>,
     ground: Option<wgpu::Buffer>,
+    cascades: Option<wgpu::Buffer>,
     /// Steps of one dispatch.
     together: u32,
     /// Rays of one dispatch.
@@ -239,6 +251,9 @@ impl<'a> MarchKernel<'a> {
             maps: (!parts.maps.is_empty()).then(|| upload("maps", bytemuck::cast_slice(&parts.maps))),
             numbers: (!parts.numbers.is_empty()).then(|| upload("numbers", bytemuck::cast_slice(&parts.numbers))),
             air: parts.air.map(|air| gpu.upload("air", bytemuck::bytes_of(&air), wgpu::BufferUsages::UNIFORM)),
+            cascades: parts
+                .cascades
+                .map(|cascades| gpu.upload("cascades", bytemuck::bytes_of(&cascades), wgpu::BufferUsages::UNIFORM)),
             ground: parts
                 .ground
                 .map(|ground| gpu.upload("ground", bytemuck::bytes_of(&ground), wgpu::BufferUsages::UNIFORM)),
@@ -336,6 +351,9 @@ impl<'a> MarchKernel<'a> {
                     bindings = bindings.bind(0, 8, part(ways, first, together, size_of::<[f32; 2]>()));
                     bindings = bindings.bind(0, 9, air.as_entire_binding());
                 }
+                if let Some(cascades) = &self.cascades {
+                    bindings = bindings.bind(0, 11, cascades.as_entire_binding());
+                }
                 if let Some(ground) = &self.ground {
                     bindings = bindings.bind(0, 10, ground.as_entire_binding());
                 }
@@ -419,13 +437,16 @@ pub(crate) struct MarchParts {
     air: Option<AirUniform>,
     /// Light from below, where there is some.
     ground: Option<GroundUniform>,
+    /// Parts of the view, where there are several.
+    cascades: Option<CascadesUniform>,
     iterations: u32,
     visits: u32,
 }
 
 impl MarchParts {
     /// Of the structs in the kernel's buffers.
-    pub(crate) const LAYOUTS: [Layout; 7] = [
+    pub(crate) const LAYOUTS: [Layout; 8] = [
+        Layout::of::<CascadesUniform>(),
         Layout::of::<GroundUniform>(),
         Layout::of::<MarchUniform>(),
         Layout::of::<AirUniform>(),
@@ -468,6 +489,7 @@ impl MarchParts {
         let has_map = light.shadow.map.is_some() && !light.suns.is_empty();
         define(has_map && light.shadow.layers == 0, "SHADOW_MAP");
         define(has_map && light.shadow.layers > 0, "SHADOW_LAYERS");
+        define(has_map && light.shadow.map.is_some_and(|map| map.cascades > 1), "SHADOW_CASCADES");
         define(light.phase.alpha != [0.0; 2], "DRAINE");
         define(light.phase.gain != 1.0 || light.phase.rim != 0.0, "OWN_PHASE");
         define(light.phase.again.is_some(), "PHASE_TWICE");
@@ -669,6 +691,7 @@ impl MarchParts {
             numbers,
             maps,
             air: marched.air.map(AirUniform::new),
+            cascades: cascades_of(marched.maps_of(0)),
             ground: terms.ground.map(|ground| GroundUniform {
                 radiance: single(light.from_ground(&ground)),
                 steps: ground.steps,
@@ -711,6 +734,20 @@ impl MarchParts {
         let workgroup = self.module.entry_points[0].workgroup_size[0].max(1) as usize;
         (densities / per_ray).max(1).next_multiple_of(workgroup)
     }
+}
+
+/// Parts of the view, of the maps of a sun; none where there is one.
+fn cascades_of(maps: &[ShadowMap]) -> Option<CascadesUniform> {
+    let all: Vec<Cascade> = maps.iter().filter_map(|map| map.cascade).collect();
+    let first = all.first()?;
+    let view = first.view.as_vec4().to_array();
+    let end = |number: usize| all.get(number).map_or(1.0, |cascade| cascade.ends[1] as f32);
+    Some(CascadesUniform {
+        view: [view[0], view[1], view[2]],
+        view_end: view[3],
+        ends: [0, 1, 2].map(end),
+        count: all.len() as u32,
+    })
 }
 
 /// Import paths of the averages.

@@ -373,10 +373,11 @@ impl<'a> Read<'a> {
 impl Marched<'_> {
     /// Refuses a light that reads averages or shadow maps which are not there.
     pub fn check(&self) -> Result<()> {
-        if self.light.shadow.map.is_some() && self.maps.len() != self.light.suns.len() {
+        let wanted = self.light.shadow.map.map_or(0, |map| map.cascades as usize) * self.light.suns.len();
+        if self.light.shadow.map.is_some() && self.maps.len() != wanted {
             return Err(Error::new(
                 "the march of an engine",
-                format!("{} shadow maps of {} suns", self.maps.len(), self.light.suns.len()),
+                format!("{} shadow maps of {} suns that have {wanted}", self.maps.len(), self.light.suns.len()),
                 "a map of each, which the light reads",
                 "Make them (march::shadow_map::ShadowMap::of), or leave them out of the light.",
             ));
@@ -499,10 +500,10 @@ impl Marched<'_> {
         let depths: Vec<Vec<[f64; 3]>> = (0..light.suns.len())
             .map(|sun| {
                 let cosines: Vec<f64> = samples.iter().map(|sample| ways[sample.index].cosines[sun]).collect();
-                let map = self.maps.get(sun).filter(|_| light.shadow.map.is_some());
+                let jitters: Vec<f64> = samples.iter().map(|sample| ways[sample.index].jitter).collect();
                 let to_sun = read.ways_to_suns[sun];
                 let density = read.along.as_mut().unwrap_or(&mut read.density);
-                self.shadow_depths(density, (sun, to_sun), map, &places, &cosines)
+                self.shadow_depths(density, (sun, to_sun), &places, &cosines, &jitters)
             })
             .collect();
         let from_ground = light.terms.ground.map(|ground| self.from_ground(&mut read.density, &ground, &places));
@@ -590,21 +591,28 @@ impl Marched<'_> {
         sums.into_iter().map(of).collect()
     }
 
+    /// The shadow maps of a sun, where the light reads them.
+    pub(crate) fn maps_of(&self, sun: usize) -> &[ShadowMap] {
+        let each = self.light.shadow.map.map_or(0, |map| map.cascades as usize);
+        self.maps.get(sun * each..(sun + 1) * each).unwrap_or_default()
+    }
+
     /// Density times length towards the suns, where a light volume has it.
     pub(crate) fn columns(&self) -> Option<&Columns> {
         self.light_volume.as_ref().and_then(|read| read.volume.columns())
     }
 
     /// Optical depth towards a sun at each place, per channel, as it counts for the octaves. The sun's number and way;
-    /// `read` evaluates the density, or its averages; `cosines` are those of the view rays to the sun.
+    /// `read` evaluates the density, or its averages; `cosines` are those of the view rays to the sun, `jitters` those of the view rays.
     fn shadow_depths(
         &self,
         read: &mut DensityEvaluator<'_>,
         (sun, to_sun): (usize, DVec3),
-        map: Option<&ShadowMap>,
         places: &[DVec3],
         cosines: &[f64],
+        jitters: &[f64],
     ) -> Vec<[f64; 3]> {
+        let maps = self.maps_of(sun);
         let light = self.light;
         let outline = &self.container.outline;
         let shadow = &light.shadow;
@@ -625,7 +633,7 @@ impl Marched<'_> {
         if let Some(columns) = self.columns() {
             return whole(&|place| columns.read(sun, place));
         }
-        if let Some(map) = map.filter(|map| map.layers > 0) {
+        if let Some(map) = maps.first().filter(|map| map.layers > 0) {
             return whole(&|place| map.read(place, 0.0));
         }
         let mut lengths = Vec::with_capacity(places.len());
@@ -659,11 +667,17 @@ impl Marched<'_> {
             sums[owner] += found * step;
         }
         let map_from = shadow.map_from();
-        let depths =
-            sums.iter().zip(lengths).zip(places.iter().zip(cosines)).map(|((sum, length), (&place, &cosine))| {
-                let beyond = map.map_or(0.0, |map| map.read(place, length * map_from));
+        let depths = sums.iter().zip(lengths).zip(places.iter().zip(cosines)).enumerate().map(
+            |(index, ((sum, length), (&place, &cosine)))| {
+                let beyond = match maps {
+                    [] => 0.0,
+                    [map] => map.read(place, length * map_from),
+                    several => ShadowMap::chosen(several, place, jitters[index])
+                        .map_or(0.0, |map| map.read_below(place, length * map_from)),
+                };
                 sum * length * shadow.angle_factor(cosine) + beyond
-            });
+            },
+        );
         depths.map(|depth| scale.map(|scale| octaves.compressed(scale * depth))).collect()
     }
 }

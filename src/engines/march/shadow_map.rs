@@ -17,18 +17,23 @@
 //! vertices around it, mixed. Its error is that of the lattice, which spans the occupied part of the domain; light's angle does not change it. Maps of
 //! a box are kept for the next picture of the same density under the same sun.
 //!
-//! Here one map spans the domain, where the original has cascades along the view; its percentage-closer filter and its blend over frames are
-//! left out. Twins of the reading: `shaders/engines/march.wgsl`, `from_map` and `from_layers`.
+//! One map spans the domain, or several span parts of the view (*cascades*): the view from the near to the far clip, or to the farthest corner of the
+//! domain, is cut at depths between even and even in their logarithm (Zhang et al. 2006, "Parallel-split shadow maps", with the weight
+//! 0.6 of the latter). A map is as wide as its part is long or its far end is, wider by 0.25 z^2 of the view for a far end at the part z of it,
+//! and moves by whole texels. Depths near the end z of a part, within 0.25 z^2 of it, take the map of either side by the jitter of their ray; what lies
+//! beside its map has no shadow. The original's percentage-closer filter and its blend over frames are left out. Twins of the reading:
+//! `shaders/engines/march.wgsl`, `from_map` and `from_layers`.
 
 use crate::base::error::{Error, Result};
 use crate::base::recent::Recent;
 use crate::engines::domain::Outline;
-use crate::engines::light::{ShadowMapSettings, Sun};
+use crate::engines::light::{MOST_CASCADES, ShadowMapSettings, Sun};
 use crate::engines::march::{Inside, Marched};
 use crate::media::density::DensityEvaluator;
 use crate::media::lattice::vertices_around;
 use crate::media::region::Region;
-use glam::{DMat4, DVec3, DVec4};
+use crate::view::camera::{Camera, Ray};
+use glam::{DMat4, DVec2, DVec3, DVec4};
 use rayon::prelude::*;
 
 /// Texels of a task.
@@ -47,10 +52,24 @@ pub struct ShadowMap {
     /// A place of the density's frame, with 1 behind it, times these: its column and row from the centre of the first texel, and its distance below
     /// the map in units of length, or in layers.
     pub rows: [DVec4; 3],
+    /// Part of the view that it is for, where it is one of several.
+    pub cascade: Option<Cascade>,
     /// Row by row: distance, density, density times length, and the same of the tail. With layers: the density times length above each of their
     /// ends, row by row and layer by layer, four in one.
     pub texels: Vec<[f32; 4]>,
 }
+
+/// A part of a view.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Cascade {
+    /// A place of the density's frame, with 1 behind it, times this: its depth in the view as a part of the whole.
+    pub view: DVec4,
+    /// The depths at which it begins and ends; the last has no end.
+    pub ends: [f64; 2],
+}
+
+/// Weight of depths that are even in their logarithm.
+const LOGARITHMIC: f64 = 0.6;
 
 /// What a map with layers follows from: the density's program and box, the frame of the domain, the sun, texels and layers.
 type Key = (String, Region, DMat4, f64, DVec3, [u32; 2]);
@@ -66,8 +85,9 @@ const MOST_KEPT_TEXELS: usize = 1 << 20;
 const MOST_BYTES: f64 = (1_u64 << 27) as f64;
 
 impl ShadowMap {
-    /// The maps of all suns of a light that asks for them; none where it does not. An error where the domain has no end.
-    pub fn of(marched: &Marched<'_>) -> Result<Vec<Self>> {
+    /// The maps of all suns of a light that asks for them, those of each one behind the other; none where it does not. An error where the
+    /// domain has no end, and where several are asked for without a camera on a plane, or with layers.
+    pub fn of(marched: &Marched<'_>, camera: Option<&Camera>) -> Result<Vec<Self>> {
         let Some(settings) = marched.light.shadow.map else { return Ok(Vec::new()) };
         if marched.container.outline.is_endless() {
             return Err(Error::new(
@@ -93,14 +113,54 @@ impl ShadowMap {
                 format!("Take at most {fitting} texels along a side, or fewer layers."),
             ));
         }
-        marched.light.suns.iter().map(|sun| Self::kept_of_sun(marched, &settings, sun)).collect()
+        if settings.cascades == 1 {
+            return marched.light.suns.iter().map(|sun| Self::kept_of_sun(marched, &settings, sun)).collect();
+        }
+        let refused = |found: &str| {
+            Error::new(
+                "parameter cascades",
+                format!("{} shadow maps of a sun {found}", settings.cascades),
+                format!("1, or up to {MOST_CASCADES} Beer maps under a perspective or an orthographic camera"),
+                "Set cascades to 1.",
+            )
+        };
+        if layers > 0 || settings.cascades > MOST_CASCADES || settings.cascades == 0 {
+            return Err(refused("with layers, or none, or more"));
+        }
+        let slices = camera.and_then(|camera| slices(marched, camera, settings.cascades));
+        let slices = slices.ok_or_else(|| refused("without a camera that looks at a plane"))?;
+        let suns = marched.light.suns.iter();
+        suns.flat_map(|sun| slices.iter().map(move |slice| Self::of_sun(marched, &settings, sun, Some(slice))))
+            .collect()
+    }
+
+    /// Of the maps of a sun that for a place, by the jitter of its ray; none where no part of the view has it.
+    pub fn chosen<'m>(maps: &'m [Self], place: DVec3, jitter: f64) -> Option<&'m Self> {
+        if let [map] = maps {
+            return Some(map);
+        }
+        let (mut chosen, mut before, mut share) = (None, None, 1.0);
+        for (number, map) in maps.iter().enumerate() {
+            let Some(Cascade { view, ends: [from, to] }) = map.cascade else { continue };
+            let is_last = number + 1 == maps.len();
+            let depth = view.dot(place.extend(1.0));
+            let near = if depth < (from + to) / 2.0 { from } else { to };
+            let margin = 0.5 * near * near;
+            let [begin, end] = [from - margin / 2.0, if is_last { f64::INFINITY } else { to + margin / 2.0 }];
+            if depth >= begin && depth < end {
+                before = chosen;
+                chosen = Some(map);
+                share = if margin > 0.0 { ((depth - begin).min(end - depth) / margin).clamp(0.0, 1.0) } else { 1.0 };
+            }
+        }
+        if jitter <= share { chosen } else { before }
     }
 
     /// A map that was made for an earlier picture, or a new one.
     fn kept_of_sun(marched: &Marched<'_>, settings: &ShadowMapSettings, sun: &Sun) -> Result<Self> {
         let Marched { container, density, light, .. } = marched;
         if light.shadow.layers == 0 || !matches!(container.outline, Outline::Box(_)) {
-            return Self::of_sun(marched, settings, sun);
+            return Self::of_sun(marched, settings, sun, None);
         }
         let size = [settings.size, light.shadow.layers];
         let key =
@@ -108,14 +168,14 @@ impl ShadowMap {
         if let Some(map) = KNOWN.get(&key) {
             return Ok(map);
         }
-        let map = Self::of_sun(marched, settings, sun)?;
+        let map = Self::of_sun(marched, settings, sun, None)?;
         if map.texels.len() <= MOST_KEPT_TEXELS {
             KNOWN.keep(key, map.clone());
         }
         Ok(map)
     }
 
-    fn of_sun(marched: &Marched<'_>, settings: &ShadowMapSettings, sun: &Sun) -> Result<Self> {
+    fn of_sun(marched: &Marched<'_>, settings: &ShadowMapSettings, sun: &Sun, slice: Option<&Slice>) -> Result<Self> {
         let container = marched.container;
         let to_world = container.to_local.inverse();
         let up = sun.towards();
@@ -124,18 +184,9 @@ impl ShadowMap {
         let layers = marched.light.shadow.layers as usize;
         let occupied = marched.density.occupied;
         let region = if layers > 0 && !occupied.is_empty() { occupied } else { container.outline.region() };
-        let corner = |number: usize| {
-            let pick = |bit: usize, low: f64, high: f64| if number >> bit & 1 == 0 { low } else { high };
-            let [low, high] = [region.low, region.high];
-            to_world.transform_point3(DVec3::new(
-                pick(0, low.x, high.x),
-                pick(1, low.y, high.y),
-                pick(2, low.z, high.z),
-            ))
-        };
         let mut low = [f64::INFINITY; 3];
         let mut high = [f64::NEG_INFINITY; 3];
-        for corner in (0..8).map(corner) {
+        for corner in region.corners().map(|corner| to_world.transform_point3(corner)) {
             for (axis, direction) in axes.iter().enumerate() {
                 let at = corner.dot(*direction);
                 low[axis] = low[axis].min(at);
@@ -143,6 +194,15 @@ impl ShadowMap {
             }
         }
         let size = settings.size as usize;
+        if let Some(slice) = slice {
+            let texel = slice.width / size as f64;
+            for axis in 0..2 {
+                let middle = slice.corners.iter().map(|corner| corner.dot(axes[axis])).sum::<f64>() / 8.0;
+                let middle = (middle / texel).floor() * texel;
+                (low[axis], high[axis]) = (middle - slice.width / 2.0, middle + slice.width / 2.0);
+            }
+        }
+        let cascade = slice.map(|slice| slice.cascade);
         let row = |direction: DVec3, scale: f64, shift: f64| {
             let of = |axis: DVec4| axis.truncate().dot(direction) * scale;
             let end = to_world.w_axis.truncate().dot(direction) * scale + shift;
@@ -175,10 +235,10 @@ impl ShadowMap {
                 }
             }
             let texels = values.chunks_exact(4).map(|four| [four[0], four[1], four[2], four[3]]).collect();
-            return Ok(Self { size, layers, rows, texels });
+            return Ok(Self { size, layers, rows, cascade, texels });
         }
         let texels: Vec<Vec<[f32; 4]>> = some.map(|rays| march(marched, settings, &rays)).collect::<Result<_>>()?;
-        Ok(Self { size, layers: 0, rows, texels: texels.concat() })
+        Ok(Self { size, layers: 0, rows, cascade, texels: texels.concat() })
     }
 
     /// Density times length from a place towards the sun beyond what has been `marched` of it, in units of length; with layers all of it.
@@ -200,11 +260,11 @@ impl ShadowMap {
         (whole + tail).min(density * (self.rows[2].dot(place) - marched - front).max(0.0))
     }
 
-    /// All of it from a place towards the sun, 0 beside the map: for places outside the domain.
-    pub fn read_below(&self, place: DVec3) -> f64 {
+    /// The same, 0 beside the map: for places outside the domain, and for maps of a part of the view.
+    pub fn read_below(&self, place: DVec3, marched: f64) -> f64 {
         let last = self.size as f64 - 0.5;
         let is_below = self.rows[..2].iter().all(|row| (-0.5..=last).contains(&row.dot(place.extend(1.0))));
-        if is_below { self.read(place, 0.0) } else { 0.0 }
+        if is_below { self.read(place, marched) } else { 0.0 }
     }
 
     fn read_layers(&self, place: DVec4) -> f64 {
@@ -213,6 +273,48 @@ impl ShadowMap {
         let around = vertices_around(numbers, [self.size, self.size, self.layers + 1]);
         f64::from(around.into_iter().map(|(index, share)| share * texels[index]).sum::<f32>())
     }
+}
+
+/// A part of a view as its maps need it.
+struct Slice {
+    cascade: Cascade,
+    corners: [DVec3; 8],
+    /// In metres, of a map's side.
+    width: f64,
+}
+
+/// The parts of a view; none of a panorama.
+fn slices(marched: &Marched<'_>, camera: &Camera, count: u32) -> Option<Vec<Slice>> {
+    let to_world = marched.container.to_local.inverse();
+    let [width, height] = camera.size();
+    let rays = [[0.0, 0.0], [width, 0.0], [0.0, height], [width, height]].map(|[x, y]| camera.ray(DVec2::new(x, y)));
+    let forward = camera.forward()?;
+    let eye = rays[0].origin;
+    let region = marched.container.outline.region();
+    let depth = |corner: DVec3| (to_world.transform_point3(corner) - eye).dot(forward);
+    let farthest = region.corners().into_iter().map(depth).fold(f64::NEG_INFINITY, f64::max);
+    let [clip_near, clip_far] = [rays[0].near, rays[0].far].map(|clip| clip * rays[0].direction.dot(forward));
+    let near = clip_near.max(1e-6 * farthest.abs()).max(f64::MIN_POSITIVE);
+    let far = clip_far.min(farthest).max(2.0 * near);
+    let row = |axis: DVec4| axis.truncate().dot(forward) / far;
+    let behind = (to_world.w_axis.truncate() - eye).dot(forward) / far;
+    let view = DVec4::new(row(to_world.x_axis), row(to_world.y_axis), row(to_world.z_axis), behind);
+    let cut = |number: u32| {
+        let part = f64::from(number) / f64::from(count);
+        let even = (near + (far - near) * part) / far;
+        let logarithmic = near * (far / near).powf(part) / far;
+        even + (logarithmic - even) * LOGARITHMIC
+    };
+    let at = |ray: &Ray, depth: f64| ray.origin + ray.direction * (depth / ray.direction.dot(forward));
+    let slice = |number: u32| {
+        let ends = [if number == 0 { 0.0 } else { cut(number) }, cut(number + 1)];
+        let depths = [ends[0] * far, ends[1] * far];
+        let corners: [DVec3; 8] = std::array::from_fn(|index| at(&rays[index % 4], depths[index / 4]));
+        let diagonal = corners[4].distance(corners[7]).max(corners[0].distance(corners[7]));
+        let width = diagonal + 0.25 * ends[1] * ends[1] * (far - near);
+        Slice { cascade: Cascade { view, ends }, corners, width }
+    };
+    Some((0..count).map(slice).collect())
 }
 
 /// Density times length along rays up to the end of each layer, one ray after the other, beginning with none; layers begin at the map and
@@ -352,7 +454,7 @@ mod tests {
             light_volume: None,
             air: None,
         };
-        let maps = ShadowMap::of(&marched).expect("a map");
+        let maps = ShadowMap::of(&marched, None).expect("a map");
         (maps[0].clone(), container)
     }
 
@@ -418,7 +520,7 @@ mod tests {
             light_volume: None,
             air: None,
         };
-        let error = ShadowMap::of(&marched).expect_err("256 GiB").to_string();
+        let error = ShadowMap::of(&marched, None).expect_err("256 GiB").to_string();
         assert!(error.contains("shadow_map") && error.contains("Take at most 90 texels"), "{error}");
     }
 

@@ -58,6 +58,14 @@ pub const PARAMETERS: &[Parameter] = &[
         "",
         "texels along a side of the shadow map; 0: march to the exit instead",
     ),
+    parameter(
+        "cascades",
+        1.0,
+        Range::Whole(1, 4),
+        [1.0, 4.0],
+        "",
+        "shadow maps: 1 over the whole cloud, or so many over parts of the view",
+    ),
     parameter("shadow_steps", 50.0, Range::Whole(1, 1000), [4.0, 50.0], "", "steps of the shadow map's rays"),
     parameter("shadow_transmittance", 1e-4, Range::Between(0.0, 0.5), [0.0, 0.1], "", "where its rays end"),
     parameter(
@@ -377,6 +385,7 @@ fn light(values: &Values, kept: &Defects, frame: &SlabFrame) -> LightModel {
         0 => (None, ShadowLength::ToExitAtMost(4.0 * thickness)),
         _ => {
             let map = ShadowMapSettings {
+                cascades: values.get("cascades") as u32,
                 least_transmittance: values.get("shadow_transmittance"),
                 tail: 2.0,
                 half_floats: kept.has(&defects::HALF_FLOATS),
