@@ -124,8 +124,21 @@ fn shafts_are_as_long_as_the_shadow() {
                 assert!(low < shadow && shadow < high, "{sun}, {fades}: {shadow} m, not {expected} m");
             }
         }
-        let [plain, faded] = [false, true].map(|fades| of(Some(Shafts { fades }))[0]);
-        assert!(faded < plain, "{faded} m, not below {plain} m");
+        // Steps lie in the shadow or do not: their number follows from their sum, and what they count from their number.
+        let [plain, faded] = [false, true].map(|fades| of(Some(Shafts { fades })));
+        for (plain, faded) in plain.into_iter().zip(faded) {
+            let (mut step, mut share, mut sums) = (50.0, 1.0, [0.0; 2]);
+            while sums[0] + step / 2.0 < plain {
+                sums = [sums[0] + step, sums[1] + share * step];
+                (step, share) = (step * 1.01, share * 0.999);
+            }
+            // As above, and what a texel at the edge lets through.
+            assert!(
+                (plain - sums[0]).abs() < 1.0 && (faded - sums[1]).abs() < 1.0,
+                "{plain} m, {faded} m, not {sums:?}"
+            );
+            assert!(sums[0] - sums[1] > 2.0);
+        }
     }
 }
 
@@ -195,12 +208,15 @@ fn light_from_the_ground_is_dimmed_by_what_lies_below() {
     slab.light.suns[0].irradiance = [0.0; 3];
     slab.light.ambient = [2.0; 3];
     slab.light.terms.ambient = [0.0; 2];
-    slab.light.terms.ground = Some(Ground { of_world: 0.5 / PI, of_suns: 0.0, steps: 3, first: 100.0 / 3.0 });
+    slab.light.terms.ground =
+        Some(Ground { of_world: 0.5 / PI, of_suns: 0.0, steps: 3, first: 100.0 / 3.0, highest: 0.5 });
     // 200 m above the base: three steps of 33, 67 and 133 m, whose middles are all inside.
     for found in slab.seen(None, DVec3::new(-5000.0, 0.0, 1200.0), DVec3::X, 1e5) {
         let expected = (-extinction * 700.0 / 3.0).exp() * -(-extinction * 2000.0).exp_m1();
         assert!((found / expected - 1.0).abs() < 1e-5, "{found}, not {expected}");
     }
+    // None above the highest place.
+    assert_eq!(slab.seen(None, DVec3::new(-5000.0, 0.0, 1300.0), DVec3::X, 1e5)[0], 0.0);
     // 50 m above it only those of the first.
     for found in slab.seen(None, DVec3::new(-5000.0, 0.0, 1050.0), DVec3::X, 1e5) {
         let expected = (-extinction * 100.0 / 3.0).exp() * -(-extinction * 2000.0).exp_m1();
@@ -216,6 +232,9 @@ fn air_is_refused_where_it_has_no_meaning() {
     let marched = slab.marched(Some(&air));
     let error = marched.check().expect_err("no map").to_string();
     assert!(error.contains("shadow_map") && error.contains("shafts"), "{error}");
+    let round = Container { outline: Outline::Shell { inner: 1.0, outer: 2.0 }, ..slab.container.clone() };
+    let error = Marched { container: &round, ..slab.marched(Some(&air)) }.check().expect_err("a shell").to_string();
+    assert!(error.contains("a shell"), "{error}");
     let scene = support::scene("cloud-layer");
     let model = cloudparity::engines::find("takram").expect("it is there");
     let values = model.values(None, &["step_growth=1.1".into(), "march_steps=500".into()]).expect("in range");
@@ -230,12 +249,10 @@ fn maps_of_parts_of_a_view_are_those_of_the_whole() {
     let mut scene = support::scene("cloud-layer");
     scene.camera.clip_end = 1e5;
     // From its inside.
-    let looking = DMat4::from_cols(
-        DVec3::X.extend(0.0),
-        DVec3::Z.extend(0.0),
-        DVec3::NEG_Y.extend(0.0),
-        DVec3::new(0.0, -450.0, 1250.0).extend(1.0),
-    );
+    let looking =
+        DMat4::from_cols(DVec3::X.extend(0.0), DVec3::Z.extend(0.0), DVec3::NEG_Y.extend(0.0), DVec3::ZERO.extend(1.0));
+    // Turned against the axes of the maps.
+    let looking = DMat4::from_translation(DVec3::new(200.0, -400.0, 1250.0)) * DMat4::from_rotation_z(0.6) * looking;
     scene.camera.matrix_world = cloudparity::scene::matrix_from_glam(looking);
     let camera = Camera::new(&scene, [64, 36]).expect("a camera");
     let maps = |slab: &Slab, camera| ShadowMap::of(&slab.marched(None), camera);
@@ -266,7 +283,8 @@ fn maps_of_parts_of_a_view_are_those_of_the_whole() {
     let cut = maps[0].cascade.expect("a part of the view").ends[1];
     let at = |depth: f64, jitter: f64| {
         let cascade = maps[0].cascade.expect("a part of the view");
-        let place = DVec3::new(0.0, (depth - cascade.view.w) / cascade.view.y, 1250.0);
+        let (view, middle) = (cascade.view.truncate(), DVec3::new(0.0, 0.0, 1250.0));
+        let place = middle + view * ((depth - cascade.view.w - view.dot(middle)) / view.length_squared());
         let map = ShadowMap::chosen(&maps, place, jitter).expect("a part");
         maps.iter().position(|part| std::ptr::eq(part, map)).expect("one of them")
     };
@@ -275,7 +293,25 @@ fn maps_of_parts_of_a_view_are_those_of_the_whole() {
         [at(cut - 1.01 * margin, 0.99), at(cut, 0.4), at(cut, 0.6), at(cut + 1.01 * margin, 0.99)],
         [0, 1, 0, 1]
     );
-    slab.light.shadow.map = Some(ShadowMapSettings { cascades: 5, ..ShadowMapSettings::new(8, 8, 1.0) });
-    let error = ShadowMap::of(&slab.marched(None), Some(&camera)).expect_err("refused").to_string();
-    assert!(error.contains("cascades"), "{error}");
+    let mut panorama = scene.clone();
+    panorama.camera.projection = cloudparity::scene::Projection::Equirectangular;
+    panorama.camera.panorama = Some(cloudparity::scene::Panorama {
+        longitude_min: -3.0,
+        longitude_max: 3.0,
+        latitude_min: -1.5,
+        latitude_max: 1.5,
+    });
+    let panorama = Camera::new(&panorama, [64, 36]).expect("a camera");
+    for (cascades, layers, size, camera, named) in [
+        (5, 0, 8, Some(&camera), "up to 4"),
+        (2, 4, 8, Some(&camera), "with layers"),
+        (2, 0, 8, Some(&panorama), "looks at a plane"),
+        (2, 0, 8, None, "looks at a plane"),
+        (4, 0, 4096, Some(&camera), "128 MiB"),
+    ] {
+        slab.light.shadow.map = Some(ShadowMapSettings { cascades, ..ShadowMapSettings::new(size, 8, 1.0) });
+        slab.light.shadow.layers = layers;
+        let error = ShadowMap::of(&slab.marched(None), camera).expect_err("refused").to_string();
+        assert!(error.contains(named), "{error}");
+    }
 }

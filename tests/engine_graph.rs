@@ -89,6 +89,15 @@ fn adapter() -> Option<Gpu> {
 /// ways, which is more than eight roundings of a coordinate and moves all places alike; twice the largest change of a value bounds it, as in the
 /// stability suite. [`ROUNDINGS`] is added for arithmetic that no place changes.
 fn compare(what: &str, scene: &Scene, engine: &Engine, gpu: &Gpu) -> [f64; 2] {
+    compare_by(&SETTINGS, what, scene, engine, gpu)
+}
+
+/// [`compare`] of pictures made otherwise.
+fn compare_by(settings: &EngineSettings, what: &str, scene: &Scene, engine: &Engine, gpu: &Gpu) -> [f64; 2] {
+    let picture = |scene: &Scene, engine: &Engine, gpu: Option<&Gpu>| {
+        let renderer = EngineRenderer::new(scene, engine, gpu).expect("a renderer");
+        renderer.picture(settings, &|_, _| ()).expect("a picture")
+    };
     let truths = values(&picture(scene, engine, None));
     let found = values(&picture(scene, engine, Some(gpu)));
     let brightest = truths.iter().copied().fold(0.0, f64::max);
@@ -610,6 +619,58 @@ fn air_before_a_cloud_is_the_same_on_the_adapter() {
             assert!(!is_like, "{} {changes:?}, {defects}: nothing is seen of air", model.id);
             compare(&format!("{} {changes:?}, {defects}", model.id), scene, &engine, &gpu);
         }
+    }
+}
+
+/// Without a sun, under a map with layers, through an orthographic camera, with blue noise and several rays a pixel, and in dispatches of few steps
+/// and samples.
+#[test]
+fn air_is_the_same_on_the_adapter_however_it_is_looked_through() {
+    let Some(gpu) = adapter() else { return };
+    let mut scene = support::scene("cloud-layer");
+    scene.film.resolution = [16, 9];
+    (scene.camera.matrix_world[1][3], scene.camera.matrix_world[2][3]) = (-11.0, -0.7);
+    let mut dark = scene.clone();
+    dark.lights.clear();
+    let mut flat = scene.clone();
+    flat.camera.projection = scene::Projection::Orthographic;
+    flat.camera.ortho_scale = 6.0;
+    let noisy = EngineSettings { jitter: EngineJitter::BlueNoise, sub_pixels: 2, ..SETTINGS };
+    let with_layers = [("shadow_map", 12.0), ("shadow_layers", 5.0)];
+    for (model, changes, of_light, scene, settings) in [
+        (
+            "takram",
+            &["haze=3", "aerial_perspective=1", "shadow_map=12", "march_steps=12"][..],
+            &[][..],
+            &dark,
+            SETTINGS,
+        ),
+        ("takram", &["haze=3", "shafts=1", "shadow_map=12", "march_steps=12"], &with_layers, &scene, SETTINGS),
+        ("takram", &["haze=3", "shafts=1", "shadow_map=12", "cascades=2", "march_steps=12"], &[], &flat, SETTINGS),
+        (
+            "takram",
+            &["haze=3", "shafts=1", "shadow_map=12", "cascades=3", "march_steps=12"],
+            &[],
+            &scene,
+            noisy.clone(),
+        ),
+        // 3 x 2700 passes of loops a sample, as its kernel is planned: some dispatches of both.
+        (
+            "bolt",
+            &["march_ray_intensity=2", "march_ray_samples=40", "march_steps=40", "light_steps=3"],
+            &[],
+            &scene,
+            noisy,
+        ),
+    ] {
+        let model = engines::find(model).expect("it is there");
+        let changes: Vec<String> = changes.iter().map(|&text| text.to_owned()).collect();
+        let values = model.values(None, &changes).expect("in range");
+        let mut engine = model.engine(scene, &values, &Defects::NONE, 0.0).expect("an engine");
+        for &(name, value) in of_light {
+            models::set(&mut engine.light, name, value, "a test").expect("in range");
+        }
+        compare_by(&settings, &format!("{} {changes:?} {of_light:?}", model.id), scene, &engine, &gpu);
     }
 }
 

@@ -205,6 +205,11 @@ struct Ground {
     // Displacement in the density's frame per unit of length.
     down: vec3f,
     first: f32,
+    // Height as a part of the domain's above which there is none.
+    highest: f32,
+    padding: f32,
+    more_padding: f32,
+    end_padding: f32,
 }
 
 @group(0) @binding(10) var<uniform> ground: Ground;
@@ -638,7 +643,7 @@ fn from_volume(weights: ptr<function, array<f32, 16>>, place: vec3f) -> vec3f {
 #endif
 
 #ifdef STEP_GROWTH
-// Length of the first steps together, over the first one's times the logarithm of the growth: k^number - 1, by its series where that is small.
+// k^number - 1 for a growth of k: the length of so many first steps over the first one's, times k - 1. By its series where that is small.
 fn grown(number: u32) -> f32 {
     let x = f32(number) * march.step_growth;
     let series = x * (1.0 + x * (0.5 + x * (1.0 / 6.0 + x / 24.0)));
@@ -649,6 +654,7 @@ fn grown(number: u32) -> f32 {
 #ifdef GROUND
 // Light from the ground, dimmed by what lies below a place.
 fn from_ground(place: vec3f) -> vec3f {
+    if height_of(place) > ground.highest { return vec3f(0.0); }
     var sum = 0.0;
     var begin = 0.0;
     var step = ground.first;
@@ -672,7 +678,7 @@ fn marched(ray: Ray, begun: Pixel, first_step: u32, end_step: u32) -> Pixel {
     let is_done = first_step > 0u && length(pixel.transmittance) < march.least_transmittance;
     if ray.length > 0.0 && !is_done {
 #ifdef STEP_GROWTH
-        // The whole length is that of so many first steps.
+        // The first step's over k - 1.
         let first_length = ray.length / grown(march.steps);
 #else
         let step = ray.length / f32(march.steps);
@@ -692,7 +698,7 @@ fn marched(ray: Ray, begun: Pixel, first_step: u32, end_step: u32) -> Pixel {
         for (var number = first_step; number < min(march.steps, end_step); number++) {
 #ifdef STEP_GROWTH
             let begin = first_length * grown(number);
-            let step = first_length * grown(number + 1u) - begin;
+            let step = first_length * grown(1u) * exp(f32(number) * march.step_growth);
             let passed = begin + ray.jitter * step;
 #else
             let passed = (f32(number) + ray.jitter) * step;
@@ -784,7 +790,8 @@ fn marched(ray: Ray, begun: Pixel, first_step: u32, end_step: u32) -> Pixel {
     taken = 3.0 - (pixel.transmittance.x + pixel.transmittance.y + pixel.transmittance.z);
 #endif
 #ifdef LEFTOVER_DROPPED
-    if length(pixel.transmittance) < march.least_transmittance { pixel.transmittance = vec3f(0.0); }
+    // Once, in the ray's last dispatch.
+    if end_step >= march.steps && length(pixel.transmittance) < march.least_transmittance { pixel.transmittance = vec3f(0.0); }
 #else ifdef LEFTOVER_RESCALED
     // Once, in the ray's last dispatch.
     if end_step >= march.steps {
@@ -845,13 +852,18 @@ fn in_shadow(sun: u32, eye: vec3f, ray: Ray, line: air::Line, end: f32) -> f32 {
 #endif
 
 #ifdef AIR_RAYS
-// God rays in the march.
-fn march_rays(eye: vec3f, ray: Ray, farthest: f32) -> vec3f {
+// God rays in the march: some of their samples.
+fn march_rays(ray: Ray, start: f32, first: u32, end: u32) -> vec3f {
+#ifdef SHADOW_CASCADES
+    own_jitter = ray.jitter;
+#endif
+    let eye = ray.origin - ray.way * start;
+    let farthest = ray.farthest + start;
     let length = min(farthest * between.metres, between.ray_length);
     // Published samples that one stands for.
     let share = length / between.ray_length;
     var sum = vec3f(0.0);
-    for (var number = 0u; number < between.ray_samples; number++) {
+    for (var number = first; number < min(end, between.ray_samples); number++) {
         let part = (f32(number) + ray.jitter) / f32(between.ray_samples);
         let place = eye + ray.way * (part * length / between.metres);
         let fog = exp(-max(air::height_of(between, place.z), 0.0) / air::HAZE_HEIGHT);
@@ -956,9 +968,6 @@ fn through_air(ray: Ray, start: f32, found: Pixel) -> Pixel {
     pixel.radiance = pixel.radiance * left + of_haze;
     pixel.transmittance *= left;
 #endif
-#ifdef AIR_RAYS
-    pixel.radiance += march_rays(eye, ray, farthest);
-#endif
     return pixel;
 }
 #endif
@@ -970,6 +979,14 @@ fn main(@builtin(global_invocation_id) invocation: vec3u) {
     let index = invocation.x;
     var pixel = Pixel(vec3f(0.0), 0u, vec3f(1.0), 0u);
     if march.first_step > 0u { pixel = pixels[index]; }
+#ifdef AIR_RAYS
+    // Dispatches behind those of the march have the samples of its rays.
+    if march.first_step >= march.steps {
+        pixel.radiance += march_rays(rays[index], ways[index].x, march.first_step - march.steps, march.end_step - march.steps);
+        pixels[index] = pixel;
+        return;
+    }
+#endif
 #ifdef AIR
     taken_distance = ways[index].y;
     pixel = marched(rays[index], pixel, march.first_step, march.end_step);

@@ -111,6 +111,8 @@ pub struct Ground {
     pub steps: u32,
     /// Length of the first, in units of length.
     pub first: f64,
+    /// Height as a part of the domain's above which there is none.
+    pub highest: f64,
 }
 
 /// All of them.

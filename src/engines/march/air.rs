@@ -16,8 +16,8 @@
 //! - **Haze** of a density d at the height 0: w = d k(l), H = 1 km, to the distance l at which the ground or 200 km end the view, as
 //!   published the layer's upper face, too, and in so far as the cloud is opaque its front.  C'' = C' exp(-w) + albedo (E P + 0.625 A) (1 - exp(-(w - w(s)))),  T'' = T exp(-w).
 //! - **Shafts**: s, the length of the way that lies in the cloud's shadow, sum over steps of (1 - exp(-depth towards the sun)) times their length, which
-//!   grows by a hundredth from 50 m on, of a shadow map alone. Without them s = 0. As published it is taken from the far end of the air and from
-//!   the near end of the haze.
+//!   grows by a hundredth from 50 m on, of a shadow map alone. Without them s = 0. It is taken from the far end of the air and from the near end
+//!   of the haze. The way begins and ends at the domain's upper face, as our map has all layers, not at that of the layers that cast shadows.
 //! - **Rays in the march**: over at most 500 m, C += 0.01 / pi x intensity x sum over suns of E sum_i v_i f_i 0.95^i, f = density exp(-z / 1 km). As published v is
 //!   1 less half the cloud's density there, and the sum depends on the number of its samples (BO-15, a number of ours); corrected v is what the cloud lets
 //!   through from the sun, and a sample stands for its length over the 31.25 m of the published sixteen.
@@ -146,8 +146,8 @@ pub struct Line {
 }
 
 impl Line {
-    /// Length of the part up to `length`, weighted by a density that is 1 at the height 0 and falls by 1/e in `fall` metres; below 0 it is 1, as
-    /// far as the start and the end are.
+    /// Length of the part up to `length`, weighted by a density that is 1 at the height 0 and falls by 1/e in `fall` metres. A ray whose lower end
+    /// lies below 0 counts as one that has it there.
     fn column(&self, length: f64, fall: f64) -> f64 {
         let lowest = self.height + (self.rise * length).min(0.0);
         transmittance(lowest.max(0.0) / fall) * length * mean_transmittance(length * self.rise.abs() / fall)
@@ -433,7 +433,7 @@ shader_struct! {
         aerial: f32,
         shaft_fade: f32,
         ray_strength: f32,
-        ray_samples: u32,
+        pub(super) ray_samples: u32,
         ray_length: f32,
         ray_decay: f32,
         // Of the whole length.

@@ -129,6 +129,10 @@ shader_struct! {
         steps: u32,
         down: [f32; 3],
         first: f32,
+        highest: f32,
+        padding: f32,
+        more_padding: f32,
+        end_padding: f32,
     }
 }
 
@@ -191,6 +195,9 @@ pub struct MarchKernel<'a> {
     cascades: Option<wgpu::Buffer>,
     /// Steps of one dispatch.
     together: u32,
+    /// Samples of rays in the march, all and of one dispatch.
+    ray_samples: u32,
+    samples_together: u32,
     /// Rays of one dispatch.
     slices: Mutex<Slices>,
 }
@@ -240,6 +247,8 @@ impl<'a> MarchKernel<'a> {
             true => parts.steps_together(),
             false => settings.steps.max(1),
         };
+        let ray_samples = parts.air.map_or(0, |air| air.ray_samples);
+        let samples_together = if gpu.adapter().is_software() { parts.samples_together() } else { ray_samples.max(1) };
         let upload = |label, contents: &[u8]| gpu.upload(label, contents, wgpu::BufferUsages::STORAGE);
         Ok(Self {
             gpu,
@@ -258,6 +267,8 @@ impl<'a> MarchKernel<'a> {
                 .ground
                 .map(|ground| gpu.upload("ground", bytemuck::bytes_of(&ground), wgpu::BufferUsages::UNIFORM)),
             together,
+            ray_samples,
+            samples_together,
             // What takes a software adapter 50 ms is little for hardware: there the size follows what the adapter takes.
             slices: Mutex::new(match (parts.rays_together(together), gpu.adapter().is_software()) {
                 (rays, true) => Slices::within(rays, rays..=rays),
@@ -336,8 +347,13 @@ impl<'a> MarchKernel<'a> {
         while first < count {
             let together = self.slices.lock().unwrap_or_else(PoisonError::into_inner).size().min(count - first);
             let begin = Instant::now();
-            for first_step in (0..self.uniform.steps).step_by(self.together as usize) {
-                let end_step = first_step.saturating_add(self.together);
+            let steps = self.uniform.steps;
+            let marches = (0..steps).step_by(self.together as usize).map(|first| [first, self.together]);
+            // Behind the steps are numbered the samples of rays in the march.
+            let samples = (0..self.ray_samples).step_by(self.samples_together as usize);
+            let of_rays = samples.map(|first| [steps + first, self.samples_together]);
+            for [first_step, together_steps] in marches.chain(of_rays) {
+                let end_step = first_step.saturating_add(together_steps);
                 let uniform = MarchUniform { count: together as u32, first_step, end_step, ..self.uniform };
                 let uniform = gpu.upload("march", bytemuck::bytes_of(&uniform), wgpu::BufferUsages::UNIFORM);
                 let mut bindings = Bindings::new();
@@ -697,6 +713,8 @@ impl MarchParts {
                 steps: ground.steps,
                 down: vector(container.way(DVec3::NEG_Z)),
                 first: ground.first as f32,
+                highest: ground.highest as f32,
+                ..GroundUniform::zeroed()
             }),
             iterations: iterations(density.program()),
             visits,
@@ -723,13 +741,21 @@ impl MarchParts {
         steps_together(density, shadow_steps, suns, octaves, self.visits)
     }
 
+    /// The same of samples of rays in the march, of which each goes through the samples towards all suns.
+    fn samples_together(&self) -> u32 {
+        let MarchUniform { shadow_steps, suns, .. } = self.uniform;
+        let each = 4_u32.saturating_add((1 + shadow_steps).saturating_mul(1 + self.iterations));
+        (SOFTWARE_LOOPS / 2 / each.saturating_mul(suns).max(1)).max(1)
+    }
+
     /// Rays of one dispatch of so many steps, whole workgroups, so that a submission takes a software adapter some 50 ms. A density with loops
     /// costs some hundred times what a texture does.
     pub(crate) fn rays_together(&self, together: u32) -> usize {
         let densities = if self.iterations > 0 { DENSITIES / 16 } else { DENSITIES };
         let MarchUniform { steps, suns, shadow_steps, .. } = self.uniform;
         let down = self.ground.map_or(0, |ground| ground.steps);
-        let per_ray = steps.min(together) as usize * (1 + (suns * shadow_steps + down) as usize);
+        let samples = self.air.map_or(0, |air| air.ray_samples.min(self.samples_together()));
+        let per_ray = (steps.min(together).max(samples)) as usize * (1 + (suns * shadow_steps + down) as usize);
         // A fragment has no workgroups.
         let workgroup = self.module.entry_points[0].workgroup_size[0].max(1) as usize;
         (densities / per_ray).max(1).next_multiple_of(workgroup)

@@ -189,7 +189,7 @@ pub struct RealTimePixel {
     /// Those of them that were dense enough to count.
     pub dense: u32,
     /// Distance from the ray's start, in units of length, at which the medium takes light away: the mean of T (1 - exp(-e s)) over samples and
-    /// channels. None where it takes none, and from an adapter, which does not compute it.
+    /// channels. None where it takes none, and from an adapter, which does not return it.
     pub distance: Option<f64>,
 }
 
@@ -382,8 +382,26 @@ impl Marched<'_> {
                 "Make them (march::shadow_map::ShadowMap::of), or leave them out of the light.",
             ));
         }
-        let is_without_end = matches!(self.container.outline, Outline::Shell { .. });
-        if self.air.is_some() && is_without_end {
+        let outline = &self.container.outline;
+        if matches!(outline, Outline::Mesh(_))
+            && (self.air.is_some_and(|air| air.rays.is_some()) || self.light.terms.ground.is_some())
+        {
+            return Err(Error::new(
+                "the march of an engine",
+                "rays of the march, or light from the ground, in a mesh",
+                "a box or a slab: they ask for places outside of the domain",
+                "Set march_ray_intensity or ground_steps to 0, or take a box.",
+            ));
+        }
+        if self.light_volume.is_some() && self.air.is_some_and(|air| air.haze.is_some() || air.aerial.is_some()) {
+            return Err(Error::new(
+                "the march of an engine",
+                "haze or aerial perspective beside a light volume, which has taken the light of the world",
+                "either",
+                "Set haze and aerial_perspective to 0, or leave the light volume out.",
+            ));
+        }
+        if self.air.is_some() && matches!(outline, Outline::Shell { .. }) {
             return Err(Error::new(
                 "the march of an engine",
                 "air in the domain of a shell",
@@ -586,9 +604,11 @@ impl Marched<'_> {
             sums[owner] += found * step;
         }
         let radiance = self.light.from_ground(ground);
-        let of =
-            |sum: f64| std::array::from_fn(|channel| radiance[channel] * transmittance(self.extinction[channel] * sum));
-        sums.into_iter().map(of).collect()
+        let of = |(sum, &place): (f64, &DVec3)| match outline.height(place) > ground.highest {
+            true => [0.0; 3],
+            false => std::array::from_fn(|channel| radiance[channel] * transmittance(self.extinction[channel] * sum)),
+        };
+        sums.into_iter().zip(places).map(of).collect()
     }
 
     /// The shadow maps of a sun, where the light reads them.

@@ -21,7 +21,7 @@
 //! domain, is cut at depths between even and even in their logarithm (Zhang et al. 2006, "Parallel-split shadow maps", with the weight
 //! 0.6 of the latter). A map is as wide as its part is long or its far end is, wider by 0.25 z^2 of the view for a far end at the part z of it,
 //! and moves by whole texels. Depths near the end z of a part, within 0.25 z^2 of it, take the map of either side by the jitter of their ray; what lies
-//! beside its map has no shadow. The original's percentage-closer filter and its blend over frames are left out. Twins of the reading:
+//! beside its map, or in none of both where a part is shorter than that, has no shadow. The original's percentage-closer filter and its blend over frames are left out. Twins of the reading:
 //! `shaders/engines/march.wgsl`, `from_map` and `from_layers`.
 
 use crate::base::error::{Error, Result};
@@ -81,7 +81,7 @@ static KNOWN: Recent<Key, ShadowMap> = Recent::new(MOST_KNOWN);
 const MOST_KNOWN: usize = 8;
 const MOST_KEPT_TEXELS: usize = 1 << 20;
 
-/// Bytes of the maps with layers of all suns: what every adapter binds at once, by WebGPU's default limit.
+/// Bytes of the maps of all suns: what every adapter binds at once, by WebGPU's default limit.
 const MOST_BYTES: f64 = (1_u64 << 27) as f64;
 
 impl ShadowMap {
@@ -99,18 +99,20 @@ impl ShadowMap {
         }
         let layers = marched.light.shadow.layers;
         let suns = marched.light.suns.len() as f64;
-        let of_column = 4.0 * suns * f64::from(layers + 1);
+        // A float per layer, or four in each of the cascades.
+        let of_texel = if layers > 0 { 4.0 * f64::from(layers + 1) } else { 16.0 * f64::from(settings.cascades) };
+        let of_column = suns * of_texel;
         let bytes = of_column * f64::from(settings.size).powi(2);
-        if layers > 0 && bytes > MOST_BYTES {
+        if bytes > MOST_BYTES {
             let fitting = (MOST_BYTES / of_column).sqrt().floor();
             return Err(Error::new(
                 "parameter shadow_map",
                 format!(
-                    "{} texels along a side with {layers} layers and {suns} suns: {bytes:.3e} bytes",
-                    settings.size
+                    "{} texels along a side with {layers} layers, {} cascades and {suns} suns: {bytes:.3e} bytes",
+                    settings.size, settings.cascades
                 ),
                 "maps of at most 128 MiB",
-                format!("Take at most {fitting} texels along a side, or fewer layers."),
+                format!("Take at most {fitting} texels along a side, or fewer layers or cascades."),
             ));
         }
         if settings.cascades == 1 {
@@ -127,7 +129,7 @@ impl ShadowMap {
         if layers > 0 || settings.cascades > MOST_CASCADES || settings.cascades == 0 {
             return Err(refused("with layers, or none, or more"));
         }
-        let slices = camera.and_then(|camera| slices(marched, camera, settings.cascades));
+        let slices = camera.and_then(|camera| slices(marched, camera, settings.cascades, settings.size));
         let slices = slices.ok_or_else(|| refused("without a camera that looks at a plane"))?;
         let suns = marched.light.suns.iter();
         suns.flat_map(|sun| slices.iter().map(move |slice| Self::of_sun(marched, &settings, sun, Some(slice))))
@@ -197,8 +199,11 @@ impl ShadowMap {
         if let Some(slice) = slice {
             let texel = slice.width / size as f64;
             for axis in 0..2 {
-                let middle = slice.corners.iter().map(|corner| corner.dot(axes[axis])).sum::<f64>() / 8.0;
-                let middle = (middle / texel).floor() * texel;
+                let along = slice.corners.map(|corner| corner.dot(axes[axis]));
+                let middle = (along.iter().copied().fold(f64::INFINITY, f64::min)
+                    + along.iter().copied().fold(f64::NEG_INFINITY, f64::max))
+                    / 2.0;
+                let middle = (middle / texel).round() * texel;
                 (low[axis], high[axis]) = (middle - slice.width / 2.0, middle + slice.width / 2.0);
             }
         }
@@ -284,7 +289,7 @@ struct Slice {
 }
 
 /// The parts of a view; none of a panorama.
-fn slices(marched: &Marched<'_>, camera: &Camera, count: u32) -> Option<Vec<Slice>> {
+fn slices(marched: &Marched<'_>, camera: &Camera, count: u32, size: u32) -> Option<Vec<Slice>> {
     let to_world = marched.container.to_local.inverse();
     let [width, height] = camera.size();
     let rays = [[0.0, 0.0], [width, 0.0], [0.0, height], [width, height]].map(|[x, y]| camera.ray(DVec2::new(x, y)));
@@ -311,7 +316,9 @@ fn slices(marched: &Marched<'_>, camera: &Camera, count: u32) -> Option<Vec<Slic
         let depths = [ends[0] * far, ends[1] * far];
         let corners: [DVec3; 8] = std::array::from_fn(|index| at(&rays[index % 4], depths[index / 4]));
         let diagonal = corners[4].distance(corners[7]).max(corners[0].distance(corners[7]));
+        // Moving by whole texels takes half of one from each side.
         let width = diagonal + 0.25 * ends[1] * ends[1] * (far - near);
+        let width = width * (1.0 + 1.0 / f64::from(size));
         Slice { cascade: Cascade { view, ends }, corners, width }
     };
     Some((0..count).map(slice).collect())

@@ -218,7 +218,7 @@ fn engine(request: &Request<'_>) -> Result<Engine> {
                 march.steps,
                 growth.powf(march.steps.into())
             ),
-            "a last step that is at most 1e17 times the first: f32 knows no shorter ones",
+            "a last step that is at most 1e17 times the first: f32 tells no places of shorter ones apart",
             "Take fewer march_steps, or a growth nearer to 1.",
         )
         .with_setting("step_growth"));
@@ -249,7 +249,7 @@ fn with_air(mut engine: Engine, values: &Values, kept: &Defects, frame: &SlabFra
     let air = Air {
         haze: (haze > 0.0).then(|| Haze {
             density: haze * HAZE * covered,
-            albedo: if scattering > 0.0 { scattering / (scattering + absorption) } else { 1.0 },
+            albedo: if scattering + absorption > 0.0 { scattering / (scattering + absorption) } else { 1.0 },
             is_level: kept.has(&defects::LEVEL_HAZE),
         }),
         aerial: (aerial > 0.0).then_some(aerial),
@@ -369,6 +369,9 @@ fn turbulence(graph: &mut NodeGraph, layers: &[Covered<'_>], weather_at: &Input,
     graph.combine(parts)
 }
 
+/// Height of the upper face of the layers that cast shadows, above which the ground sends no light.
+const SHADOW_TOP: f64 = 2200.0;
+
 /// Radiance from the ground per irradiance of it: a factor of 3 / (4 pi) on what a reflectance of 0.3 sends back.
 const GROUND: f64 = 3.0 / (4.0 * PI) * 0.3 / PI;
 
@@ -412,6 +415,7 @@ fn light(values: &Values, kept: &Defects, frame: &SlabFrame) -> LightModel {
                 of_suns: GROUND * (1.0 - values.get("coverage")) / TAU,
                 steps: ground_steps,
                 first: 100.0 / f64::from(ground_steps) / frame.unit,
+                highest: (SHADOW_TOP - frame.base) / values.get("thickness"),
             }),
             ..Terms::NONE
         },

@@ -82,7 +82,9 @@ impl<'a> Staged<'a> {
             Stage::Shadow => engine.light.shadow != exact.light.shadow,
             Stage::Phase => engine.light.phase != exact.light.phase,
             Stage::Orders => self.has_orders || engine.light.terms != without_orders(&engine.light.terms),
-            Stage::Ambient => scatters_world(self.scene) || !engine.terms.is_empty(),
+            Stage::Ambient => {
+                scatters_world(self.scene) || !engine.terms.is_empty() || engine.light.terms.ground.is_some()
+            }
             Stage::ViewRay => RealTimeSettings { distance_levels: None, ..engine.march.clone() } != exact.march,
             // Drawn rays are none of an engine.
             Stage::Filter => true,
@@ -113,6 +115,10 @@ impl<'a> Staged<'a> {
         }
         if is_exact(Stage::Shadow) {
             engine.light.shadow = ShadowMarch::new(light_steps, ShadowLength::ToExit, ShadowExtinction::View);
+            // They read its map.
+            if let Some(air) = &mut engine.air {
+                air.shafts = None;
+            }
         }
         if is_exact(Stage::Phase) {
             let TwoLobes { anisotropy, second, alpha, .. } = self.medium.light.phase;
@@ -160,7 +166,8 @@ impl<'a> Staged<'a> {
 
 /// Single scattering with the same ambient light.
 fn without_orders(terms: &Terms) -> Terms {
-    Terms { ambient: terms.ambient.map(|factor| factor * terms.exposure), ..Terms::NONE }
+    let ambient = terms.ambient.map(|factor| factor * terms.exposure);
+    Terms { ambient, ground: terms.ground, ..Terms::NONE }
 }
 
 /// Whether a world shines on the medium.

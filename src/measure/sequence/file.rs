@@ -231,6 +231,15 @@ impl SequenceFile {
     pub fn scene(&self, folder: &Path) -> Result<Scene> {
         let mut scene = Scene::load(&folder.join(&self.scene.file))?;
         self.scene.prepare(&mut scene, self.resolution)?;
+        // What rays find is put over the background.
+        scene.film.transparent = false;
+        if Selection::parse(&self.engine.density)?.model.is_of_scene {
+            for motion in &self.motions {
+                for setting in [0.0, 1.0].into_iter().flat_map(|part| motion.settings(part)) {
+                    scene.clone().set(&setting)?;
+                }
+            }
+        }
         Ok(scene)
     }
 
