@@ -405,7 +405,6 @@ fn linker(program: &Program) -> Result<Linker> {
     let terms = "#define_import_path cloudparity::engines::own_terms\n\
                  fn source(place: vec3f, height: f32, extinction: f32) -> vec3f { return vec3f(height * extinction) + place; }\n";
     linker.add("generated/terms.wgsl", terms);
-    linker.add("engines/air.wgsl", include_str!("../shaders/engines/air.wgsl"));
     Ok(linker)
 }
 

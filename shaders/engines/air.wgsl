@@ -38,7 +38,7 @@ const MIE_EXTINCTION: f32 = 4.44e-6;
 const AIR_HEIGHT: f32 = 8000.0;
 const MIE_HEIGHT: f32 = 1200.0;
 const MIE_ANISOTROPY: f32 = 0.8;
-const AIR_PARTS = 8u;
+const AIR_PARTS = 16u;
 const HAZE_HEIGHT: f32 = 1000.0;
 const LEAST_HAZE: f32 = 1e-7;
 const HAZE_AMBIENT: f32 = 0.625;
@@ -87,7 +87,9 @@ fn air_light(density: f32, line: Line, length: f32, of_air: vec3f, of_haze: vec3
     var sum = vec3f(0.0);
     var left = vec3f(1.0);
     for (var part = 1u; part <= AIR_PARTS; part++) {
-        let end = length * f32(part) / f32(AIR_PARTS);
+        // Shortest where the ray is lowest.
+        let passed = f32(part) / f32(AIR_PARTS);
+        let end = length * select(passed * passed, 1.0 - (1.0 - passed) * (1.0 - passed), line.rise < 0.0);
         let columns = density * vec2f(column(line, end, AIR_HEIGHT), column(line, end, MIE_HEIGHT));
         let own = max(columns - before, vec2f(0.0));
         before = columns;

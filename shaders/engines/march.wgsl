@@ -979,6 +979,7 @@ fn main(@builtin(global_invocation_id) invocation: vec3u) {
     let index = invocation.x;
     var pixel = Pixel(vec3f(0.0), 0u, vec3f(1.0), 0u);
     if march.first_step > 0u { pixel = pixels[index]; }
+#ifdef AIR
 #ifdef AIR_RAYS
     // Dispatches behind those of the march have the samples of its rays.
     if march.first_step >= march.steps {
@@ -987,7 +988,6 @@ fn main(@builtin(global_invocation_id) invocation: vec3u) {
         return;
     }
 #endif
-#ifdef AIR
     taken_distance = ways[index].y;
     pixel = marched(rays[index], pixel, march.first_step, march.end_step);
     // Once, in the ray's last dispatch.

@@ -53,11 +53,12 @@ const NUMBERS: (&str, &str) = ("nodes/shared/numbers.wgsl", include_str!("../../
 /// Import path of the specialised graph.
 pub const PROGRAM_PATH: &str = "cloudparity::graph";
 
-/// Modules that every linker has, in dependency order: phase functions, steps, source terms of light models.
+/// Modules that every linker has, in dependency order: phase functions, steps, air, source terms of light models.
 const LIGHT: &[(&str, &str)] = &[
     ("media/mesh.wgsl", include_str!("../../shaders/media/mesh.wgsl")),
     ("media/phase.wgsl", include_str!("../../shaders/media/phase.wgsl")),
     ("media/transfer.wgsl", include_str!("../../shaders/media/transfer.wgsl")),
+    ("engines/air.wgsl", include_str!("../../shaders/engines/air.wgsl")),
     ("engines/light/harmonics.wgsl", include_str!("../../shaders/engines/light/harmonics.wgsl")),
     ("engines/rays.wgsl", include_str!("../../shaders/engines/rays.wgsl")),
     ("engines/light/terms.wgsl", include_str!("../../shaders/engines/light/terms.wgsl")),

@@ -543,9 +543,6 @@ impl MarchParts {
             Form::Kernel | Form::Fragment { parameters: None, .. } => Linker::new(density.program())?,
         };
         linker.add_constants(&CONSTANTS);
-        if marched.air.is_some() {
-            linker.add("engines/air.wgsl", include_str!("../../../shaders/engines/air.wgsl"));
-        }
         match marched.averages {
             Some(averages) => {
                 linker.add_program(ALONG, &averages.along)?;

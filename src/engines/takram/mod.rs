@@ -220,8 +220,7 @@ fn engine(request: &Request<'_>) -> Result<Engine> {
             ),
             "a last step that is at most 1e17 times the first: f32 tells no places of shorter ones apart",
             "Take fewer march_steps, or a growth nearer to 1.",
-        )
-        .with_setting("step_growth"));
+        ));
     }
     let march = RealTimeSettings {
         least_density: if extinction > 0.0 { LEAST_EXTINCTION / extinction } else { 0.0 },

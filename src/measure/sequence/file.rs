@@ -324,7 +324,7 @@ mod tests {
         assert!(error("clip = 2.0", "clip = -2.0").place.contains("reconstructions[1].how.clip"));
         assert!(error("rays = \"bayer\"", "rays = \"byer\"").to_string().contains("checkerboard"));
         assert!(error("turn = 10.0", "turn = nan").place.contains("motions[0]"));
-        assert_eq!(file.motions[1].settings(0.25), ["coverage=0.30000000000000004"]);
+        assert_eq!(file.motions[1].settings(0.25), ["coverage=0.3"]);
         for (change, named) in [
             ("cover = [0.2, 0.6]", "wind_influence"),
             ("light_steps = [2.0, 6.0]", "no whole number"),
