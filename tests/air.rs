@@ -12,6 +12,7 @@ use cloudparity::engines::march::air::{Air, Haze, MarchRays, Shafts};
 use cloudparity::engines::march::gpu::MarchKernel;
 use cloudparity::engines::march::shadow_map::ShadowMap;
 use cloudparity::engines::march::{Marched, RealTimeRay, RealTimeSettings};
+use cloudparity::engines::render::EngineRenderer;
 use cloudparity::gpu::Gpu;
 use cloudparity::graph::Program;
 use cloudparity::media::density::Density;
@@ -190,7 +191,7 @@ fn haze_and_air_over_an_opaque_cloud_are_those_up_to_its_front() {
     let aerial = Air { aerial: Some(5.0), ..air() };
     for found in slab.seen(Some(&aerial), from, DVec3::X, 1e5) {
         // Red, at right angles to the sun: Rayleigh's 3 / 16 pi, and Cornette and Shanks' of 0.8.
-        let [air, haze] = [8000.0, 1200.0].map(|fall| 5.0 * (-1250.0 / fall as f64).exp() * front);
+        let [air, haze] = [8000.0_f64, 1200.0].map(|fall| 5.0 * (-1250.0 / fall).exp() * front);
         let g: f64 = 0.8;
         let shanks = 3.0 / (8.0 * PI) * (1.0 - g * g) / (2.0 + g * g) / (1.0 + g * g).powf(1.5);
         let depth = 5.802e-6 * air + 3.996e-6 / 0.9 * haze;
@@ -235,6 +236,20 @@ fn air_is_refused_where_it_has_no_meaning() {
     let round = Container { outline: Outline::Shell { inner: 1.0, outer: 2.0 }, ..slab.container.clone() };
     let error = Marched { container: &round, ..slab.marched(Some(&air)) }.check().expect_err("a shell").to_string();
     assert!(error.contains("a shell"), "{error}");
+    // Meshes have no inside that both know where rays of the march and light from the ground ask for it.
+    let mesh = support::scene("mesh-sphere");
+    for (model, change) in [("bolt", "march_ray_intensity=1"), ("takram", "ground_steps=3")] {
+        let model = cloudparity::engines::find(model).expect("it is there");
+        let none = cloudparity::engines::defects::Defects::NONE;
+        let of = |changes: &[String]| {
+            let values = model.values(None, changes).expect("in range");
+            let engine = model.engine(&mesh, &values, &none, 0.0).expect("an engine");
+            EngineRenderer::new(&mesh, &engine, None).map(|_| ()).err().map(|error| error.to_string())
+        };
+        assert_eq!(of(&["march_steps=4".into()]), None);
+        let error = of(&[change.into()]).expect("refused");
+        assert!(error.contains("in a mesh"), "{error}");
+    }
     let scene = support::scene("cloud-layer");
     let model = cloudparity::engines::find("takram").expect("it is there");
     let values = model.values(None, &["step_growth=1.1".into(), "march_steps=500".into()]).expect("in range");

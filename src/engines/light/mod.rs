@@ -411,7 +411,7 @@ impl LightModel {
     }
 
     /// Radiance from the ground at a place which nothing dims.
-    pub fn from_ground(&self, ground: &Ground) -> [f64; 3] {
+    pub fn ground_radiance(&self, ground: &Ground) -> [f64; 3] {
         std::array::from_fn(|channel| {
             let suns: f64 = self.suns.iter().map(|sun| sun.irradiance[channel]).sum();
             ground.of_world * std::f64::consts::PI * self.ambient[channel] + ground.of_suns * suns

@@ -706,7 +706,7 @@ impl MarchParts {
             air: marched.air.map(AirUniform::new),
             cascades: cascades_of(marched.maps_of(0)),
             ground: terms.ground.map(|ground| GroundUniform {
-                radiance: single(light.from_ground(&ground)),
+                radiance: single(light.ground_radiance(&ground)),
                 steps: ground.steps,
                 down: vector(container.way(DVec3::NEG_Z)),
                 first: ground.first as f32,

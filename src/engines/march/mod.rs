@@ -524,7 +524,7 @@ impl Marched<'_> {
                 self.shadow_depths(density, (sun, to_sun), &places, &cosines, &jitters)
             })
             .collect();
-        let from_ground = light.terms.ground.map(|ground| self.from_ground(&mut read.density, &ground, &places));
+        let from_ground = light.terms.ground.map(|ground| self.ground_light(&mut read.density, &ground, &places));
         let surroundings = read.around.as_mut().map(|around| around.values(&places));
         for (order, sample) in samples.iter().enumerate() {
             let &Sample { index, place, step, left, density, before, .. } = sample;
@@ -583,7 +583,7 @@ impl Marched<'_> {
     }
 
     /// Light from the ground at each place, before powder.
-    fn from_ground(&self, read: &mut DensityEvaluator<'_>, ground: &Ground, places: &[DVec3]) -> Vec<[f64; 3]> {
+    fn ground_light(&self, read: &mut DensityEvaluator<'_>, ground: &Ground, places: &[DVec3]) -> Vec<[f64; 3]> {
         let outline = &self.container.outline;
         let down = self.container.way(DVec3::NEG_Z);
         let (mut owners, mut asked) = (Vec::new(), Vec::new());
@@ -603,7 +603,7 @@ impl Marched<'_> {
         for ((owner, step), found) in owners.into_iter().zip(read.values(&asked)) {
             sums[owner] += found * step;
         }
-        let radiance = self.light.from_ground(ground);
+        let radiance = self.light.ground_radiance(ground);
         let of = |(sum, &place): (f64, &DVec3)| match outline.height(place) > ground.highest {
             true => [0.0; 3],
             false => std::array::from_fn(|channel| radiance[channel] * transmittance(self.extinction[channel] * sum)),

@@ -137,7 +137,7 @@ impl ShadowMap {
     }
 
     /// Of the maps of a sun that for a place, by the jitter of its ray; none where no part of the view has it.
-    pub fn chosen<'m>(maps: &'m [Self], place: DVec3, jitter: f64) -> Option<&'m Self> {
+    pub fn chosen(maps: &[Self], place: DVec3, jitter: f64) -> Option<&Self> {
         if let [map] = maps {
             return Some(map);
         }
