@@ -890,7 +890,7 @@ fn march_rays(ray: Ray, start: f32, first: u32, end: u32) -> vec3f {
     return between.ray_strength * sum;
 }
 
-// Where the way from a place towards a sun enters the box, or that around a mesh, and 1; 0 where it passes beside: twin of `entered`.
+// Where the way from a place towards a sun enters the box, and 1; 0 where it passes beside: twin of `entered`.
 fn towards_light(place: vec3f, way: vec3f) -> vec4f {
     var enter = 0.0;
     var leave = LARGEST;
@@ -904,12 +904,7 @@ fn towards_light(place: vec3f, way: vec3f) -> vec4f {
         enter = max(enter, min(first, second));
         leave = min(leave, max(first, second));
     }
-    let is_met = select(0.0, 1.0, enter < leave);
-#ifdef MESH
-    return vec4f(place, is_met);
-#else
-    return vec4f(place + way * enter, is_met);
-#endif
+    return vec4f(place + way * enter, select(0.0, 1.0, enter < leave));
 }
 #endif
 

@@ -25,11 +25,11 @@
 //! Where a ray falls, k is that of the way back up from its end, which is the same integral; as published haze counts a falling ray as level (TK-18, of
 //! ours, with its end at the upper face). Twin on the adapter: `shaders/engines/air.wgsl`, with what reads the density in `march.wgsl`.
 
+use crate::base::error::Result;
 use crate::engines::domain::Outline;
 use crate::engines::light::LightModel;
 use crate::engines::march::shadow_map::ShadowMap;
 use crate::engines::march::{Marched, Read, RealTimePixel, RealTimeRay};
-use crate::media::density::Density;
 use crate::media::phase::draine;
 use crate::media::transfer::{absorbed, mean_transmittance, transmittance};
 use crate::shader_struct;
@@ -337,15 +337,15 @@ impl Air {
     pub(super) fn apply(
         &self,
         marched: &Marched<'_>,
-        averages: &[Option<Density>; 2],
         rays: &[RealTimeRay],
         pixels: &mut [RealTimePixel],
-    ) -> crate::base::error::Result<()> {
+    ) -> Result<()> {
         for (ray, pixel) in rays.iter().zip(pixels.iter_mut()) {
             self.over(marched, ray, pixel);
         }
         let Some(of_march) = &self.rays else { return Ok(()) };
-        let mut read = Read::new(marched, averages)?;
+        let averages = marched.averages_read();
+        let mut read = Read::new(marched, &averages)?;
         let count = f64::from(of_march.samples);
         let mut places = Vec::with_capacity(rays.len() * of_march.samples as usize);
         let mut weights = Vec::with_capacity(places.capacity());
@@ -371,8 +371,8 @@ impl Air {
                 }
             }
         };
+        let outline = &marched.container.outline;
         if of_march.counts_samples {
-            let outline = &marched.container.outline;
             let found = read.density.values(&places);
             let seen: Vec<f64> = found
                 .iter()
@@ -382,6 +382,7 @@ impl Air {
             (0..marched.light.suns.len()).for_each(|sun| add(sun, &|index| [seen[index]; 3]));
             return Ok(());
         }
+        let jitters: Vec<f64> = rays.iter().flat_map(|ray| std::iter::repeat_n(ray.jitter, samples)).collect();
         for sun in 0..marched.light.suns.len() {
             let way = read.ways_to_suns[sun];
             let towards = marched.light.suns[sun].towards();
@@ -389,8 +390,6 @@ impl Air {
                 .iter()
                 .flat_map(|ray| std::iter::repeat_n(ray.direction.dot(towards).clamp(-1.0, 1.0), samples))
                 .collect();
-            let jitters: Vec<f64> = rays.iter().flat_map(|ray| std::iter::repeat_n(ray.jitter, samples)).collect();
-            let outline = &marched.container.outline;
             let entered: Vec<Option<DVec3>> = places.iter().map(|&place| entered(outline, place, way)).collect();
             // What passes beside the domain is read where nobody looks at it.
             let asked: Vec<DVec3> =
@@ -415,11 +414,12 @@ impl MarchRays {
     }
 }
 
-/// Where the way from a place towards a sun enters a box, or the place itself in it and in that around a mesh; none where it passes beside.
+/// Where the way from a place towards a sun enters a box, or the place itself in it; none where it passes beside. Rays of the march know no other
+/// domain ([`Marched::check`]).
 fn entered(outline: &Outline, place: DVec3, way: DVec3) -> Option<DVec3> {
     let (enter, leave) = outline.region().segment(place, way)?;
-    let start = if matches!(outline, Outline::Box(_)) { enter.max(0.0) } else { 0.0 };
-    (leave > enter.max(0.0)).then(|| place + way * start)
+    let start = enter.max(0.0);
+    (leave > start).then(|| place + way * start)
 }
 
 shader_struct! {

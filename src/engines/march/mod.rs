@@ -447,7 +447,7 @@ impl Marched<'_> {
         let tasks = rays.par_chunks(together).zip(pixels.par_chunks_mut(together));
         tasks.try_for_each(|(rays, pixels)| {
             self.march_together(settings, rays, pixels)?;
-            self.air.map_or(Ok(()), |air| air.apply(self, &self.averages_read(), rays, pixels))
+            self.air.map_or(Ok(()), |air| air.apply(self, rays, pixels))
         })?;
         Ok(pixels)
     }
@@ -515,10 +515,10 @@ impl Marched<'_> {
         let outline = &self.container.outline;
         let mean_extinction = self.extinction.iter().sum::<f64>() / 3.0;
         let places: Vec<DVec3> = samples.iter().map(|sample| sample.place).collect();
+        let jitters: Vec<f64> = samples.iter().map(|sample| ways[sample.index].jitter).collect();
         let depths: Vec<Vec<[f64; 3]>> = (0..light.suns.len())
             .map(|sun| {
                 let cosines: Vec<f64> = samples.iter().map(|sample| ways[sample.index].cosines[sun]).collect();
-                let jitters: Vec<f64> = samples.iter().map(|sample| ways[sample.index].jitter).collect();
                 let to_sun = read.ways_to_suns[sun];
                 let density = read.along.as_mut().unwrap_or(&mut read.density);
                 self.shadow_depths(density, (sun, to_sun), &places, &cosines, &jitters)
