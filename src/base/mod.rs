@@ -1,6 +1,7 @@
 //! What everything else stands on: the error type, named choices, files, the identity of builds, the ledger of records, numbers as text,
 //! users' text in the formats that are written, progress, textures.
 
+pub mod arrays;
 pub mod choice;
 pub mod display_table;
 pub mod error;

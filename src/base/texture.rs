@@ -4,6 +4,7 @@
 //! `shaders/nodes/shared/texture.wgsl` its twin). Textures are filtered in the shader, since the filter of graphics hardware has
 //! weights of 8 bits.
 
+use crate::base::arrays::{Mapped, each};
 use crate::base::choice::choice;
 use crate::base::error::{Error, Result};
 use crate::base::files::sha256;
@@ -102,7 +103,7 @@ impl Texture {
         assert!(size.iter().all(|&side| side > 0) && size.iter().product::<usize>() == texels.len());
         let decoded = match &texels {
             Texels::Unorm8 { range: [low, high], .. } => {
-                Some(Box::new(std::array::from_fn(|byte| low + (high - low) * (byte as f32 / 255.0))))
+                Some(Box::new(each(|byte| low + (high - low) * (byte as f32 / 255.0))))
             }
             _ => None,
         };
@@ -207,7 +208,7 @@ impl Texture {
         if (0..3).any(|axis| low[axis] < 0 || low[axis] as usize + 1 >= self.size[axis]) {
             return if self.outside == Outside::Zero { self.corners_at_the_rim(low) } else { self.corners_around(low) };
         }
-        let [x, y, z] = low.map(|index| index as usize);
+        let [x, y, z] = low.mapped(|index| index as usize);
         let row = self.size[0];
         let first = (z * self.size[1] + y) * row + x;
         let layer = row * self.size[1];
@@ -223,8 +224,8 @@ impl Texture {
     /// The eight texels where every index has one: flat textures, which are at their rim everywhere, come here.
     fn corners_around(&self, low: [i32; 3]) -> [f32; 8] {
         let x = self.ends(0, low[0]);
-        let y = self.ends(1, low[1]).map(|index| index * self.size[0]);
-        let z = self.ends(2, low[2]).map(|index| index * self.size[0] * self.size[1]);
+        let y = self.ends(1, low[1]).mapped(|index| index * self.size[0]);
+        let z = self.ends(2, low[2]).mapped(|index| index * self.size[0] * self.size[1]);
         let rows = [z[0] + y[0], z[0] + y[1], z[1] + y[0], z[1] + y[1]];
         match &self.texels {
             Texels::F32(values) => of_rows(values, rows, x, |value| value),
@@ -246,15 +247,15 @@ impl Texture {
             }
             Outside::Clamp | Outside::Zero => [low.clamp(0, last), next.clamp(0, last)],
         };
-        inside.map(|index| index as usize)
+        inside.mapped(|index| index as usize)
     }
 
     /// Not inlined: few reads come here.
     #[inline(never)]
     fn corners_at_the_rim(&self, low: [i32; 3]) -> [f32; 8] {
         let ends: [[Option<usize>; 2]; 3] =
-            std::array::from_fn(|axis| [low[axis], low[axis].saturating_add(1)].map(|index| self.inside(axis, index)));
-        std::array::from_fn(|corner| self.value(std::array::from_fn(|axis| ends[axis][corner >> axis & 1])))
+            each(|axis| [low[axis], low[axis].saturating_add(1)].mapped(|index| self.inside(axis, index)));
+        each(|corner| self.value(each(|axis| ends[axis][corner >> axis & 1])))
     }
 
     /// Where an index lies along an axis, by what lies outside; none where that is 0.
@@ -325,7 +326,7 @@ impl Texture {
             level += 1;
         }
         let mut found: Option<[f32; 2]> = None;
-        let (begin, end) = (first.map(|index| index >> level), last.map(|index| index >> level));
+        let (begin, end) = (first.mapped(|index| index >> level), last.mapped(|index| index >> level));
         for z in begin[2]..=end[2] {
             for y in begin[1]..=end[1] {
                 for x in begin[0]..=end[0] {
@@ -360,7 +361,7 @@ impl Texture {
                     Ranges::Floats(blocks(finer, |index| [f16::from_bits(values[index]).to_f32(); 2], hull))
                 }
             };
-            finer = finer.map(|side| side.div_ceil(2));
+            finer = finer.mapped(|side| side.div_ceil(2));
             levels.push(Level { size: finer, ranges });
         }
         levels
@@ -371,7 +372,7 @@ impl Texture {
         let index = (z * level.size[1] + y) * level.size[0] + x;
         match &level.ranges {
             Ranges::Floats(ranges) => ranges[index],
-            Ranges::Bytes(ranges) => ranges[index].map(|byte| self.decode(byte)),
+            Ranges::Bytes(ranges) => ranges[index].mapped(|byte| self.decode(byte)),
         }
     }
 }
@@ -397,12 +398,12 @@ fn of_rows<T: Copy>(texels: &[T], rows: [usize; 4], x: [usize; 2], value: impl F
 
 /// Hulls of blocks of two per axis, of `size` ranges that stand at their indices.
 fn blocks<T: Copy>(size: [usize; 3], range: impl Fn(usize) -> T, hull: impl Fn(T, T) -> T) -> Vec<T> {
-    let coarse = size.map(|side| side.div_ceil(2));
+    let coarse = size.mapped(|side| side.div_ceil(2));
     let mut found = Vec::with_capacity(coarse.iter().product());
     for z in 0..coarse[2] {
         for y in 0..coarse[1] {
             // Rows of the finer ranges that a row of blocks holds; the last ones stand twice where a side is odd.
-            let rows: [usize; 4] = std::array::from_fn(|number| {
+            let rows: [usize; 4] = each(|number| {
                 let y = (2 * y + (number & 1)).min(size[1] - 1);
                 let z = (2 * z + (number >> 1)).min(size[2] - 1);
                 (z * size[1] + y) * size[0]

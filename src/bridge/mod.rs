@@ -131,7 +131,12 @@ fn isolated(path: &Path) -> Command {
 /// Runs a script of `blend/` and returns the result of its `done` message.
 ///
 /// A script that reads a file of the user's has [`Limits`] of time and memory.
-pub fn run_script(name: &str, request: &Json, kernel: CyclesKernel, receive: impl FnMut(Message)) -> Result<Json> {
+pub fn run_script(name: &str, request: &Json, kernel: CyclesKernel, mut receive: impl FnMut(Message)) -> Result<Json> {
+    run_and_tell(name, request, kernel, &mut receive)
+}
+
+/// [`run_script`], compiled once for all that listen.
+fn run_and_tell(name: &str, request: &Json, kernel: CyclesKernel, receive: &mut dyn FnMut(Message)) -> Result<Json> {
     let mut conversation = Conversation::start_within(name, kernel, Limits::of(name, request)?)?;
     // A script that stops before it has read its request breaks the pipe; its answer says why.
     let _ = conversation.say(&request.to_string());
@@ -216,9 +221,9 @@ impl Conversation {
     }
 
     /// Sends a request, which has one line, and returns the result of its `done` message.
-    pub fn ask(&mut self, request: &Json, receive: impl FnMut(Message)) -> Result<Json> {
+    pub fn ask(&mut self, request: &Json, mut receive: impl FnMut(Message)) -> Result<Json> {
         let _ = self.say(&format!("{request}\n"));
-        self.answer(receive)
+        self.answer(&mut receive)
     }
 
     fn say(&mut self, text: &str) -> std::io::Result<()> {
@@ -238,7 +243,7 @@ impl Conversation {
         }
     }
 
-    fn answer(&mut self, mut receive: impl FnMut(Message)) -> Result<Json> {
+    fn answer(&mut self, receive: &mut dyn FnMut(Message)) -> Result<Json> {
         while let Some(line) = self.line()? {
             let Ok(message) = serde_json::from_str::<Json>(&line) else { continue };
             let text = |key: &str| message[key].as_str().unwrap_or_default().to_owned();

@@ -57,12 +57,17 @@ fn release_of(jobs: &[Job<'_>]) -> Result<Release> {
 }
 
 /// Evaluates the jobs in one Blender process, on all cores.
-pub fn ask(jobs: &[Job<'_>], kernel: CyclesKernel, receive: impl FnMut(Message)) -> Result<Answers> {
-    ask_on(jobs, kernel, 0, receive)
+pub fn ask(jobs: &[Job<'_>], kernel: CyclesKernel, mut receive: impl FnMut(Message)) -> Result<Answers> {
+    ask_on(jobs, kernel, 0, &mut receive)
 }
 
 /// [`ask`] on this many threads of rendering (0 for all).
-pub fn ask_on(jobs: &[Job<'_>], kernel: CyclesKernel, threads: u32, receive: impl FnMut(Message)) -> Result<Answers> {
+pub fn ask_on(
+    jobs: &[Job<'_>],
+    kernel: CyclesKernel,
+    threads: u32,
+    receive: &mut dyn FnMut(Message),
+) -> Result<Answers> {
     let folder = tempfile::tempdir()
         .map_err(|cause| Error::io(&std::env::temp_dir(), "a folder for temporary files", &cause))?;
     let mut requests = Vec::new();

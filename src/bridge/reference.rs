@@ -132,9 +132,9 @@ pub fn references(
     settings: &ReferenceSettings,
     seeds: &[u32],
     cache: &Path,
-    receive: impl FnMut(Message),
+    mut receive: impl FnMut(Message),
 ) -> Result<Vec<Reference>> {
-    releases::with_values_of(scene.graph().blender, || references_here(scene, settings, seeds, cache, receive))
+    releases::with_values_of(scene.graph().blender, || references_here(scene, settings, seeds, cache, &mut receive))
 }
 
 /// [`references`] by the present interpreter.
@@ -143,7 +143,7 @@ fn references_here(
     settings: &ReferenceSettings,
     seeds: &[u32],
     cache: &Path,
-    receive: impl FnMut(Message),
+    receive: &mut dyn FnMut(Message),
 ) -> Result<Vec<Reference>> {
     let subsets = FIRST_REPLICA_SEED..FIRST_REPLICA_SEED + MOST_SUBSETS;
     if settings.by_subset && !seeds.iter().all(|seed| subsets.contains(seed)) {

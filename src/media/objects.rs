@@ -6,6 +6,7 @@
 //!
 //! Lengths are metres of world space, whatever the object's scale; positions are in the object's frame.
 
+use crate::base::arrays::{Mapped, each};
 use crate::base::error::{Error, Result};
 use crate::graph::bounds::Bounds3;
 use crate::graph::closures::{Closure, ClosureSum, Factor, Value};
@@ -155,16 +156,16 @@ impl Term {
         if let Some(Scaled { unit, density }) = &self.scaled {
             let amount = weight * density.at(row).positive_part();
             return Coefficients {
-                scattering: unit.scattering.map(|value| value * amount),
-                extinction: unit.extinction.map(|value| value * amount),
-                emission: unit.emission.map(|value| value * weight),
+                scattering: unit.scattering.mapped(|value| value * amount),
+                extinction: unit.extinction.mapped(|value| value * amount),
+                emission: unit.emission.mapped(|value| value * weight),
             };
         }
         let found = self.with_inputs(row, |inputs| self.closure.formula.coefficients(inputs));
         Coefficients {
-            scattering: found.scattering.map(|value| value * weight),
-            extinction: found.extinction.map(|value| value * weight),
-            emission: found.emission.map(|value| value * weight),
+            scattering: found.scattering.mapped(|value| value * weight),
+            extinction: found.extinction.mapped(|value| value * weight),
+            emission: found.emission.mapped(|value| value * weight),
         }
     }
 
@@ -176,17 +177,17 @@ impl Term {
         if let Some(Scaled { unit, density }) = &self.scaled {
             let amount = weight * interval_of(*density, row).positive_part();
             return Coefficients {
-                scattering: unit.scattering.map(|value| amount * Interval::of(value)),
-                extinction: unit.extinction.map(|value| amount * Interval::of(value)),
-                emission: unit.emission.map(|value| weight * Interval::of(value)),
+                scattering: unit.scattering.mapped(|value| amount * Interval::of(value)),
+                extinction: unit.extinction.mapped(|value| amount * Interval::of(value)),
+                emission: unit.emission.mapped(|value| weight * Interval::of(value)),
             };
         }
         let inputs: Vec<Interval> = self.closure.inputs.iter().map(|&value| interval_of(value, row)).collect();
         let found = self.closure.formula.bounds(&inputs);
         Coefficients {
-            scattering: found.scattering.map(|value| value * weight),
-            extinction: found.extinction.map(|value| value * weight),
-            emission: found.emission.map(|value| value * weight),
+            scattering: found.scattering.mapped(|value| value * weight),
+            extinction: found.extinction.mapped(|value| value * weight),
+            emission: found.emission.mapped(|value| value * weight),
         }
     }
 
@@ -265,13 +266,13 @@ impl ObjectMedium {
             }],
             factors: Vec::new(),
         };
-        let absorbed = std::array::from_fn(|channel| (extinction[channel] - scattering[channel]).max(0.0));
+        let absorbed = each(|channel| (extinction[channel] - scattering[channel]).max(0.0));
         let mut closures = Vec::new();
         if absorbed != [0.0; 3] {
             closures.push(closure(absorbed, [0.0; 3], [0.0; 2]));
         }
         for &ScatteringLobe { share, anisotropy, alpha } in lobes {
-            let part = scattering.map(|channel| share * channel);
+            let part = scattering.mapped(|channel| share * channel);
             closures.push(closure(part, part, [anisotropy, alpha]));
         }
         let program = match closures.first().map(|closure| closure.inputs[0]) {
@@ -433,7 +434,7 @@ pub(crate) fn outline_of(volume: &Volume) -> Result<(Region, Option<Arc<PlacedMe
         let to_object = scene::matrix_to_glam(&volume.matrix_world).inverse();
         return Ok((mesh.bounds(), Some(Arc::new(PlacedMesh::new(mesh, to_object)))));
     }
-    let corner = |corner: [f32; 3]| DVec3::from(corner.map(f64::from));
+    let corner = |corner: [f32; 3]| DVec3::from(corner.mapped(f64::from));
     Ok((Region { low: corner(volume.bounds.min), high: corner(volume.bounds.max) }, None))
 }
 

@@ -8,6 +8,7 @@
 //! tint * colour(T) * (s / pi) * 1e-6 * ((1 - b) + b T^4), s = 5.670373e-8 W/m^2/K^4 being the constant of Stefan and
 //! Boltzmann. It is 0 where b is not above 0.
 
+use crate::base::arrays::{Mapped, each};
 use crate::nodes::closure::{Quantity, per_channel};
 use crate::nodes::color_space::fill;
 use crate::nodes::real::Real;
@@ -69,15 +70,15 @@ struct Blackbody;
 /// Colour of `temperature` kelvins in the order of operations of Cycles' kernels. NaN falls into the first piece.
 fn color_in_order<R: Real>(temperature: R) -> [R; 3] {
     if temperature >= R::of(KNOTS[7]) {
-        return HOTTEST.map(R::of);
+        return HOTTEST.mapped(R::of);
     }
     if temperature < R::of(KNOTS[0]) {
-        return COLDEST.map(R::of);
+        return COLDEST.mapped(R::of);
     }
     let piece = KNOTS[1..7].iter().filter(|&&knot| temperature >= R::of(knot)).count();
     let inverse = R::of(1.0) / temperature;
     let ratio = |[a, b, c]: [f32; 3]| (R::of(a) * inverse + R::of(b) * temperature) + R::of(c);
-    let [a, b, c, d] = BLUE[piece].map(R::of);
+    let [a, b, c, d] = BLUE[piece].mapped(R::of);
     let cubic = ((a * temperature + b) * temperature + c) * temperature + d;
     [ratio(RED[piece]), ratio(GREEN[piece]), cubic]
 }
@@ -93,7 +94,7 @@ const FOLDED_PRIMARIES: [[f32; 3]; 3] = [
 
 impl Evaluate for Blackbody {
     fn evaluate<R: Real>(&self, inputs: &[Column<'_, R>], outputs: &mut [&mut [R]]) {
-        fill(outputs, |index| color_in_order(inputs[0].values[index]).map(|channel| channel.greater(R::of(0.0))));
+        fill(outputs, |index| color_in_order(inputs[0].values[index]).mapped(|channel| channel.greater(R::of(0.0))));
     }
 
     fn fold_constants_late(&self, inputs: &[f32]) -> Option<Vec<f32>> {
@@ -114,11 +115,11 @@ impl Evaluate for Blackbody {
 /// Colour of a blackbody of `temperature` kelvins, with luminance 1.
 pub fn color<Q: Quantity>(temperature: Q) -> [Q; 3] {
     // Piece 0 lies below the first knot, piece 8 above the last one.
-    let knots: [f64; 9] = std::array::from_fn(|piece| if piece == 0 { 0.0 } else { f64::from(KNOTS[piece - 1]) });
+    let knots: [f64; 9] = each(|piece| if piece == 0 { 0.0 } else { f64::from(KNOTS[piece - 1]) });
     let of = |constant: f32| Q::of(f64::from(constant));
     temperature.piecewise(&knots, |piece, t| match piece {
-        0 => COLDEST.map(of),
-        8 => HOTTEST.map(of),
+        0 => COLDEST.mapped(of),
+        8 => HOTTEST.mapped(of),
         _ => {
             let (red, green, blue) = (RED[piece - 1], GREEN[piece - 1], BLUE[piece - 1]);
             let ratio = |[a, b, c]: [f32; 3]| of(a) * t.reciprocal() + of(b) * t + of(c);

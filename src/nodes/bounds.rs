@@ -13,6 +13,7 @@
 //! zero (below the smallest normal number) are widened to contain zero. An exact zero stays: every
 //! rounding is monotone and keeps 0. Comparisons and selections are exact and take no pad.
 
+use crate::base::arrays::Mapped;
 use std::ops::{Add, Mul, Neg, Sub};
 
 /// Relative widening after an operation; see the module's text.
@@ -469,8 +470,8 @@ impl Interval {
             [value * (1.0 - error).max(0.0), value * (1.0 + error)]
         };
         let corners = [corner(a, c), corner(a, d), corner(b, c), corner(b, d)];
-        let (low, _) = extremes(corners.map(|ends| ends[0]));
-        let (_, high) = extremes(corners.map(|ends| ends[1]));
+        let (low, _) = extremes(corners.mapped(|ends| ends[0]));
+        let (_, high) = extremes(corners.mapped(|ends| ends[1]));
         let result = Self::outward(low.max(0.0), high, nan);
         // x^0 and 1^y are 1 whatever the other operand is, infinities included.
         let one = exponent.has_zero() || (a <= 1.0 && b >= 1.0);

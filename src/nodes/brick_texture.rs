@@ -10,6 +10,7 @@
 
 mod lanes;
 
+use crate::base::arrays::{Mapped, each};
 use crate::nodes::real::Real;
 use crate::nodes::{
     Column, Evaluate, InputSocket, Interval, NodeType, OutputSocket, Property, Role, always, vector_at,
@@ -141,7 +142,7 @@ fn mortar<R: Real>(edge: R, size: R, smooth: R) -> R {
 #[inline(always)]
 fn blend<R: Real>(a: [R; 3], b: [R; 3], t: R) -> [R; 3] {
     let rest = R::of(1.0) - t;
-    std::array::from_fn(|channel| a[channel] * rest + b[channel] * t)
+    each(|channel| a[channel] * rest + b[channel] * t)
 }
 
 impl Evaluate for BrickTexture {
@@ -152,7 +153,7 @@ impl Evaluate for BrickTexture {
     fn evaluate<R: Real>(&self, inputs: &[Column<'_, R>], outputs: &mut [&mut [R]]) {
         for index in 0..outputs[0].len() {
             let at = |column: usize| inputs[column].values[index];
-            let [x, y] = [0, 1].map(|axis| (at(axis) * at(SCALE)).round_coordinate());
+            let [x, y] = [0, 1].mapped(|axis| (at(axis) * at(SCALE)).round_coordinate());
             let (mut width, height) = (at(WIDTH), at(HEIGHT));
             let (row, row_number) = step_of(y / height);
             let [squashed, shifted] = self.layout.differs(row);
@@ -221,7 +222,7 @@ fn steps(quotient: Interval) -> Option<std::ops::RangeInclusive<i64>> {
     if !quotient.is_finite() || quotient.magnitude() > 1e9 {
         return None;
     }
-    let [first, last] = [quotient.low, quotient.high].map(|end| end.floor() as i64);
+    let [first, last] = [quotient.low, quotient.high].mapped(|end| end.floor() as i64);
     (last - first < LARGEST_COUNT).then_some(first..=last)
 }
 
@@ -308,7 +309,7 @@ impl BrickTexture {
         }
         // Any brick, any distance. NaN comes from what is not finite only: a division of 0 by 0 gives the brick
         // number -2^31 and a place that is a number.
-        let p = [0, 1].map(|axis| inputs[axis] * inputs[SCALE]);
+        let p = [0, 1].mapped(|axis| inputs[axis] * inputs[SCALE]);
         let width = inputs[WIDTH] * Interval::point(self.layout.squash.max(1.0));
         let shifted = p[0] + width;
         // The product with a brick number of up to 2^31 may overflow, and the difference of infinities is NaN.
@@ -321,7 +322,7 @@ impl BrickTexture {
 
     /// Brick by brick, where there are few and all numbers are of ordinary size.
     fn bounds_by_brick(&self, inputs: &[Interval]) -> Option<(Interval, [Interval; 3])> {
-        let p = [0, 1].map(|axis| inputs[axis] * inputs[SCALE]);
+        let p = [0, 1].mapped(|axis| inputs[axis] * inputs[SCALE]);
         let (width, height) = (inputs[WIDTH], inputs[HEIGHT]);
         let (size, smooth) = (inputs[MORTAR_SIZE], inputs[MORTAR_SMOOTH]);
         let ordinary = |x: &Interval| x.is_finite() && x.magnitude() < 1e15;
@@ -349,9 +350,7 @@ impl BrickTexture {
                 let color = self.color_bounds(inputs, share, tint);
                 found = Some(match found {
                     None => (share, color),
-                    Some((known, colors)) => {
-                        (known.hull(share), std::array::from_fn(|channel| colors[channel].hull(color[channel])))
-                    }
+                    Some((known, colors)) => (known.hull(share), each(|channel| colors[channel].hull(color[channel]))),
                 });
             }
         }
@@ -359,7 +358,7 @@ impl BrickTexture {
     }
 
     fn color_bounds(&self, inputs: &[Interval], share: Interval, tint: Interval) -> [Interval; 3] {
-        std::array::from_fn(|channel| {
+        each(|channel| {
             let first = inputs[FIRST_COLOR + channel];
             let mut base = blend_bounds(first, inputs[SECOND_COLOR + channel], tint);
             if share.high >= 1.0 {

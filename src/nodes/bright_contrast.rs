@@ -2,6 +2,7 @@
 //!
 //! Blender leaves constants to Cycles, which folds them by the same formula.
 
+use crate::base::arrays::Mapped;
 use crate::nodes::color_space::fill;
 use crate::nodes::real::Real;
 use crate::nodes::{Column, Evaluate, InputSocket, Interval, NodeType, OutputSocket, Role, always, vector_at};
@@ -53,7 +54,7 @@ impl Evaluate for BrightContrast {
             let (brightness, contrast) = (inputs[3].values[index], inputs[4].values[index]);
             let slope = R::of(1.0) + contrast;
             let offset = brightness - contrast * R::of(0.5);
-            vector_at(inputs, 0, index).map(|channel| (slope * channel + offset).greater(R::of(0.0)))
+            vector_at(inputs, 0, index).mapped(|channel| (slope * channel + offset).greater(R::of(0.0)))
         });
     }
 

@@ -3,6 +3,7 @@
 //! The cell is that of `displaced` coordinates. Factor is 1 and Color the first colour where the sum of the cell's
 //! numbers is odd; the cell at the origin is even.
 
+use crate::base::arrays::Mapped;
 use crate::nodes::real::Real;
 use crate::nodes::{
     Column, Evaluate, InputSocket, Interval, NodeType, OutputSocket, Property, Role, always, lane_level,
@@ -41,7 +42,7 @@ const DISPLACEMENT: [f32; 2] = [0.000_001, 0.999_999];
 /// Scaled coordinates, moved a little as the kernel does for Checker and Wave.
 #[inline(always)]
 pub(super) fn displaced<R: Real>(p: [R; 3], scale: R) -> [R; 3] {
-    p.map(|x| {
+    p.mapped(|x| {
         let moved = ((x * scale).round_coordinate() + R::of(DISPLACEMENT[0])).round_coordinate();
         (moved * R::of(DISPLACEMENT[1])).round_coordinate()
     })
@@ -49,13 +50,13 @@ pub(super) fn displaced<R: Real>(p: [R; 3], scale: R) -> [R; 3] {
 
 /// Bounds of [`displaced`].
 pub(super) fn enclose_displaced(p: [Interval; 3], scale: Interval) -> [Interval; 3] {
-    p.map(|x| (x * scale + Interval::point(DISPLACEMENT[0])) * Interval::point(DISPLACEMENT[1]))
+    p.mapped(|x| (x * scale + Interval::point(DISPLACEMENT[0])) * Interval::point(DISPLACEMENT[1]))
 }
 
 /// Whether the sum of a cell's numbers is odd. Cells that no i32 holds have the even number -2^31.
 #[inline(always)]
 fn is_odd<R: Real>(floors: [R; 3]) -> bool {
-    let [x, y, z] = floors.map(Real::to_int);
+    let [x, y, z] = floors.mapped(Real::to_int);
     (x ^ y ^ z) & 1 == 1
 }
 
@@ -72,18 +73,18 @@ impl Checker {
     #[inline(always)]
     fn evaluate_points<R: Real>(&self, inputs: &[Column<'_, R>], outputs: &mut [&mut [R]]) {
         let count = outputs[0].len();
-        let columns: [&[R]; 4] = [0, 1, 2, SCALE].map(|column| &inputs[column].values[..count]);
-        let colors = COLORS.map(|first| [0, 1, 2].map(|axis| &inputs[first + axis].values[..count]));
+        let columns: [&[R]; 4] = [0, 1, 2, SCALE].mapped(|column| &inputs[column].values[..count]);
+        let colors = COLORS.mapped(|first| [0, 1, 2].mapped(|axis| &inputs[first + axis].values[..count]));
         for start in (0..count).step_by(ABREAST) {
             let range = start..count.min(start + ABREAST);
             let mut odd = [false; ABREAST];
             for (odd, index) in odd.iter_mut().zip(range.clone()) {
-                let [x, y, z, scale] = columns.map(|column| column[index]);
-                *odd = is_odd(displaced([x, y, z], scale).map(Real::floor));
+                let [x, y, z, scale] = columns.mapped(|column| column[index]);
+                *odd = is_odd(displaced([x, y, z], scale).mapped(Real::floor));
             }
             if self.color {
                 for axis in 0..3 {
-                    let [first, second] = [colors[0][axis], colors[1][axis]].map(|column| &column[range.clone()]);
+                    let [first, second] = [colors[0][axis], colors[1][axis]].mapped(|column| &column[range.clone()]);
                     let results = outputs[axis][range.clone()].iter_mut();
                     for (((result, &odd), &first), &second) in results.zip(&odd).zip(first).zip(second) {
                         *result = if odd { first } else { second };
@@ -119,7 +120,7 @@ impl Evaluate for Checker {
 
     fn enclose(&self, inputs: &[Interval], outputs: &mut [Interval]) {
         let place = enclose_displaced([inputs[0], inputs[1], inputs[2]], inputs[SCALE]);
-        let floors = place.map(|x| if x.is_finite() { x.floor().as_point() } else { None });
+        let floors = place.mapped(|x| if x.is_finite() { x.floor().as_point() } else { None });
         let odd = match floors {
             [Some(x), Some(y), Some(z)] => Some(is_odd([x, y, z])),
             _ => None,

@@ -5,6 +5,7 @@
 //! and bounds cannot differ. All formulas are Cycles 5.0.1's, measured with an absorption probe: a
 //! homogeneous cube of edge 2 before a world of radiance 1 transmits `exp(-2 extinction)`.
 
+use crate::base::arrays::{Mapped, each};
 use crate::nodes::{InputSocket, Interval, Mode, Property};
 use std::ops::{Add, Mul, Sub};
 
@@ -68,7 +69,7 @@ impl Quantity for Interval {
         self.greater(Self::ZERO).or_nan(self.may_be_nan)
     }
     fn limited(self, low: f64, high: f64) -> Self {
-        let [a, b] = self.ends().map(|end| end.clamp(low, high));
+        let [a, b] = self.ends().mapped(|end| end.clamp(low, high));
         Self::outward(a, b, self.may_be_nan)
     }
     fn increasing_in_both(self, other: Self, function: impl Fn(f64, f64) -> f64) -> Self {
@@ -88,7 +89,7 @@ impl Quantity for Interval {
             let found = function(piece, part);
             result = Some(match result {
                 None => found,
-                Some(known) => std::array::from_fn(|index| known[index].hull(found[index])),
+                Some(known) => each(|index| known[index].hull(found[index])),
             });
         }
         result.unwrap_or([Self::EVERYTHING; C])

@@ -4,6 +4,7 @@
 //! 257 colours ([`Ramp::table`]), which is built here as Blender builds it, in f32 and in its order of
 //! operations; constant factors are folded by Blender, which evaluates the ramp itself ([`Ramp::color`]).
 
+use crate::base::arrays::{Mapped, each};
 use crate::base::error::{Error, Result};
 use crate::nodes::color_space::blender::{hsl_to_rgb, hsv_to_rgb, rgb_to_hsl, rgb_to_hsv};
 use crate::nodes::lookup_table::{CELLS, Table};
@@ -147,8 +148,8 @@ impl Ramp {
             let beyond_right = if after >= count - 1 { right } else { stops[after + 1] };
             let beyond_left = if after < 2 { left } else { stops[after - 2] };
             let weights = spline_weights(kind, f.clamp(0.0, 1.0));
-            let control = [beyond_right, right, left, beyond_left].map(|stop| stop.color);
-            return std::array::from_fn(|channel| {
+            let control = [beyond_right, right, left, beyond_left].mapped(|stop| stop.color);
+            return each(|channel| {
                 let term = |number: usize| weights[number] * control[number][channel];
                 (((term(3) + term(2)) + term(1)) + term(0)).clamp(0.0, 1.0)
             });
@@ -156,9 +157,9 @@ impl Ramp {
         let f = if kind == "EASE" { ease(f) } else { f };
         let mixed_channel = |channel: usize| between(f, right.color[channel], left.color[channel]);
         if self.color_mode == "RGB" {
-            return std::array::from_fn(mixed_channel);
+            return each(mixed_channel);
         }
-        let [from, to] = [right, left].map(|stop| {
+        let [from, to] = [right, left].mapped(|stop| {
             let [red, green, blue, _] = stop.color;
             if self.color_mode == "HSV" { rgb_to_hsv([red, green, blue]) } else { rgb_to_hsl([red, green, blue]) }
         });
@@ -342,8 +343,8 @@ impl ColorRamp {
             for (position, &factor) in positions.iter_mut().zip(factors) {
                 *position = Table::position(factor);
             }
-            let cells = positions.map(R::to_int);
-            let rests: [R; ABREAST] = std::array::from_fn(|index| positions[index] - R::of(cells[index] as f32));
+            let cells = positions.mapped(R::to_int);
+            let rests: [R; ABREAST] = each(|index| positions[index] - R::of(cells[index] as f32));
             let mut colors = [[R::of(0.0); 4]; ABREAST];
             for (index, color) in colors[..factors.len()].iter_mut().enumerate() {
                 *color = table.values(table.place_of(positions[index], cells[index], rests[index]));

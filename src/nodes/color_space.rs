@@ -4,6 +4,7 @@
 //! at 0 and 1. Nothing is clamped: negative and bright channels give saturations outside of [0, 1], and
 //! a hue outside of [0, 1] falls into the last of the six sectors between two pure hues.
 
+use crate::base::arrays::{Mapped, each};
 use crate::nodes::bounds::Interval;
 use crate::nodes::real::Real;
 use crate::nodes::vector_output;
@@ -82,13 +83,13 @@ impl ColorSpace {
 /// Luminance of a colour.
 #[inline(always)]
 pub fn luminance<R: Real>([red, green, blue]: [R; 3], release: Release) -> R {
-    let [r, g, b] = luminance_weights(release).map(R::of);
+    let [r, g, b] = luminance_weights(release).mapped(R::of);
     (red * r + green * g) + blue * b
 }
 
 /// Encloses [`luminance`].
 pub fn enclose_luminance([red, green, blue]: [Interval; 3], release: Release) -> Interval {
-    let [r, g, b] = luminance_weights(release).map(Interval::point);
+    let [r, g, b] = luminance_weights(release).mapped(Interval::point);
     (red * r + green * g) + blue * b
 }
 
@@ -123,7 +124,7 @@ fn hsv<R: Real>([red, green, blue]: [R; 3], quotient: impl Fn(R, R) -> R) -> [R;
     let [value, smallest] = extremes([red, green, blue]);
     let chroma = value - smallest;
     let saturation = if value != zero { chroma / value } else { zero };
-    let [lacks_red, lacks_green, lacks_blue] = [red, green, blue].map(|channel| quotient(value - channel, chroma));
+    let [lacks_red, lacks_green, lacks_blue] = [red, green, blue].mapped(|channel| quotient(value - channel, chroma));
     // Selections, no branches: which channel is the largest is not worth predicting.
     let [from_red, from_green, from_blue] =
         [lacks_blue - lacks_green, (R::of(2.0) + lacks_red) - lacks_blue, (R::of(4.0) + lacks_green) - lacks_red];
@@ -155,7 +156,7 @@ pub fn hsv_to_rgb<R: Real>([hue, saturation, value]: [R; 3]) -> [R; 3] {
     let green = chosen(is(0.0), rising, chosen(is(1.0) | is(2.0), value, green));
     let blue = chosen(is(2.0), rising, falling);
     let blue = chosen(is(0.0) | is(1.0), least, chosen(is(3.0) | is(4.0), value, blue));
-    [red, green, blue].map(|channel| chosen(saturation == zero, value, channel))
+    [red, green, blue].mapped(|channel| chosen(saturation == zero, value, channel))
 }
 
 /// Hue, saturation and lightness of a colour.
@@ -191,7 +192,7 @@ pub fn hsl_to_rgb<R: Real>([hue, saturation, lightness]: [R; 3]) -> [R; 3] {
         (two - (sixths - R::of(4.0)).abs()).saturate(),
     ];
     let chroma = (one - (two * lightness - one).abs()) * saturation;
-    pure.map(|channel| (channel - R::of(0.5)) * chroma + lightness)
+    pure.mapped(|channel| (channel - R::of(0.5)) * chroma + lightness)
 }
 
 /// Fills the columns of a colour output, point by point.
@@ -296,7 +297,7 @@ pub fn enclose_hsv_to_rgb([hue, saturation, value]: [Interval; 3]) -> [Interval;
     };
     let mut result: Option<[Interval; 3]> = None;
     let mut add = |part: [Interval; 3]| {
-        result = Some(result.map_or(part, |known| std::array::from_fn(|channel| known[channel].hull(part[channel]))));
+        result = Some(result.map_or(part, |known| each(|channel| known[channel].hull(part[channel]))));
     };
     if saturation.flushed().has_zero() {
         add([value; 3]);
@@ -367,7 +368,7 @@ pub fn enclose_hsl_to_rgb([hue, saturation, lightness]: [Interval; 3]) -> [Inter
     let chroma = (one - (two * lightness - one).abs()) * saturation;
     let is_ordinary =
         saturation.low >= 0.0 && saturation.high <= 1.000_002 && saturation.is_finite() && lightness.is_finite();
-    pure.map(|channel| {
+    pure.mapped(|channel| {
         let amount = channel - Interval::point(0.5);
         let result = amount * chroma + lightness;
         if !is_ordinary || !result.is_finite() {

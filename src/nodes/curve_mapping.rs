@@ -5,6 +5,7 @@
 //! that. Cycles samples Blender's tables into one of its own over the range of the points
 //! ([`CurveMapping::look_up`]). Both are built here in f32, in Blender's order of operations.
 
+use crate::base::arrays::{Mapped, each};
 use crate::base::error::{Error, Result};
 use crate::nodes::lookup_table::{CELLS, Table, literal, vector};
 use crate::nodes::object_property::Part;
@@ -135,7 +136,7 @@ fn handles(points: &[Point]) -> Vec<[[f32; 2]; 2]> {
         let distance = length(direction);
         if distance > f32::EPSILON {
             let scale = length(minus(handles[end][side], place)) / distance;
-            let direction = direction.map(|axis| axis * scale);
+            let direction = direction.mapped(|axis| axis * scale);
             handles[end][side] = moved(place, direction, 1.0);
             handles[end][1 - side] = minus(place, direction);
         }
@@ -158,7 +159,7 @@ fn handles_of(points: &[Point], index: usize) -> [[f32; 2]; 2] {
     if points[index].handles == "VECTOR" {
         return [moved(place, back, -(1.0 / 3.0)), moved(place, ahead, 1.0 / 3.0)];
     }
-    let [back_length, ahead_length] = [back, ahead].map(|side| match length(side) {
+    let [back_length, ahead_length] = [back, ahead].mapped(|side| match length(side) {
         0.0 => 1.0,
         length => length,
     });
@@ -197,7 +198,7 @@ fn samples([a, b, c, d]: [f32; 4]) -> [f32; SAMPLES] {
     let (mut value, mut slope) = (a, (first + second) + third);
     let mut bend = 2.0 * second + 6.0 * third;
     let change = 6.0 * third;
-    std::array::from_fn(|_| {
+    each(|_| {
         let sample = value;
         value += slope;
         slope += bend;
@@ -223,12 +224,12 @@ impl Curve {
                 leaving = [from[0] - factor * first[0], from[1] - factor * first[1]];
                 arriving = [to[0] - factor * second[0], to[1] - factor * second[1]];
             }
-            let [x, y] = [0, 1].map(|axis| samples([from[axis], leaving[axis], arriving[axis], to[axis]]));
+            let [x, y] = [0, 1].mapped(|axis| samples([from[axis], leaving[axis], arriving[axis], to[axis]]));
             places.extend(x.into_iter().zip(y));
         }
         let unit = |vector: [f32; 2]| {
             let norm = length(vector);
-            vector.map(|axis| axis / norm)
+            vector.mapped(|axis| axis / norm)
         };
         let directions =
             [unit(minus(handles[0][0], points[0].place)), unit(minus(points[last].place, handles[last][1]))];
@@ -414,7 +415,7 @@ impl CurveMapping {
     fn at<R: Real>(&self, channel: usize, place: R) -> R {
         let entries = self.table.entries(channel);
         let [first, second, before_last, last] =
-            [entries[0], entries[1], entries[CELLS - 1], entries[CELLS]].map(R::of);
+            [entries[0], entries[1], entries[CELLS - 1], entries[CELLS]].mapped(R::of);
         let (zero, one, cells) = (R::of(0.0), R::of(1.0), R::of(CELLS as f32));
         if self.extrapolates && place < zero {
             first + ((first - second) * -place) * cells
@@ -435,7 +436,7 @@ impl CurveMapping {
         let entries = self.table.entries(channel);
         let cells = Interval::point(CELLS as f32);
         let beyond = |end: usize, inner: usize, distance: Interval| {
-            let [end, inner] = [end, inner].map(|index| Interval::point(entries[index]));
+            let [end, inner] = [end, inner].mapped(|index| Interval::point(entries[index]));
             end + ((end - inner) * distance) * cells
         };
         if place.low < 0.0 {
@@ -504,7 +505,7 @@ impl Evaluate for Curves {
         let mapping = &*self.mapping;
         for (channel, output) in outputs.iter_mut().enumerate() {
             let output = &mut **output;
-            let [factors, values] = [0, 1 + channel].map(|column| &inputs[column].values[..output.len()]);
+            let [factors, values] = [0, 1 + channel].mapped(|column| &inputs[column].values[..output.len()]);
             let batches = output.chunks_mut(ABREAST).zip(factors.chunks(ABREAST)).zip(values.chunks(ABREAST));
             for ((results, factors), values) in batches {
                 for (result, &value) in results.iter_mut().zip(values) {

@@ -15,6 +15,7 @@
 //!
 //! The original's random numbers are remainders of a large multiple of a sine; here they are those of [`crate::nodes::hash::pcg`].
 
+use crate::base::arrays::{Mapped, each};
 use crate::nodes::hash::pcg_values;
 use crate::nodes::real::Real;
 use crate::nodes::{Column, Evaluate, InputSocket, Interval, NodeType, OutputSocket, Property, Role, always};
@@ -98,14 +99,14 @@ fn random<R: Real>(index: i32, lane: i32) -> R {
 impl<R: Real> Field<R> {
     fn of(inputs: &[Column<'_, R>], index: usize) -> Self {
         let value = |input: usize| inputs[input].values[index];
-        let [spread, base, height, radius, passed] = [4, 5, 6, 7, 8].map(value);
+        let [spread, base, height, radius, passed] = [4, 5, 6, 7, 8].mapped(value);
         Self { seed: value(3).to_int(), spread, base, height, radius, passed }
     }
 
     /// The middle of a cloud.
     #[inline(always)]
     fn middle(&self, cloud: i32) -> [R; 3] {
-        let [x, z, up] = [0, 1, 2].map(|part| random::<R>(self.seed.wrapping_add(3 * cloud + part), 0));
+        let [x, z, up] = [0, 1, 2].mapped(|part| random::<R>(self.seed.wrapping_add(3 * cloud + part), 0));
         let half = R::of(0.5);
         [(x - half) * self.spread, self.base + self.height * up, ((z + self.passed).fraction() - half) * self.spread]
     }
@@ -148,12 +149,12 @@ impl<R: Real> Field<R> {
                 [of(3.0) + of(4.0) * r(3), half + r(4), of(1.5) + of(2.0) * r(5)],
             )
         };
-        Ellipsoid { centre: std::array::from_fn(|axis| middle[axis] + offset[axis]), radii }
+        Ellipsoid { centre: each(|axis| middle[axis] + offset[axis]), radii }
     }
 
     /// How far a cloud reaches from its middle.
     fn reach(&self, kind: Kind) -> [R; 3] {
-        if kind == Kind::Spheres { [self.radius.abs() * R::of(1.5); 3] } else { REACH.map(R::of) }
+        if kind == Kind::Spheres { [self.radius.abs() * R::of(1.5); 3] } else { REACH.mapped(R::of) }
     }
 }
 
@@ -174,7 +175,7 @@ fn value<R: Real>(kind: Kind, field: &Field<R>, place: [R; 3]) -> R {
         }
         for number in 0..count {
             let Ellipsoid { centre, radii } = field.ellipsoid(kind, cloud, number, middle);
-            let q: [R; 3] = std::array::from_fn(|axis| (place[axis] - centre[axis]) / radii[axis]);
+            let q: [R; 3] = each(|axis| (place[axis] - centre[axis]) / radii[axis]);
             let inside = (R::of(1.0) - (q[0] * q[0] + q[1] * q[1] + q[2] * q[2]).sqrt()).saturate();
             left = left * (R::of(1.0) - R::of(most) * (inside * inside));
         }
@@ -185,7 +186,7 @@ fn value<R: Real>(kind: Kind, field: &Field<R>, place: [R; 3]) -> R {
 impl Evaluate for EllipsoidClusters {
     fn evaluate<R: Real>(&self, inputs: &[Column<'_, R>], outputs: &mut [&mut [R]]) {
         for (index, result) in outputs[0].iter_mut().enumerate() {
-            let place = [0, 1, 2].map(|axis| inputs[axis].values[index]);
+            let place = [0, 1, 2].mapped(|axis| inputs[axis].values[index]);
             *result = value(self.0, &Field::of(inputs, index), place);
         }
     }
@@ -201,7 +202,7 @@ impl Evaluate for EllipsoidClusters {
         let kind = self.0;
         let (count, most) = shape(kind);
         let reach = field.reach(kind);
-        let ends: [[f64; 2]; 3] = std::array::from_fn(|axis| inputs[axis].ends());
+        let ends: [[f64; 2]; 3] = each(|axis| inputs[axis].ends());
         // What f32 makes of a centre and of its distance from a place: ten roundings of the largest number in it.
         let largest = ends.as_flattened().iter().fold(0.0_f64, |largest, end| largest.max(end.abs()));
         let largest = largest + spread.abs() + base.abs() + height.abs() + 2.0 * radius.abs() + 60.0;
@@ -232,7 +233,8 @@ impl Evaluate for EllipsoidClusters {
                     // A sphere of no radius is nowhere, or everywhere at its middle.
                     return;
                 }
-                let taken = [far, near].map(|square| f64::from(most) * (1.0 - square.sqrt()).clamp(0.0, 1.0).powi(2));
+                let taken =
+                    [far, near].mapped(|square| f64::from(most) * (1.0 - square.sqrt()).clamp(0.0, 1.0).powi(2));
                 met += f64::from(u8::from(taken[1] > 0.0));
                 left = [left[0] * (1.0 - taken[1]), left[1] * (1.0 - taken[0])];
             }

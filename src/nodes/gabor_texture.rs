@@ -9,6 +9,7 @@
 mod bounds;
 mod lanes;
 
+use crate::base::arrays::{Mapped, each};
 use crate::nodes::hash::hash_floats;
 use crate::nodes::noise_texture::dimensions;
 use crate::nodes::real::{Library, Real, dot, length};
@@ -93,7 +94,7 @@ struct Waves<R, const N: usize> {
 /// Scales a direction; its third component does not exist in the plane.
 #[inline(always)]
 fn wave_vector<R: Real, const N: usize>(frequency: R, direction: [R; 3]) -> [R; N] {
-    std::array::from_fn(|axis| frequency * direction[axis])
+    each(|axis| frequency * direction[axis])
 }
 
 impl<R: Real, const N: usize> Waves<R, N> {
@@ -116,7 +117,7 @@ impl<R: Real, const N: usize> Waves<R, N> {
         }
         let orientation = vector_at(inputs, ORIENTATION, index);
         let norm = length(orientation);
-        let [x, y, z] = orientation.map(|component| component / norm);
+        let [x, y, z] = orientation.mapped(|component| component / norm);
         if isotropy == zero {
             waves.common = wave_vector(frequency, [x, y, z]);
         } else {
@@ -141,7 +142,7 @@ impl<R: Real, const N: usize> Waves<R, N> {
         }
         let inclination = first + (random[0] * pi) * self.isotropy;
         let azimuth = second + (random[1] * pi) * self.isotropy;
-        let [[sine, cosine], [azimuth_sine, azimuth_cosine]] = [inclination, azimuth].map(R::sine_and_cosine);
+        let [[sine, cosine], [azimuth_sine, azimuth_cosine]] = [inclination, azimuth].mapped(R::sine_and_cosine);
         wave_vector(self.frequency, [sine * azimuth_cosine, sine * azimuth_sine, cosine])
     }
 }
@@ -170,7 +171,7 @@ fn phasor<R: Real>(square: R, projection: R, negative: bool) -> [R; 2] {
     let parts = [envelope * cosine, envelope * sine];
     // Cycles multiplies by -1, which leaves a NaN its sign: White Noise shows it. A negation does not. (The sign of a zero is
     // nothing to the sum.)
-    if negative { parts.map(|part| R::of(0.0) - part) } else { parts }
+    if negative { parts.mapped(|part| R::of(0.0) - part) } else { parts }
 }
 
 /// Offsets of the searched cells, first axis fastest.
@@ -178,24 +179,24 @@ fn phasor<R: Real>(square: R, projection: R, negative: bool) -> [R; 2] {
 fn neighbours<const N: usize>() -> impl Iterator<Item = [f32; N]> {
     (0..3_usize.pow(N as u32)).map(|number| {
         let step = |axis: usize| (number / 3_usize.pow(axis as u32) % 3) as f32 - 1.0;
-        std::array::from_fn(step)
+        each(step)
     })
 }
 
 impl<R: Real, const N: usize> Waves<R, N> {
     /// Real and imaginary part of the sum over the impulses around a point.
     fn sum(&self, p: [R; N]) -> [R; 2] {
-        let corner = p.map(Real::lattice_floor);
-        let fraction: [R; N] = std::array::from_fn(|axis| (p[axis] - corner[axis]).round_coordinate());
+        let corner = p.mapped(Real::lattice_floor);
+        let fraction: [R; N] = each(|axis| (p[axis] - corner[axis]).round_coordinate());
         let scatters = self.isotropy != R::of(0.0);
         let mut total = [R::of(0.0); 2];
         for offset in neighbours::<N>() {
-            let cell = std::array::from_fn(|axis| (corner[axis] + R::of(offset[axis])).round_coordinate());
-            let local: [R; N] = std::array::from_fn(|axis| (fraction[axis] - R::of(offset[axis])).round_coordinate());
+            let cell = each(|axis| (corner[axis] + R::of(offset[axis])).round_coordinate());
+            let local: [R; N] = each(|axis| (fraction[axis] - R::of(offset[axis])).round_coordinate());
             let mut sum = [R::of(0.0); 2];
             for impulse in 0..IMPULSES {
                 let seeds = [3 * impulse, 3 * impulse + 1, 3 * impulse + 2];
-                let d: [R; N] = std::array::from_fn(|axis| local[axis] - random(cell, seeds[1], axis));
+                let d: [R; N] = each(|axis| local[axis] - random(cell, seeds[1], axis));
                 let square = dot(d, d);
                 if square >= R::of(1.0) {
                     continue;
@@ -239,7 +240,7 @@ impl GaborTexture {
     fn evaluate_points<R: Real, const N: usize>(&self, inputs: &[Column<'_, R>], outputs: &mut [&mut [R]]) {
         for index in 0..outputs[0].len() {
             let at = |column: usize| inputs[column].values[index];
-            let p: [R; N] = std::array::from_fn(|axis| (at(axis) * at(SCALE)).round_coordinate());
+            let p: [R; N] = each(|axis| (at(axis) * at(SCALE)).round_coordinate());
             self.store(Waves::new(inputs, index).sum(p), outputs, index);
         }
     }

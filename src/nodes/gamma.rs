@@ -2,6 +2,7 @@
 //!
 //! Gamma 0 gives white; where Blender folds constants, only the positive channels become 1.
 
+use crate::base::arrays::Mapped;
 use crate::nodes::color_space::fill;
 use crate::nodes::real::Real;
 use crate::nodes::{
@@ -57,7 +58,7 @@ impl Evaluate for Gamma {
             if gamma == R::of(0.0) {
                 return [R::of(1.0); 3];
             }
-            vector_at(inputs, 0, index).map(|channel| channel_power(channel, gamma))
+            vector_at(inputs, 0, index).mapped(|channel| channel_power(channel, gamma))
         });
     }
 

@@ -2,6 +2,7 @@
 //! in place of the permutation), scaled to about [-1, 1]. Arithmetic order is that of Cycles'
 //! SSE4.2 kernel.
 
+use crate::base::arrays::{Mapped, each};
 use crate::nodes::hash::{hash_floats, jenkins};
 use crate::nodes::real::Real;
 
@@ -14,7 +15,7 @@ pub const PERIOD: f32 = 100_000.0;
 /// Signed noise at `p`; finite for finite coordinates, NaN otherwise.
 #[inline]
 pub fn signed_noise<R: Real, const N: usize>(p: [R; N]) -> R {
-    R::of(SCALE[N - 1]) * perlin(p.map(wrap::<R, N>))
+    R::of(SCALE[N - 1]) * perlin(p.mapped(wrap::<R, N>))
 }
 
 /// Wraps one coordinate; from 1e6 on, where f32 is coarse, half a cell is added.
@@ -67,16 +68,16 @@ pub(super) fn gradient<R: Real, const N: usize>(h: u32, d: [R; N]) -> R {
 }
 
 fn perlin<R: Real, const N: usize>(p: [R; N]) -> R {
-    let floors = p.map(Real::lattice_floor);
-    let cell = floors.map(|x| x.to_int() as u32);
-    let fraction: [R; N] = std::array::from_fn(|axis| p[axis] - floors[axis]);
+    let floors = p.mapped(Real::lattice_floor);
+    let cell = floors.mapped(|x| x.to_int() as u32);
+    let fraction: [R; N] = each(|axis| p[axis] - floors[axis]);
     let weight = fraction
         .map(|f| if N == 1 { f.quintic() } else { (f * f) * (f * (f * (f * R::of(6.0) - R::of(15.0)) + R::of(10.0))) });
     let mut corners = [R::of(0.0); 16];
     for (index, corner) in corners.iter_mut().enumerate().take(1 << N) {
         let bit = |axis: usize| (index >> axis) & 1;
         let hash = jenkins(std::array::from_fn::<u32, N, _>(|axis| cell[axis].wrapping_add(bit(axis) as u32)));
-        let offset: [R; N] = std::array::from_fn(|axis| fraction[axis] - R::of(bit(axis) as f32));
+        let offset: [R; N] = each(|axis| fraction[axis] - R::of(bit(axis) as f32));
         *corner = gradient(hash, offset);
     }
     let mut count = 1 << N;
@@ -91,7 +92,7 @@ fn perlin<R: Real, const N: usize>(p: [R; N]) -> R {
 
 /// Offset vector in [100, 200] number `seed`, which decorrelates outputs and distortion.
 pub fn random_offset<R: Real, const N: usize>(seed: f32) -> [R; N] {
-    std::array::from_fn(|axis| {
+    each(|axis| {
         let hash: R = if N == 1 { hash_floats([R::of(seed)]) } else { hash_floats([R::of(seed), R::of(axis as f32)]) };
         (R::of(100.0) + hash * R::of(100.0)).round_coordinate()
     })

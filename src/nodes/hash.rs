@@ -2,6 +2,7 @@
 //! signed PCG of Jarzynski and Olano ("Hash Functions for GPU Rendering", JCGT 9(3), 2020) in
 //! Blender's variant for 2D to 4D Voronoi. All arithmetic wraps modulo 2^32.
 
+use crate::base::arrays::Mapped;
 use crate::nodes::real::Real;
 
 /// Jenkins' lookup3 of one to four words.
@@ -43,7 +44,7 @@ pub fn jenkins<const N: usize>(keys: [u32; N]) -> u32 {
 /// Value in [0, 1] of the hash of float bit patterns.
 #[inline]
 pub fn hash_floats<R: Real, const N: usize>(values: [R; N]) -> R {
-    R::from_hash_32(jenkins(values.map(|value| value.to_f32().to_bits())))
+    R::from_hash_32(jenkins(values.mapped(|value| value.to_f32().to_bits())))
 }
 
 const MULTIPLIER: i32 = 1_664_525;
@@ -52,7 +53,7 @@ const INCREMENT: i32 = 1_013_904_223;
 /// Signed PCG of two to four words, masked to 31 bits.
 #[inline(always)]
 pub fn pcg<const N: usize>(cell: [i32; N]) -> [i32; N] {
-    let mut v = cell.map(|x| x.wrapping_mul(MULTIPLIER).wrapping_add(INCREMENT));
+    let mut v = cell.mapped(|x| x.wrapping_mul(MULTIPLIER).wrapping_add(INCREMENT));
     let round = |v: &mut [i32; N]| match N {
         2 => {
             v[0] = v[0].wrapping_add(v[1].wrapping_mul(MULTIPLIER));
@@ -71,15 +72,15 @@ pub fn pcg<const N: usize>(cell: [i32; N]) -> [i32; N] {
         }
     };
     round(&mut v);
-    v = v.map(|x| x ^ (x >> 16));
+    v = v.mapped(|x| x ^ (x >> 16));
     round(&mut v);
-    v.map(|x| x & 0x7FFF_FFFF)
+    v.mapped(|x| x & 0x7FFF_FFFF)
 }
 
 /// [`pcg`] as values in [0, 1].
 #[inline(always)]
 pub fn pcg_values<R: Real, const N: usize>(cell: [i32; N]) -> [R; N] {
-    pcg(cell).map(R::from_hash_31)
+    pcg(cell).mapped(R::from_hash_31)
 }
 
 #[cfg(test)]

@@ -4,6 +4,7 @@
 //! within [0, 1], value times Value. The result is blended with the colour by the unclamped factor, and its negative
 //! part goes. Constants are evaluated like everything else: neither Blender nor Cycles folds the node.
 
+use crate::base::arrays::each;
 use crate::nodes::color_space::{enclose_hsv_to_rgb, enclose_rgb_to_hsv, hsv_to_rgb, rgb_to_hsv};
 use crate::nodes::real::Real;
 use crate::nodes::{Column, Evaluate, InputSocket, Interval, NodeType, OutputSocket, Role, always, map_vector};
@@ -58,9 +59,7 @@ impl Evaluate for HueSaturation {
     fn evaluate<R: Real>(&self, inputs: &[Column<'_, R>], outputs: &mut [&mut [R]]) {
         map_vector(inputs, [0, 1, 2, 3, 4, 5, 6], outputs, |[hue, saturation, value, factor, color @ ..]: [R; 7]| {
             let adjusted = adjusted(color, [hue, saturation, value]);
-            std::array::from_fn(|axis| {
-                (factor * adjusted[axis] + (R::of(1.0) - factor) * color[axis]).greater(R::of(0.0))
-            })
+            each(|axis| (factor * adjusted[axis] + (R::of(1.0) - factor) * color[axis]).greater(R::of(0.0)))
         });
     }
 

@@ -3,6 +3,7 @@
 //! `f (1 - c) + (1 - f) c`, the factor unclamped. Blender leaves constants to Cycles, which folds them in another order
 //! of operations and passes the colour on at a constant factor of 0.
 
+use crate::base::arrays::Mapped;
 use crate::nodes::real::Real;
 use crate::nodes::{
     Column, Evaluate, InputSocket, Interval, NodeType, OutputSocket, Role, Simplified, always, map_vector,
@@ -46,7 +47,7 @@ impl Evaluate for Invert {
     fn evaluate<R: Real>(&self, inputs: &[Column<'_, R>], outputs: &mut [&mut [R]]) {
         let one = R::of(1.0);
         map_vector(inputs, [0, 1, 2, 3], outputs, |[factor, color @ ..]: [R; 4]| {
-            color.map(|channel| factor * (one - channel) + (one - factor) * channel)
+            color.mapped(|channel| factor * (one - channel) + (one - factor) * channel)
         });
     }
 

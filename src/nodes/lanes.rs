@@ -36,17 +36,6 @@ pub(super) fn marked<S: Simd>(mask: S::mask32s, is_set: bool, used: usize) -> im
     (0..used).filter(move |lane| (bits >> lane & 1 != 0) == is_set)
 }
 
-/// `[value(0), ..., value(N - 1)]`. Unlike the library's it is inlined whatever its size: as a function of its own it
-/// would be compiled without the instructions of the lanes.
-#[inline(always)]
-pub(super) fn each<T: Copy, const N: usize>(value: impl Fn(usize) -> T) -> [T; N] {
-    let mut values = [value(0); N];
-    for index in 1..N {
-        values[index] = value(index);
-    }
-    values
-}
-
 /// [`crate::nodes::Real::lesser`].
 #[inline(always)]
 pub(super) fn lesser<S: Simd>(a: S::f32s, b: S::f32s) -> S::f32s {

@@ -9,8 +9,9 @@
 //! The originals' value noise takes the remainder of a large multiple of a sine, whose bits no two machines share; here the numbers are
 //! the first of [`crate::nodes::hash::pcg`]'s of the cell, as Blender's Voronoi Texture has them.
 
+use crate::base::arrays::Mapped;
+use crate::base::arrays::each;
 use crate::nodes::hash::pcg_values;
-use crate::nodes::lanes::each;
 use crate::nodes::real::Real;
 use crate::nodes::{
     Column, Evaluate, InputSocket, Interval, NodeType, OutputSocket, Property, Role, always, lane_level,
@@ -66,25 +67,25 @@ fn value<R: Real>(kind: Kind, cell: [i32; 3]) -> R {
 
 /// The gradient at a lattice point, a unit vector.
 fn gradient<R: Real>(cell: [i32; 3]) -> [R; 3] {
-    let [x, y, z] = cell.map(|coordinate| coordinate.rem_euclid(289));
+    let [x, y, z] = cell.mapped(|coordinate| coordinate.rem_euclid(289));
     let first = ((17 * x + y) * 17 + z) % 289;
     let mixed = (34 * first + 1) * first % 289;
-    let parts = [1, 7, 49].map(|divisor| R::of((2 * (mixed / divisor % 7) - 1) as f32) + R::of(0.0001));
+    let parts = [1, 7, 49].mapped(|divisor| R::of((2 * (mixed / divisor % 7) - 1) as f32) + R::of(0.0001));
     let [a, b, c] = parts;
     let length = (a * a + b * b + c * c).sqrt();
-    parts.map(|part| part / length)
+    parts.mapped(|part| part / length)
 }
 
 /// The noise at a place.
 #[inline(always)]
 fn noise<R: Real>(kind: Kind, place: [R; 3]) -> R {
-    let floors = place.map(Real::lattice_floor);
-    let cell = floors.map(Real::to_int);
+    let floors = place.mapped(Real::lattice_floor);
+    let cell = floors.mapped(Real::to_int);
     let fraction: [R; 3] = each(
         #[inline(always)]
         |axis| place[axis] - floors[axis],
     );
-    let weight = fraction.map(|f| match kind {
+    let weight = fraction.mapped(|f| match kind {
         Kind::Gradient => (f * f) * (f * (f * (f * R::of(6.0) - R::of(15.0)) + R::of(10.0))),
         _ => (f * f) * (R::of(3.0) - R::of(2.0) * f),
     });
@@ -92,10 +93,10 @@ fn noise<R: Real>(kind: Kind, place: [R; 3]) -> R {
         #[inline(always)]
         |index| {
             let bit = |axis: usize| ((index >> axis) & 1) as i32;
-            let corner = [0, 1, 2].map(|axis| cell[axis].wrapping_add(bit(axis)));
+            let corner = [0, 1, 2].mapped(|axis| cell[axis].wrapping_add(bit(axis)));
             if kind == Kind::Gradient {
                 let [x, y, z] = gradient::<R>(corner);
-                let offset: [R; 3] = std::array::from_fn(|axis| fraction[axis] - R::of(bit(axis) as f32));
+                let offset: [R; 3] = each(|axis| fraction[axis] - R::of(bit(axis) as f32));
                 x * offset[0] + y * offset[1] + z * offset[2]
             } else {
                 value(kind, corner)
@@ -113,7 +114,7 @@ fn noise<R: Real>(kind: Kind, place: [R; 3]) -> R {
 #[inline(always)]
 fn for_each_point<R: Real>(kind: Kind, inputs: &[Column<'_, R>], results: &mut [R]) {
     let count = results.len();
-    let [x, y, z] = [0, 1, 2].map(|axis| &inputs[axis].values[..count]);
+    let [x, y, z] = [0, 1, 2].mapped(|axis| &inputs[axis].values[..count]);
     for (index, result) in results.iter_mut().enumerate() {
         *result = noise(kind, [x[index], y[index], z[index]]);
     }
@@ -135,7 +136,7 @@ impl LatticeNoise {
             return None;
         }
         // Rounding of the place may put it into the next cell.
-        let spans: [[f64; 2]; 3] = std::array::from_fn(|axis| {
+        let spans: [[f64; 2]; 3] = each(|axis| {
             let [low, high] = place[axis].ends();
             [low.floor(), high.floor() + 1.0]
         });

@@ -8,6 +8,7 @@
 //! all of those together, which is less than two tables.) Ends where nothing changes are left out, and a
 //! table that is a straight line or a few steps needs no array at all.
 
+use crate::base::arrays::{Mapped, each};
 use crate::nodes::bounds::Interval;
 use crate::nodes::real::Real;
 use std::fmt::Write;
@@ -56,8 +57,8 @@ impl Table {
                 .fold(0.0, |most: f32, step| most.max(step.abs()))
         };
         let half_steps = channels.iter().map(|entries| largest(entries)).collect();
-        let row = |index: usize| std::array::from_fn(|channel| rows[index.min(CELLS)][channel]);
-        let rows = (channels.len() == 4).then(|| Box::new(std::array::from_fn(row)));
+        let row = |index: usize| each(|channel| rows[index.min(CELLS)][channel]);
+        let rows = (channels.len() == 4).then(|| Box::new(each(row)));
         Self { channels, rows, interpolates, half_steps }
     }
 
@@ -115,8 +116,8 @@ impl Table {
         let index = place.index.min(CELLS);
         let (low, high) = (rows[index], rows[index + 1]);
         let value = |channel: usize| self.between(place.rest, low[channel], high[channel]);
-        let values: [R; 4] = std::array::from_fn(value);
-        if R::IS_PLAIN { values } else { std::array::from_fn(|channel| self.doubted(channel, place, values[channel])) }
+        let values: [R; 4] = each(value);
+        if R::IS_PLAIN { values } else { each(|channel| self.doubted(channel, place, values[channel])) }
     }
 
     /// The value between two entries. Both count only where the place is beyond the first: 0 times an entry may be -0.
@@ -137,7 +138,7 @@ impl Table {
     pub fn enclose(&self, channel: usize, factor: Interval) -> Interval {
         let entries = &self.channels[channel];
         // Scaling by 256 is exact.
-        let [first, last] = factor.saturate().ends().map(|end| end * CELLS as f64);
+        let [first, last] = factor.saturate().ends().mapped(|end| end * CELLS as f64);
         let (from, to) = (first as usize, last as usize);
         let extremes = |entries: &[f32]| {
             entries.iter().fold((f32::INFINITY, f32::NEG_INFINITY), |(low, high), &x| (low.min(x), high.max(x)))
@@ -148,7 +149,7 @@ impl Table {
         }
         let at = |position: f64, index: usize| {
             let t = position - index as f64;
-            let [low, high] = [index, (index + 1).min(CELLS)].map(|index| f64::from(entries[index]));
+            let [low, high] = [index, (index + 1).min(CELLS)].mapped(|index| f64::from(entries[index]));
             (1.0 - t) * low + t * high
         };
         // Corners within the interval, and its ends.
@@ -248,7 +249,7 @@ impl Table {
     /// Whether the entries between two lie on the straight line through these exactly.
     fn is_line(&self, first: usize, last: usize) -> bool {
         self.channels.iter().all(|entries| {
-            let [start, end] = [first, last].map(|index| f64::from(entries[index]));
+            let [start, end] = [first, last].mapped(|index| f64::from(entries[index]));
             (first..=last).all(|index| {
                 (f64::from(entries[index]) - start) * (last - first) as f64 == (end - start) * (index - first) as f64
             })

@@ -6,6 +6,7 @@
 //! wave grows with the power of the distortion that the depth says: beyond a distortion of 1 that limits how far any
 //! two implementations agree.
 
+use crate::base::arrays::Mapped;
 use crate::nodes::real::{Library, Real};
 use crate::nodes::{
     Column, Evaluate, InputSocket, Interval, NodeType, OutputSocket, Property, Role, always, vector_at,
@@ -83,7 +84,7 @@ impl Magic {
     #[inline(always)]
     fn color_all<R: Real>(&self, points: &mut [[R; 3]], scale: &[R], distortion: &[R]) {
         for (p, &scale) in points.iter_mut().zip(scale) {
-            let [a, b, c] = p.map(|x| x.fmod(R::of(TURN)));
+            let [a, b, c] = p.mapped(|x| x.fmod(R::of(TURN)));
             let argument = |sum: R| ((sum * R::of(5.0)).round_coordinate() * scale).round_coordinate();
             *p = [argument(sum(a, b, c)), argument(sum(-a, b, -c)), argument(sum(-a, -b, c))];
         }
@@ -92,7 +93,7 @@ impl Magic {
         }
         if self.depth > 0 {
             for (p, &distortion) in points.iter_mut().zip(distortion) {
-                *p = p.map(|wave| wave * distortion);
+                *p = p.mapped(|wave| wave * distortion);
             }
         }
         for step in 1..=self.depth {
@@ -121,9 +122,9 @@ impl Magic {
             if distortion != R::of(0.0) {
                 // The kernel's division by a scalar: one reciprocal for three products.
                 let inverse = R::of(1.0) / (distortion * R::of(2.0));
-                *p = p.map(|wave| wave * inverse);
+                *p = p.mapped(|wave| wave * inverse);
             }
-            *p = p.map(|wave| R::of(0.5) - wave);
+            *p = p.mapped(|wave| R::of(0.5) - wave);
         }
     }
 
@@ -136,13 +137,13 @@ impl Magic {
         if !still && !regular {
             return [Interval::EVERYTHING; 3];
         }
-        let [a, b, c] = p.map(enclose_remainder);
+        let [a, b, c] = p.mapped(enclose_remainder);
         let argument = |sum: Interval| (sum * Interval::point(5.0)) * scale;
         let sum = |a: Interval, b: Interval, c: Interval| (a + b) + c;
         // What the distortion multiplies.
         let mut waves = [argument(sum(a, b, c)).sin(), argument(sum(-a, b, -c)).cos(), -argument(sum(-a, -b, c)).cos()];
         for step in 1..=self.depth {
-            let [x, y, z] = waves.map(|wave| wave * distortion);
+            let [x, y, z] = waves.mapped(|wave| wave * distortion);
             match step {
                 1 => waves[1] = -sum(x, -y, z).cos(),
                 2 => waves[0] = sum(x, -y, -z).cos(),
@@ -158,17 +159,17 @@ impl Magic {
         }
         match (self.depth > 0, still) {
             // NaN stays NaN, also when it is multiplied by 0.
-            (true, true) => waves.map(|wave| Interval::ZERO.or_nan(wave.may_be_nan)),
+            (true, true) => waves.mapped(|wave| Interval::ZERO.or_nan(wave.may_be_nan)),
             (false, true) => waves,
             // The distortion cancels but for the roundings of three operations.
-            (true, false) => waves.map(|wave| {
+            (true, false) => waves.mapped(|wave| {
                 let exact = wave * Interval::point(0.5);
                 let [low, high] = exact.ends();
                 Interval::with_error(low, high, 3e-6 * exact.magnitude(), wave.may_be_nan)
             }),
             (false, false) => {
                 let inverse = Interval::ONE.divide(distortion * Interval::point(2.0));
-                waves.map(|wave| wave * inverse)
+                waves.mapped(|wave| wave * inverse)
             }
         }
     }
@@ -204,7 +205,7 @@ impl Evaluate for Magic {
             for (p, index) in colors.iter_mut().zip(range.clone()) {
                 *p = vector_at(inputs, 0, index);
             }
-            let [scale, distortion] = [SCALE, DISTORTION].map(|column| &inputs[column].values[range.clone()]);
+            let [scale, distortion] = [SCALE, DISTORTION].mapped(|column| &inputs[column].values[range.clone()]);
             self.color_all(colors, scale, distortion);
             for (color, index) in colors.iter().zip(range) {
                 if self.color {
@@ -222,7 +223,7 @@ impl Evaluate for Magic {
 
     fn enclose(&self, inputs: &[Interval], outputs: &mut [Interval]) {
         let waves = self.enclose_waves([inputs[0], inputs[1], inputs[2]], inputs[SCALE], inputs[DISTORTION]);
-        let color = waves.map(|wave| Interval::point(0.5) - wave);
+        let color = waves.mapped(|wave| Interval::point(0.5) - wave);
         if self.color {
             outputs[..3].copy_from_slice(&color);
         }

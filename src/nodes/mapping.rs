@@ -4,6 +4,7 @@
 //! the scale, rotates and normalises. Blender never folds the node; Cycles leaves out one that changes nothing, and makes one
 //! with a constant scale of exactly 0 the constant 0, location included (measured).
 
+use crate::base::arrays::{Mapped, each};
 use crate::nodes::real::{Real, safe_unit};
 use crate::nodes::rotation;
 use crate::nodes::rotation::Rows;
@@ -74,15 +75,14 @@ impl Mapping {
 
     #[inline(always)]
     fn matrix<R: Real>(&self, inputs: &[Column<'_, R>], index: usize) -> Rows<R> {
-        rotation::euler(vector_at(inputs, self.rotation, index).map(rotation::sine_and_cosine))
+        rotation::euler(vector_at(inputs, self.rotation, index).mapped(rotation::sine_and_cosine))
     }
 
     #[inline(always)]
     fn mapped<R: Real>(&self, inputs: &[Column<'_, R>], rows: &Rows<R>, index: usize) -> [R; 3] {
         let (vector, scale) = (vector_at(inputs, 0, index), vector_at(inputs, self.scale(), index));
         let location = || vector_at(inputs, LOCATION, index);
-        let each =
-            |a: [R; 3], b: [R; 3], function: fn(R, R) -> R| std::array::from_fn(|axis| function(a[axis], b[axis]));
+        let each = |a: [R; 3], b: [R; 3], function: fn(R, R) -> R| each(|axis| function(a[axis], b[axis]));
         match self.kind {
             Kind::Point => each(rotation::apply(rows, each(vector, scale, R::mul)), location(), R::add),
             Kind::Texture => {
@@ -114,9 +114,9 @@ impl Evaluate for Mapping {
     fn enclose(&self, inputs: &[Interval], outputs: &mut [Interval]) {
         let at = |first: usize| [inputs[first], inputs[first + 1], inputs[first + 2]];
         let (vector, scale) = (at(0), at(self.scale()));
-        let rows = rotation::euler(at(self.rotation).map(rotation::enclose_sine_and_cosine));
+        let rows = rotation::euler(at(self.rotation).mapped(rotation::enclose_sine_and_cosine));
         let each = |a: [Interval; 3], b: [Interval; 3], function: fn(Interval, Interval) -> Interval| {
-            std::array::from_fn(|axis| function(a[axis], b[axis]))
+            each(|axis| function(a[axis], b[axis]))
         };
         let rotated = |vector: [Interval; 3]| rotation::no_longer_than(rotation::apply(&rows, vector), vector);
         let result: [Interval; 3] = match self.kind {
@@ -140,12 +140,12 @@ impl Evaluate for Mapping {
         // Cycles adds from the left where it folds the node by itself.
         let at = |first: usize| [inputs[first], inputs[first + 1], inputs[first + 2]];
         let (vector, scale) = (at(0), at(self.scale()));
-        let rows = rotation::euler(at(self.rotation).map(rotation::sine_and_cosine));
-        let scaled = |function: fn(f32, f32) -> f32| std::array::from_fn(|axis| function(vector[axis], scale[axis]));
+        let rows = rotation::euler(at(self.rotation).mapped(rotation::sine_and_cosine));
+        let scaled = |function: fn(f32, f32) -> f32| each(|axis| function(vector[axis], scale[axis]));
         let result: [f32; 3] = match self.kind {
             Kind::Point => {
                 let rotated = rotation::apply_from_left(&rows, scaled(|value, factor| value * factor));
-                std::array::from_fn(|axis| rotated[axis] + inputs[LOCATION + axis])
+                each(|axis| rotated[axis] + inputs[LOCATION + axis])
             }
             Kind::Vector => rotation::apply_from_left(&rows, scaled(|value, factor| value * factor)),
             Kind::Normal => safe_unit(rotation::apply_from_left(&rows, scaled(f32::safe_divide))),

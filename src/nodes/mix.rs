@@ -7,6 +7,7 @@ pub(super) mod blend;
 mod folding;
 mod formulas;
 
+use crate::base::arrays::Mapped;
 use crate::nodes::{
     Column, Evaluate, InputSocket, Interval, Mode, NodeType, OutputSocket, Property, Real, Role, Simplified,
 };
@@ -95,7 +96,7 @@ impl Evaluate for Mix {
 
     fn enclose(&self, inputs: &[Interval], outputs: &mut [Interval]) {
         for (axis, output) in outputs.iter_mut().enumerate() {
-            let [factor, a, b] = self.columns(axis).map(|column| inputs[column]);
+            let [factor, a, b] = self.columns(axis).mapped(|column| inputs[column]);
             let factor = if self.clamp_factor { factor.saturate() } else { factor };
             *output = blend::enclose(weighted::<Interval>, weighted::<Corner>, [a, b, factor], &[]);
         }
@@ -104,7 +105,7 @@ impl Evaluate for Mix {
     fn fold_constants(&self, inputs: &[f32]) -> Option<Vec<f32>> {
         // The kernels' formula; only the limit differs, for NaN.
         let folded = |axis: usize| {
-            let [factor, a, b] = self.columns(axis).map(|column| inputs[column]);
+            let [factor, a, b] = self.columns(axis).mapped(|column| inputs[column]);
             weighted(a, b, folding::limited(factor, self.clamp_factor))
         };
         Some((0..self.components).map(folded).collect())

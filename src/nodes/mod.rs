@@ -87,6 +87,7 @@ pub use real::{Oracle, Real};
 pub use registration::register;
 pub use running_error::RunningError;
 
+use crate::base::arrays::Mapped;
 use crate::base::texture::TextureHandle;
 use crate::scene::{Release, SocketType};
 use serde_json::Value as Json;
@@ -894,9 +895,9 @@ pub fn map<R: Real, const I: usize>(
     output: &mut [R],
     function: impl Fn([R; I]) -> R,
 ) {
-    let columns = offsets.map(|offset| &inputs[offset].values[..output.len()]);
+    let columns = offsets.mapped(|offset| &inputs[offset].values[..output.len()]);
     for (index, result) in output.iter_mut().enumerate() {
-        *result = function(columns.map(|column| column[index]));
+        *result = function(columns.mapped(|column| column[index]));
     }
 }
 
@@ -916,10 +917,10 @@ pub fn map_vector<R: Real, const I: usize>(
     let count = outputs[0].len();
     for start in (0..count).step_by(ABREAST) {
         let range = start..count.min(start + ABREAST);
-        let columns = offsets.map(|offset| &inputs[offset].values[range.clone()]);
+        let columns = offsets.mapped(|offset| &inputs[offset].values[range.clone()]);
         let mut results = [[R::of(0.0); ABREAST]; 3];
         for index in 0..range.len() {
-            let result = function(columns.map(|column| column[index]));
+            let result = function(columns.mapped(|column| column[index]));
             for axis in 0..3 {
                 results[axis][index] = result[axis];
             }

@@ -14,6 +14,7 @@ mod lanes;
 pub(super) use bounds::fbm as enclose_fbm;
 pub(super) use lanes::fbm_values;
 
+use crate::base::arrays::{Mapped, each};
 use crate::nodes::gradient_noise::{random_offset, signed_noise};
 use crate::nodes::real::Real;
 use crate::nodes::{Column, Evaluate, InputSocket, Interval, Mode, NodeType, OutputSocket, Property, Role, always};
@@ -99,7 +100,7 @@ pub(super) struct Fractal<R> {
 /// Multiplies a coordinate and rounds it.
 #[inline(always)]
 fn scaled<R: Real, const N: usize>(p: [R; N], factor: R) -> [R; N] {
-    p.map(|x| (x * factor).round_coordinate())
+    p.mapped(|x| (x * factor).round_coordinate())
 }
 
 impl<R: Real> Fractal<R> {
@@ -224,15 +225,15 @@ impl NoiseTexture {
 
     fn evaluate_points<R: Real, const N: usize>(&self, inputs: &[Column<'_, R>], outputs: &mut [&mut [R]]) {
         let [scale, detail, roughness, lacunarity, offset, gain, distortion] = self.parameter_columns();
-        let seeds = [N as f32, (N + 1) as f32].map(random_offset::<R, N>);
-        let distortions: [[R; N]; N] = std::array::from_fn(|axis| random_offset(axis as f32));
+        let seeds = [N as f32, (N + 1) as f32].mapped(random_offset::<R, N>);
+        let distortions: [[R; N]; N] = each(|axis| random_offset(axis as f32));
         for index in 0..outputs[0].len() {
             let at = |column: usize| inputs[column].values[index];
-            let mut p: [R; N] = std::array::from_fn(|axis| (at(axis) * at(scale)).round_coordinate());
+            let mut p: [R; N] = each(|axis| (at(axis) * at(scale)).round_coordinate());
             let strength = at(distortion);
             if strength != R::of(0.0) {
                 let undistorted = p;
-                p = std::array::from_fn(|axis| {
+                p = each(|axis| {
                     let shifted = add(undistorted, distortions[axis]);
                     (undistorted[axis] + signed_noise(shifted) * strength).round_coordinate()
                 });
@@ -261,7 +262,7 @@ impl NoiseTexture {
 }
 
 fn add<R: Real, const N: usize>(p: [R; N], offset: [R; N]) -> [R; N] {
-    std::array::from_fn(|axis| (p[axis] + offset[axis]).round_coordinate())
+    each(|axis| (p[axis] + offset[axis]).round_coordinate())
 }
 
 impl Evaluate for NoiseTexture {

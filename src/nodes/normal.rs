@@ -2,6 +2,7 @@
 //!
 //! Both are divided by their lengths without a guard: a vector of length 0 gives NaN. Blender never folds the node.
 
+use crate::base::arrays::Mapped;
 use crate::nodes::real::{Real, dot, length};
 use crate::nodes::rotation::enclose_unit;
 use crate::nodes::{
@@ -39,7 +40,7 @@ struct Normal {
 
 fn unit<R: Real>(v: [R; 3]) -> [R; 3] {
     let norm = length(v);
-    v.map(|x| x / norm)
+    v.mapped(|x| x / norm)
 }
 
 impl Evaluate for Normal {
@@ -48,7 +49,7 @@ impl Evaluate for Normal {
     }
 
     fn evaluate<R: Real>(&self, inputs: &[Column<'_, R>], outputs: &mut [&mut [R]]) {
-        let direction = unit(self.direction.map(R::of));
+        let direction = unit(self.direction.mapped(R::of));
         if self.normal {
             for axis in 0..3 {
                 outputs[axis].fill(direction[axis]);
@@ -63,7 +64,7 @@ impl Evaluate for Normal {
     }
 
     fn enclose(&self, inputs: &[Interval], outputs: &mut [Interval]) {
-        let direction = enclose_unit(self.direction.map(Interval::point));
+        let direction = enclose_unit(self.direction.mapped(Interval::point));
         if self.normal {
             outputs[..3].copy_from_slice(&direction);
         }
@@ -83,7 +84,7 @@ impl Evaluate for Normal {
 
     fn shader_constants(&self) -> String {
         // WGSL has no NaN: a direction without length is 0 there.
-        let [x, y, z] = unit(self.direction).map(|x| if x.is_finite() { x } else { 0.0 });
+        let [x, y, z] = unit(self.direction).mapped(|x| if x.is_finite() { x } else { 0.0 });
         format!("const DIRECTION: vec3f = vec3f({x:?}f, {y:?}f, {z:?}f);\n")
     }
 }

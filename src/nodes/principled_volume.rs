@@ -6,6 +6,7 @@
 //! On a Volume object the density is max(Density, 0) times the grid that Density Attribute names, `density` where it says nothing;
 //! attributes of grids do not exist on a mesh.
 
+use crate::base::arrays::Mapped;
 use crate::nodes::blackbody;
 use crate::nodes::closure::{ClosureRole, Coefficients, Formula, Phase, Quantity, WEIGHT, per_channel, triple};
 use crate::nodes::{InputSocket, NodeType, OutputSocket, Role, always};
@@ -64,7 +65,7 @@ impl Formula for PrincipledVolume {
             inputs[at::TEMPERATURE],
         );
         Coefficients {
-            scattering: color.map(|color| (color * density).positive_part()),
+            scattering: color.mapped(|color| (color * density).positive_part()),
             extinction: per_channel(|channel| extinction(color[channel], absorption[channel]) * density),
             emission: per_channel(|channel| strength * emission_color[channel] + glow[channel]),
         }

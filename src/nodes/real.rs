@@ -8,6 +8,7 @@
 //!
 //! `lesser`, `greater` and `clamped` keep the operand order of the kernels, so that a NaN behaves as there.
 
+use crate::base::arrays::Mapped;
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
 /// A number type for evaluation.
@@ -518,7 +519,7 @@ pub fn safe_unit<R: Real>(v: [R; 3]) -> [R; 3] {
     let norm = length(v);
     if norm != R::of(0.0) {
         let inverse = R::of(1.0) / norm;
-        v.map(|x| x * inverse)
+        v.mapped(|x| x * inverse)
     } else {
         v
     }

@@ -4,6 +4,7 @@
 //! from the right, their transposes and rotations about an axis from the left. Everything is written once for the evaluators'
 //! numbers and for intervals.
 
+use crate::base::arrays::{Mapped, each};
 use crate::nodes::bounds::Interval;
 use crate::nodes::real::Real;
 use crate::nodes::vector_math::bounds;
@@ -52,19 +53,19 @@ pub fn about_axis<T: Arithmetic>([x, y, z]: [T; 3], [sine, cosine]: [T; 2], one:
 /// The product of a matrix and a vector, added from the right.
 #[inline]
 pub fn apply<T: Arithmetic>(rows: &Rows<T>, [x, y, z]: [T; 3]) -> [T; 3] {
-    rows.map(|row| x * row[0] + (y * row[1] + z * row[2]))
+    rows.mapped(|row| x * row[0] + (y * row[1] + z * row[2]))
 }
 
 /// The product of a matrix and a vector, added from the left.
 #[inline]
 pub fn apply_from_left<T: Arithmetic>(rows: &Rows<T>, [x, y, z]: [T; 3]) -> [T; 3] {
-    rows.map(|row| (row[0] * x + row[1] * y) + row[2] * z)
+    rows.mapped(|row| (row[0] * x + row[1] * y) + row[2] * z)
 }
 
 /// Rows and columns exchanged.
 #[inline]
 pub fn transposed<T: Copy>(rows: &Rows<T>) -> Rows<T> {
-    std::array::from_fn(|row| std::array::from_fn(|column| rows[column][row]))
+    each(|row| each(|column| rows[column][row]))
 }
 
 /// Keeps each component of a rotated vector within the length that the vector can have.
@@ -75,7 +76,7 @@ pub fn no_longer_than(rotated: [Interval; 3], vector: [Interval; 3]) -> [Interva
     }
     // Entries of the matrix are good to 4e-6, and there are three of them.
     let shell = Interval::with_error(-limit, limit, 2e-5 * limit, true);
-    rotated.map(|x| x.meet(shell))
+    rotated.mapped(|x| x.meet(shell))
 }
 
 /// Encloses a vector divided by its length without a guard.

@@ -14,6 +14,7 @@
 //! of its cells and min(F1, 1) is 1-Lipschitz there, so the cell of the value stands for its neighbour. Where
 //! Blender's F1 exceeds 1 it may jump at a face, and nothing bounds it there.
 
+use crate::base::arrays::Mapped;
 use crate::nodes::real::{Library, Real};
 use std::cmp::Ordering;
 use std::ops::{Add, Div, Mul, Neg, Sub};
@@ -147,7 +148,7 @@ impl Mul for RunningError {
     #[inline(never)]
     fn mul(self, other: Self) -> Self {
         let value = self.value * other.value;
-        let [a, b] = [self.value, other.value].map(|value| f64::from(value.abs()));
+        let [a, b] = [self.value, other.value].mapped(|value| f64::from(value.abs()));
         let mut inherited = a * other.error + b * self.error + self.error * other.error;
         if (a == 0.0 && self.error == 0.0) || (b == 0.0 && other.error == 0.0) {
             // 0 times an unbounded error.
@@ -210,7 +211,7 @@ impl Real for RunningError {
     }
     #[inline(never)]
     fn sqrt(self) -> Self {
-        let [low, high] = self.ends().map(|end| end.max(0.0).sqrt());
+        let [low, high] = self.ends().mapped(|end| end.max(0.0).sqrt());
         let exact = f64::from(self.value).sqrt();
         Self::new(self.value.sqrt(), (exact - low).max(high - exact), SQUARE_ROOT, self.value == 0.0)
     }
@@ -245,7 +246,7 @@ impl Real for RunningError {
     fn powf(self, exponent: Self) -> Self {
         let ends = self.ends().into_iter().flat_map(|base| {
             // A base whose error reaches below 0 is a distance: it ends at 0.
-            exponent.ends().map(|exponent| base.max(0.0).powf(exponent))
+            exponent.ends().mapped(|exponent| base.max(0.0).powf(exponent))
         });
         Self::monotonic(self.value.powf(exponent.value), ends)
     }
@@ -255,7 +256,7 @@ impl Real for RunningError {
         match function {
             Library::Sin | Library::Cos => Self::new(value, self.error, ELEMENTARY, false),
             // Between the poles, and where the argument stays in the domain.
-            _ => Self::monotonic(value, self.ends().map(|end| end.library(function))),
+            _ => Self::monotonic(value, self.ends().mapped(|end| end.library(function))),
         }
     }
     #[inline(never)]

@@ -3,6 +3,7 @@
 //! Object is the position in the frame of the shaded object, or of another object when one is
 //! chosen. Normal, UV, Camera, Window and Reflection depend on the ray or on a surface: refused.
 
+use crate::base::arrays::Mapped;
 use crate::base::error::{Error, Result};
 use crate::nodes::{NodeType, OutputSocket, Property, Role, SourceContext, SourceValue, always};
 use crate::scene::{SocketType, matrix_to_glam};
@@ -68,5 +69,5 @@ fn object_coordinates(context: &SourceContext) -> Result<SourceValue> {
     }
     // Inverted in f64 and rounded once, as the node's definition asks.
     let combined = (other.inverse() * matrix_to_glam(context.matrix_world)).transpose().to_cols_array_2d();
-    Ok(SourceValue::Affine([0, 1, 2].map(|row: usize| combined[row].map(|x| x as f32))))
+    Ok(SourceValue::Affine([0, 1, 2].mapped(|row: usize| combined[row].mapped(|x| x as f32))))
 }

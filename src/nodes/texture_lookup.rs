@@ -4,6 +4,7 @@
 //! grid is 0 outside, so that the outermost value fades over one more voxel: that is what Cycles 5.0 does with a Volume object of
 //! interpolation LINEAR (measured; docs/volume-objects.md).
 
+use crate::base::arrays::{Mapped, each};
 use crate::base::texture::{Outside, TexelFormat, Texture, TextureFilter, TextureHandle};
 use crate::nodes::real::Real;
 use crate::nodes::{Column, Evaluate, InputSocket, Interval, NodeType, OutputSocket, Role, always};
@@ -39,12 +40,12 @@ pub fn read<R: Real>(texture: &Texture, mut at: [R; 3]) -> R {
         }
     }
     if texture.filter() == TextureFilter::Nearest {
-        let index = at.map(|coordinate| (coordinate + R::of(0.5)).floor().to_int());
-        return R::of(texture.value(std::array::from_fn(|axis| texture.inside(axis, index[axis]))));
+        let index = at.mapped(|coordinate| (coordinate + R::of(0.5)).floor().to_int());
+        return R::of(texture.value(each(|axis| texture.inside(axis, index[axis]))));
     }
-    let floors = at.map(Real::floor);
-    let fraction: [R; 3] = std::array::from_fn(|axis| at[axis] - floors[axis]);
-    let corners = texture.corners(floors.map(Real::to_int)).map(R::of);
+    let floors = at.mapped(Real::floor);
+    let fraction: [R; 3] = each(|axis| at[axis] - floors[axis]);
+    let corners = texture.corners(floors.mapped(Real::to_int)).mapped(R::of);
     let along_x = |low: usize| corners[low].lerp(corners[low + 1], fraction[0]);
     let along_y = |low: usize| along_x(low).lerp(along_x(low + 2), fraction[1]);
     along_y(0).lerp(along_y(4), fraction[2])
@@ -55,7 +56,7 @@ pub fn enclose(texture: &Texture, at: &[Interval]) -> Interval {
     let may_be_nan = at.iter().any(|coordinate| coordinate.may_be_nan || !coordinate.is_finite());
     // Nearest rounds half a texel further, which the next whole index covers as well.
     let range = |pick: fn([f64; 2]) -> f64, step: f64| {
-        std::array::from_fn(|axis| (pick(at[axis].ends()).floor() + step).clamp(-4.0e9, 4.0e9) as i64)
+        each(|axis| (pick(at[axis].ends()).floor() + step).clamp(-4.0e9, 4.0e9) as i64)
     };
     let [low, high] = texture.range(range(|ends| ends[0], 0.0), range(|ends| ends[1], 1.0));
     if low.is_nan() {
@@ -92,7 +93,7 @@ pub fn shader_constant(name: &str, texture: &Texture, first_word: &str) -> Strin
 impl Evaluate for Lookup {
     fn evaluate<R: Real>(&self, inputs: &[Column<'_, R>], outputs: &mut [&mut [R]]) {
         for (index, result) in outputs[0].iter_mut().enumerate() {
-            *result = read(&self.0, std::array::from_fn(|axis| inputs[axis].values[index]));
+            *result = read(&self.0, each(|axis| inputs[axis].values[index]));
         }
     }
 

@@ -5,6 +5,7 @@
 
 pub(super) mod bounds;
 
+use crate::base::arrays::{self, Mapped};
 use crate::nodes::math::{Kept, sign, simplify};
 use crate::nodes::real::{Library, Real, dot, length, safe_unit};
 use crate::nodes::{
@@ -90,7 +91,7 @@ struct VectorMath {
 
 /// `function` on each component of two vectors.
 fn each<R: Real>(a: [R; 3], b: [R; 3], function: impl Fn(R, R) -> R) -> [R; 3] {
-    std::array::from_fn(|axis| function(a[axis], b[axis]))
+    arrays::each(|axis| function(a[axis], b[axis]))
 }
 
 fn cross<R: Real>(a: [R; 3], b: [R; 3]) -> [R; 3] {
@@ -100,7 +101,7 @@ fn cross<R: Real>(a: [R; 3], b: [R; 3]) -> [R; 3] {
 /// Unit vector as Blender folds it: divided by the length, 0 where that is hardly a number.
 fn folded_unit(v: [f32; 3]) -> [f32; 3] {
     let square = dot(v, v);
-    if square > 1e-35 { v.map(|x| x / square.sqrt()) } else { [0.0; 3] }
+    if square > 1e-35 { v.mapped(|x| x / square.sqrt()) } else { [0.0; 3] }
 }
 
 fn reflect<R: Real>(a: [R; 3], b: [R; 3]) -> [R; 3] {
@@ -131,7 +132,7 @@ fn project<R: Real>(a: [R; 3], b: [R; 3]) -> [R; 3] {
     let square = dot(b, b);
     if square != R::of(0.0) {
         let factor = dot(a, b) / square;
-        b.map(|x| factor * x)
+        b.mapped(|x| factor * x)
     } else {
         [R::of(0.0); 3]
     }
@@ -200,22 +201,22 @@ impl Evaluate for VectorMath {
             )),
             "FACEFORWARD" => vectors!(|index| {
                 let a = vector_at(inputs, 0, index);
-                if dot(vector_at(inputs, 6, index), vector_at(inputs, 3, index)) < zero { a } else { a.map(|x| -x) }
+                if dot(vector_at(inputs, 6, index), vector_at(inputs, 3, index)) < zero { a } else { a.mapped(|x| -x) }
             }),
             "SCALE" => vectors!(|index| {
                 let factor = inputs[scale].values[index];
-                vector_at(inputs, 0, index).map(|x| x * factor)
+                vector_at(inputs, 0, index).mapped(|x| x * factor)
             }),
             "NORMALIZE" => unary!(safe_unit),
-            "ABSOLUTE" => unary!(|a: [R; 3]| a.map(R::abs)),
+            "ABSOLUTE" => unary!(|a: [R; 3]| a.mapped(R::abs)),
             "POWER" if before_5 => binary!(|a, b| each(a, b, R::safe_power_before_5)),
             "POWER" => binary!(|a, b| each(a, b, R::safe_power)),
-            "SIGN" => unary!(|a: [R; 3]| a.map(sign)),
+            "SIGN" => unary!(|a: [R; 3]| a.mapped(sign)),
             "MINIMUM" => binary!(|a, b| each(a, b, R::lesser)),
             "MAXIMUM" => binary!(|a, b| each(a, b, R::greater)),
-            "FLOOR" => unary!(|a: [R; 3]| a.map(R::floor)),
-            "CEIL" => unary!(|a: [R; 3]| a.map(R::ceil)),
-            "FRACTION" => unary!(|a: [R; 3]| a.map(R::fraction)),
+            "FLOOR" => unary!(|a: [R; 3]| a.mapped(R::floor)),
+            "CEIL" => unary!(|a: [R; 3]| a.mapped(R::ceil)),
+            "FRACTION" => unary!(|a: [R; 3]| a.mapped(R::fraction)),
             "MODULO" if before_5 => {
                 binary!(|a, b| each(a, b, |x: R, y: R| if y != zero { x.fmod(y) } else { zero }))
             }
@@ -224,14 +225,14 @@ impl Evaluate for VectorMath {
                 binary!(|a, b| each(a, b, |x: R, y: R| { if y != zero { x - (x / y).trunc() * y } else { zero } }))
             }
             "WRAP" => vectors!(|index| {
-                let [a, b, c] = [0, 3, 6].map(|first| vector_at(inputs, first, index));
+                let [a, b, c] = [0, 3, 6].mapped(|first| vector_at(inputs, first, index));
                 let wrap = if before_5 { super::math::wrap } else { wrap };
-                std::array::from_fn(|axis| wrap(a[axis], b[axis], c[axis]))
+                arrays::each(|axis| wrap(a[axis], b[axis], c[axis]))
             }),
             "SNAP" => binary!(|a, b| each(a, b, |x: R, y: R| x.safe_divide(y).floor() * y)),
-            "SINE" => unary!(|a: [R; 3]| a.map(|x| x.library(Library::Sin))),
-            "COSINE" => unary!(|a: [R; 3]| a.map(|x| x.library(Library::Cos))),
-            "TANGENT" => unary!(|a: [R; 3]| a.map(|x| x.library(Library::Tan))),
+            "SINE" => unary!(|a: [R; 3]| a.mapped(|x| x.library(Library::Sin))),
+            "COSINE" => unary!(|a: [R; 3]| a.mapped(|x| x.library(Library::Cos))),
+            "TANGENT" => unary!(|a: [R; 3]| a.mapped(|x| x.library(Library::Tan))),
             other => unreachable!("{other} is not in OPERATIONS"),
         }
     }
@@ -240,7 +241,7 @@ impl Evaluate for VectorMath {
         // Operations with fewer operands do not read the others.
         let vector = |number: usize| {
             let first = if number < self.vectors { 3 * number } else { 0 };
-            std::array::from_fn(|axis| inputs[first + axis])
+            arrays::each(|axis| inputs[first + axis])
         };
         let scale = inputs.get(3 * self.vectors).copied().unwrap_or(Interval::ONE);
         let result = bounds::operation(self.operation, self.release, [vector(0), vector(1), vector(2)], scale);

@@ -3,6 +3,7 @@
 //! The axis is divided by its length; with an axis of length 0 the vector stays what it is. `invert` turns the other way. The
 //! vector is a stored value where nothing is linked, not a texture coordinate (measured).
 
+use crate::base::arrays::{Mapped, each};
 use crate::nodes::real::{Real, dot, length};
 use crate::nodes::rotation;
 use crate::nodes::rotation::Rows;
@@ -105,7 +106,7 @@ impl VectorRotate {
     #[inline(always)]
     fn matrix<R: Real>(&self, kind: Turn, inputs: &[Column<'_, R>], index: usize) -> Option<Rows<R>> {
         if kind == Turn::Euler {
-            let rows = rotation::euler(vector_at(inputs, TURN, index).map(rotation::sine_and_cosine));
+            let rows = rotation::euler(vector_at(inputs, TURN, index).mapped(rotation::sine_and_cosine));
             return Some(if self.invert { rotation::transposed(&rows) } else { rows });
         }
         let angle = inputs[TURN + kind.columns() - 1].values[index];
@@ -118,7 +119,7 @@ impl VectorRotate {
                 if norm == R::of(0.0) {
                     return None;
                 }
-                axis.map(|x| x / norm)
+                axis.mapped(|x| x / norm)
             }
         };
         Some(rotation::about_axis(axis, turn, R::of(1.0)))
@@ -134,13 +135,13 @@ impl VectorRotate {
             let (vector, center) = (vector_at(inputs, 0, index), vector_at(inputs, CENTER, index));
             let result: [R; 3] = match fixed.unwrap_or_else(|| self.matrix(kind, inputs, index)) {
                 Some(rows) => {
-                    let from_center = std::array::from_fn(|axis| vector[axis] - center[axis]);
+                    let from_center = each(|axis| vector[axis] - center[axis]);
                     let turned = if self.adds_from_right() {
                         rotation::apply(&rows, from_center)
                     } else {
                         rotation::apply_from_left(&rows, from_center)
                     };
-                    std::array::from_fn(|axis| turned[axis] + center[axis])
+                    each(|axis| turned[axis] + center[axis])
                 }
                 None => vector,
             };
@@ -159,7 +160,7 @@ impl VectorRotate {
     fn enclose_matrix(&self, inputs: &[Interval]) -> (Rows<Interval>, bool) {
         if self.turn == Turn::Euler {
             let angles = [inputs[TURN], inputs[TURN + 1], inputs[TURN + 2]];
-            let rows = rotation::euler(angles.map(rotation::enclose_sine_and_cosine));
+            let rows = rotation::euler(angles.mapped(rotation::enclose_sine_and_cosine));
             return (if self.invert { rotation::transposed(&rows) } else { rows }, true);
         }
         let angle = inputs[TURN + self.turn.columns() - 1];
@@ -177,13 +178,13 @@ impl VectorRotate {
             return (rows, false);
         }
         let entry = Interval::new(-1.00001, 1.00001).or_nan(true);
-        (rows.map(|row| row.map(|x| x.meet(entry))), true)
+        (rows.mapped(|row| row.mapped(|x| x.meet(entry))), true)
     }
 }
 
 /// The rotation of Euler angles as Blender folds it: products of the f32 sines and cosines are formed in f64.
 fn folded_euler(angles: [f32; 3]) -> Rows<f32> {
-    let [[si, ci], [sj, cj], [sh, ch]] = angles.map(|angle| [f64::from(angle.sin()), f64::from(angle.cos())]);
+    let [[si, ci], [sj, cj], [sh, ch]] = angles.mapped(|angle| [f64::from(angle.sin()), f64::from(angle.cos())]);
     let (cc, cs, sc, ss) = (ci * ch, ci * sh, si * ch, si * sh);
     [[cj * ch, sj * sc - cs, sj * cc + ss], [cj * sh, sj * ss + cc, sj * cs - sc], [-sj, cj * si, cj * ci]]
         .map(|row| row.map(|entry| entry as f32))
@@ -222,10 +223,10 @@ fn folded_about(axis: [f32; 3], angle: f32) -> Rows<f32> {
         return [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
     }
     let scale = 1.0 / square.sqrt();
-    let [x, y, z] = axis.map(|component| component * scale);
+    let [x, y, z] = axis.mapped(|component| component * scale);
     let (sine, cosine) = (angle.sin(), angle.cos());
     let rest = 1.0 - cosine;
-    let [sx, sy, sz] = [x, y, z].map(|component| component * sine);
+    let [sx, sy, sz] = [x, y, z].mapped(|component| component * sine);
     let [xx, xy, yy] = [(x * x) * rest, (x * y) * rest, (y * y) * rest];
     let [xz, yz, zz] = [(x * z) * rest, (y * z) * rest, (z * z) * rest];
     [[xx + cosine, xy - sz, xz + sy], [xy + sz, yy + cosine, yz - sx], [xz - sy, yz + sx, zz + cosine]]
@@ -262,13 +263,13 @@ impl Evaluate for VectorRotate {
             Turn::About(_) => return None,
         };
         // Blender goes through the centre in any case.
-        let turned = rotation::apply_from_left(&rows, std::array::from_fn(|axis| inputs[axis] - inputs[CENTER + axis]));
+        let turned = rotation::apply_from_left(&rows, each(|axis| inputs[axis] - inputs[CENTER + axis]));
         Some((0..3).map(|axis| turned[axis] + inputs[CENTER + axis]).collect())
     }
 
     fn enclose(&self, inputs: &[Interval], outputs: &mut [Interval]) {
         let (rows, sound) = self.enclose_matrix(inputs);
-        let from_center: [Interval; 3] = std::array::from_fn(|axis| inputs[axis] - inputs[CENTER + axis]);
+        let from_center: [Interval; 3] = each(|axis| inputs[axis] - inputs[CENTER + axis]);
         let turned = if self.adds_from_right() {
             rotation::apply(&rows, from_center)
         } else {

@@ -4,6 +4,7 @@
 //! towards the world has no guard: a normal of length 0 is NaN there. From a space to itself nothing happens. The space of the
 //! camera is refused. Neither Blender nor Cycles folds the node.
 
+use crate::base::arrays::Mapped;
 use crate::base::error::{Error, Result};
 use crate::nodes::real::{Real, dot, length, safe_unit};
 use crate::nodes::rotation::enclose_unit;
@@ -69,8 +70,8 @@ impl Frame {
 /// The inverse bit for bit as Cycles 5.0.1 has it: cofactors, determinant and translation each with fused products in this
 /// order, times the reciprocal of the determinant. (Measured: equal for 56 random matrices.)
 fn inverse(rows: &Rows) -> Rows {
-    let column = |number: usize| rows.map(|row| row[number]);
-    let [x, y, z, translation] = [0, 1, 2, 3].map(column);
+    let column = |number: usize| rows.mapped(|row| row[number]);
+    let [x, y, z, translation] = [0, 1, 2, 3].mapped(column);
     // A component of the cross product; one of its two products is rounded before they are subtracted.
     let cofactor = |a: [f32; 3], b: [f32; 3], axis: usize, rounds_second: bool| {
         let (j, k) = ((axis + 1) % 3, (axis + 2) % 3);
@@ -78,13 +79,13 @@ fn inverse(rows: &Rows) -> Rows {
     };
     let fused_dot = |a: [f32; 3], b: [f32; 3]| a[2].mul_add(b[2], a[0].mul_add(b[0], a[1] * b[1]));
     let adjugate: [[f32; 3]; 3] = [
-        [0, 1, 2].map(|axis| cofactor(y, z, axis, axis == 0)),
-        [0, 1, 2].map(|axis| cofactor(z, x, axis, true)),
-        [0, 1, 2].map(|axis| cofactor(x, y, axis, true)),
+        [0, 1, 2].mapped(|axis| cofactor(y, z, axis, axis == 0)),
+        [0, 1, 2].mapped(|axis| cofactor(z, x, axis, true)),
+        [0, 1, 2].mapped(|axis| cofactor(x, y, axis, true)),
     ];
     let reciprocal = 1.0 / fused_dot(x, adjugate[0]);
-    adjugate.map(|row| {
-        let row = row.map(|entry| entry * reciprocal);
+    adjugate.mapped(|row| {
+        let row = row.mapped(|entry| entry * reciprocal);
         [row[0], row[1], row[2], -fused_dot(row, translation)]
     })
 }
@@ -119,7 +120,7 @@ impl VectorTransform {
         let [along, against] =
             if to_object { [frame.to_object, frame.to_world] } else { [frame.to_world, frame.to_object] };
         let rows = if kind == Kind::Normal {
-            [0, 1, 2].map(|axis| [against[0][axis], against[1][axis], against[2][axis], 0.0])
+            [0, 1, 2].mapped(|axis| [against[0][axis], against[1][axis], against[2][axis], 0.0])
         } else {
             along
         };
@@ -130,15 +131,15 @@ impl VectorTransform {
     #[inline(always)]
     fn transformed<R: Real>(&self, kind: Kind, rows: &[[R; 4]; 3], [x, y, z]: [R; 3]) -> [R; 3] {
         match kind {
-            Kind::Point => rows.map(|row| ((row[3] + z * row[2]) + y * row[1]) + x * row[0]),
-            Kind::Vector => rows.map(|row| (z * row[2] + y * row[1]) + x * row[0]),
+            Kind::Point => rows.mapped(|row| ((row[3] + z * row[2]) + y * row[1]) + x * row[0]),
+            Kind::Vector => rows.mapped(|row| (z * row[2] + y * row[1]) + x * row[0]),
             Kind::Normal => {
-                let normal = rows.map(|row| dot([x, y, z], [row[0], row[1], row[2]]));
+                let normal = rows.mapped(|row| dot([x, y, z], [row[0], row[1], row[2]]));
                 if self.guarded {
                     return safe_unit(normal);
                 }
                 let norm = length(normal);
-                normal.map(|x| x / norm)
+                normal.mapped(|x| x / norm)
             }
         }
     }
@@ -146,7 +147,7 @@ impl VectorTransform {
     #[inline(always)]
     fn evaluate_as<R: Real>(&self, kind: Kind, inputs: &[Column<'_, R>], outputs: &mut [&mut [R]]) {
         let outputs = vector_output(outputs);
-        let rows = self.rows.map(|row| row.map(R::of));
+        let rows = self.rows.mapped(|row| row.mapped(R::of));
         for index in 0..outputs[0].len() {
             let vector = vector_at(inputs, 0, index);
             let result = if self.stays { vector } else { self.transformed(kind, &rows, vector) };
@@ -172,13 +173,13 @@ impl Evaluate for VectorTransform {
 
     fn enclose(&self, inputs: &[Interval], outputs: &mut [Interval]) {
         let [x, y, z] = [inputs[0], inputs[1], inputs[2]];
-        let rows = self.rows.map(|row| row.map(Interval::point));
+        let rows = self.rows.mapped(|row| row.mapped(Interval::point));
         let result = match (self.stays, self.kind) {
             (true, _) => [x, y, z],
-            (_, Kind::Point) => rows.map(|row| ((row[3] + z * row[2]) + y * row[1]) + x * row[0]),
-            (_, Kind::Vector) => rows.map(|row| (z * row[2] + y * row[1]) + x * row[0]),
+            (_, Kind::Point) => rows.mapped(|row| ((row[3] + z * row[2]) + y * row[1]) + x * row[0]),
+            (_, Kind::Vector) => rows.mapped(|row| (z * row[2] + y * row[1]) + x * row[0]),
             (_, Kind::Normal) => {
-                let normal = rows.map(|row| (x * row[0] + y * row[1]) + z * row[2]);
+                let normal = rows.mapped(|row| (x * row[0] + y * row[1]) + z * row[2]);
                 if self.guarded { super::vector_math::bounds::safe_unit(normal) } else { enclose_unit(normal) }
             }
         };

@@ -3,6 +3,7 @@
 //! Extinction = Scatter Coefficients + Absorption Coefficients, as they are, negative ones too; scattering =
 //! max(Scatter Coefficients, 0); emission = Emission Coefficients.
 
+use crate::base::arrays::Mapped;
 use crate::nodes::closure;
 use crate::nodes::closure::{ClosureRole, Coefficients, Formula, Phase, Quantity, per_channel, triple};
 use crate::nodes::{InputSocket, NodeType, OutputSocket, Role, always};
@@ -38,7 +39,7 @@ impl Formula for VolumeCoefficients {
     fn coefficients<Q: Quantity>(&self, inputs: &[Q]) -> Coefficients<Q> {
         let (absorption, scatter) = (triple(inputs, 0), triple(inputs, 3));
         Coefficients {
-            scattering: scatter.map(Q::positive_part),
+            scattering: scatter.mapped(Q::positive_part),
             extinction: per_channel(|channel| absorption[channel] + scatter[channel]),
             // Between them stand the phase function's own inputs, as many as it has.
             emission: triple(inputs, inputs.len() - 3),

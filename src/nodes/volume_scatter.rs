@@ -3,6 +3,7 @@
 //! With density d = max(Density, 0) and colour c: extinction = c d and scattering = max(c d, 0). A coloured
 //! node scatters each channel by its own amount and absorbs nothing: its albedo is 1.
 
+use crate::base::arrays::Mapped;
 use crate::nodes::closure;
 use crate::nodes::closure::{ClosureRole, Coefficients, Formula, Phase, Quantity, nothing, per_channel};
 use crate::nodes::{InputSocket, NodeType, OutputSocket, Role, always};
@@ -37,7 +38,7 @@ impl Formula for VolumeScatter {
     fn coefficients<Q: Quantity>(&self, inputs: &[Q]) -> Coefficients<Q> {
         let density = inputs[3].positive_part();
         let extinction = per_channel(|channel| inputs[channel] * density);
-        Coefficients { scattering: extinction.map(Q::positive_part), extinction, emission: nothing() }
+        Coefficients { scattering: extinction.mapped(Q::positive_part), extinction, emission: nothing() }
     }
     fn phase(&self, inputs: &[f64]) -> Option<Phase> {
         Some(closure::phase(self.phase, &inputs[4..]))

@@ -13,6 +13,7 @@
 mod bounds;
 mod lanes;
 
+use crate::base::arrays::{Mapped, each};
 use crate::nodes::hash::{hash_floats, pcg_values};
 use crate::nodes::noise_texture::dimensions;
 use crate::nodes::real::{Real, dot, length};
@@ -123,9 +124,9 @@ impl Metric {
         }
         match self {
             Self::Euclidean => dot(v, v),
-            Self::Manhattan => sum(v.map(Real::abs)),
+            Self::Manhattan => sum(v.mapped(Real::abs)),
             Self::Chebychev => {
-                let v = v.map(Real::abs);
+                let v = v.mapped(Real::abs);
                 // The order decides what a NaN does: 4-vectors are compared backwards, in pairs.
                 match N {
                     2 => v[0].greater(v[1]),
@@ -133,7 +134,7 @@ impl Metric {
                     _ => v[3].greater(v[2]).greater(v[1].greater(v[0])),
                 }
             }
-            Self::Minkowski => sum(v.map(|x| x.abs().powf(exponent))),
+            Self::Minkowski => sum(v.mapped(|x| x.abs().powf(exponent))),
         }
     }
 }
@@ -235,12 +236,12 @@ struct Cell<R, const N: usize> {
 
 impl<R: Real, const N: usize> Cell<R, N> {
     fn of(x: [R; N], hashing: Hashing) -> Self {
-        let floor = x.map(Real::lattice_floor);
+        let floor = x.mapped(Real::lattice_floor);
         Self {
             hashing,
             floor,
-            index: floor.map(Real::to_int),
-            local: std::array::from_fn(|axis| (x[axis] - floor[axis]).round_coordinate()),
+            index: floor.mapped(Real::to_int),
+            local: each(|axis| (x[axis] - floor[axis]).round_coordinate()),
         }
     }
 
@@ -249,20 +250,20 @@ impl<R: Real, const N: usize> Cell<R, N> {
         let hash: [R; N] = if N == 1 || self.hashing == Hashing::Floats {
             cell_of_floats(self.corner(offset))
         } else {
-            pcg_values(std::array::from_fn(|axis| self.index[axis].wrapping_add(offset[axis])))
+            pcg_values(each(|axis| self.index[axis].wrapping_add(offset[axis])))
         };
-        std::array::from_fn(|axis| R::of(offset[axis] as f32) + hash[axis] * randomness)
+        each(|axis| R::of(offset[axis] as f32) + hash[axis] * randomness)
     }
 
     /// Corner of the cell at `offset`, which is never -0.
     fn corner(&self, offset: [i32; N]) -> [R; N] {
-        std::array::from_fn(|axis| self.floor[axis] + R::of(offset[axis] as f32))
+        each(|axis| self.floor[axis] + R::of(offset[axis] as f32))
     }
 
     /// [`Self::point`] relative to the coordinate.
     fn offset_to(&self, offset: [i32; N], randomness: R) -> [R; N] {
         let point = self.point(offset, randomness);
-        std::array::from_fn(|axis| point[axis] - self.local[axis])
+        each(|axis| point[axis] - self.local[axis])
     }
 
     /// Colour of the cell at `offset`.
@@ -270,7 +271,7 @@ impl<R: Real, const N: usize> Cell<R, N> {
         if N == 1 || self.hashing == Hashing::Floats {
             return color_of_floats(self.corner(offset));
         }
-        let cell: [i32; N] = std::array::from_fn(|axis| self.index[axis].wrapping_add(offset[axis]));
+        let cell: [i32; N] = each(|axis| self.index[axis].wrapping_add(offset[axis]));
         match N {
             2 => pcg_values([cell[0], cell[1], 0]),
             3 => pcg_values([cell[0], cell[1], cell[2]]),
@@ -285,7 +286,7 @@ impl<R: Real, const N: usize> Cell<R, N> {
 /// Colour of a cell whose corner is known as floats: that of White Noise Texture there.
 #[inline(always)]
 fn color_of_floats<R: Real, const N: usize>(corner: [R; N]) -> [R; 3] {
-    white_noise_texture::color(N, std::array::from_fn(|axis| corner.get(axis).copied().unwrap_or(R::of(0.0))))
+    white_noise_texture::color(N, each(|axis| corner.get(axis).copied().unwrap_or(R::of(0.0))))
 }
 
 /// Values in [0, 1] of the point of a cell whose corner is known as floats: those of its colour, but in 4D hashes of the coordinates,
@@ -293,19 +294,17 @@ fn color_of_floats<R: Real, const N: usize>(corner: [R; N]) -> [R; 3] {
 #[inline(always)]
 fn cell_of_floats<R: Real, const N: usize>(corner: [R; N]) -> [R; N] {
     if N == 4 {
-        return std::array::from_fn(|turn| {
-            hash_floats::<R, 4>(std::array::from_fn(|axis| corner[(axis + 4 - turn) % 4]))
-        });
+        return each(|turn| hash_floats::<R, 4>(each(|axis| corner[(axis + 4 - turn) % 4])));
     }
     let color = color_of_floats(corner);
-    std::array::from_fn(|axis| color[axis])
+    each(|axis| color[axis])
 }
 
 /// Offsets of the (2 radius + 1)^N cells around one, first axis fastest.
 fn neighbours<const N: usize>(radius: i32) -> impl Iterator<Item = [i32; N]> {
     let side = 2 * radius + 1;
     (0..side.pow(N as u32)).map(move |mut index| {
-        std::array::from_fn(|_| {
+        each(|_| {
             let offset = index % side - radius;
             index /= side;
             offset
@@ -320,18 +319,18 @@ impl VoronoiTexture {
         let (mut nearest, mut target) = ([R::of(0.0); N], [0; N]);
         for offset in neighbours::<N>(1) {
             let point = cell.point(offset, parameters.randomness);
-            let v: [R; N] = std::array::from_fn(|axis| point[axis] - cell.local[axis]);
+            let v: [R; N] = each(|axis| point[axis] - cell.local[axis]);
             let compared = self.metric.compared(v, parameters.exponent);
             if compared < smallest {
                 (smallest, nearest, target) = (compared, point, offset);
             }
         }
-        let v: [R; N] = std::array::from_fn(|axis| nearest[axis] - cell.local[axis]);
+        let v: [R; N] = each(|axis| nearest[axis] - cell.local[axis]);
         Found {
             // In one dimension the search keeps the distance itself, its start value where all are NaN.
             distance: if N == 1 { smallest } else { self.metric.distance(v, parameters.exponent) },
             color: cell.color(target),
-            position: std::array::from_fn(|axis| nearest[axis] + cell.floor[axis]),
+            position: each(|axis| nearest[axis] + cell.floor[axis]),
             third: R::of(0.0),
         }
     }
@@ -342,7 +341,7 @@ impl VoronoiTexture {
         let (mut first, mut second) = (start, start);
         for offset in neighbours::<N>(1) {
             let point = cell.point(offset, parameters.randomness);
-            let v: [R; N] = std::array::from_fn(|axis| point[axis] - cell.local[axis]);
+            let v: [R; N] = each(|axis| point[axis] - cell.local[axis]);
             let distance = self.metric.distance(v, parameters.exponent);
             if distance < first.0 {
                 second = first;
@@ -354,7 +353,7 @@ impl VoronoiTexture {
         Found {
             distance: second.0,
             color: cell.color(second.2),
-            position: std::array::from_fn(|axis| second.1[axis] + cell.floor[axis]),
+            position: each(|axis| second.1[axis] + cell.floor[axis]),
             third: R::of(0.0),
         }
     }
@@ -366,7 +365,7 @@ impl VoronoiTexture {
             Found { distance: R::of(0.0), color: [R::of(0.0); 3], position: [R::of(0.0); N], third: R::of(0.0) };
         for (count, offset) in neighbours::<N>(2).enumerate() {
             let point = cell.point(offset, parameters.randomness);
-            let v: [R; N] = std::array::from_fn(|axis| point[axis] - cell.local[axis]);
+            let v: [R; N] = each(|axis| point[axis] - cell.local[axis]);
             let distance = self.metric.distance(v, parameters.exponent);
             let h = if count == 0 {
                 one
@@ -399,7 +398,7 @@ impl VoronoiTexture {
                 let place = if offset == 0 { cell.floor[0] } else { cell.floor[0] + R::of(offset as f32) };
                 R::of(offset as f32) + hash_floats::<R, 1>([place]) * randomness
             };
-            let [left, middle, right] = [-1, 0, 1].map(point);
+            let [left, middle, right] = [-1, 0, 1].mapped(point);
             let to = |other: R| ((middle + other) / R::of(2.0) - cell.local[0]).abs();
             return to(left).lesser(to(right));
         }
@@ -415,16 +414,16 @@ impl VoronoiTexture {
         let mut edge = R::of(f32::MAX);
         for offset in neighbours::<N>(1) {
             let v = cell.offset_to(offset, randomness);
-            let across: [R; N] = std::array::from_fn(|axis| v[axis] - nearest[axis]);
+            let across: [R; N] = each(|axis| v[axis] - nearest[axis]);
             if dot(across, across) > R::of(0.0001) {
                 let norm = length(across);
                 let direction = if N == 3 {
-                    across.map(|x| x / norm)
+                    across.mapped(|x| x / norm)
                 } else {
                     let inverse = R::of(1.0) / norm;
-                    across.map(|x| x * inverse)
+                    across.mapped(|x| x * inverse)
                 };
-                let middle: [R; N] = std::array::from_fn(|axis| (nearest[axis] + v[axis]) * R::of(0.5));
+                let middle: [R; N] = each(|axis| (nearest[axis] + v[axis]) * R::of(0.5));
                 edge = edge.lesser(dot(middle, direction));
             }
         }
@@ -440,9 +439,9 @@ impl VoronoiTexture {
                 if skip_centre && offset == [0; N] {
                     continue;
                 }
-                let place: [i32; N] = std::array::from_fn(|axis| centre[axis] + offset[axis]);
+                let place: [i32; N] = each(|axis| centre[axis] + offset[axis]);
                 let point = cell.point(place, parameters.randomness);
-                let v: [R; N] = std::array::from_fn(|axis| point[axis] - to[axis]);
+                let v: [R; N] = each(|axis| point[axis] - to[axis]);
                 let compared = if N == 1 { v[0].abs() } else { dot(v, v) };
                 if compared < smallest {
                     (smallest, nearest, target) = (compared, point, place);
@@ -452,7 +451,7 @@ impl VoronoiTexture {
         };
         let (closest, target) = nearest_of([0; N], cell.local, false);
         let (neighbour, _) = nearest_of(target, closest, true);
-        let v: [R; N] = std::array::from_fn(|axis| neighbour[axis] - closest[axis]);
+        let v: [R; N] = each(|axis| neighbour[axis] - closest[axis]);
         (if N == 1 { v[0].abs() } else { length(v) }) / R::of(2.0)
     }
 
@@ -473,7 +472,7 @@ impl VoronoiTexture {
         let (mut amplitude, mut total, mut scale) = (one, zero, one);
         let mut sum = Found { distance: zero, color: [zero; 3], position: [zero; N], third: zero };
         for octave in 0..=parameters.detail.ceil().to_int() {
-            let found = self.feature(q.map(|x| (x * scale).round_coordinate()), parameters);
+            let found = self.feature(q.mapped(|x| (x * scale).round_coordinate()), parameters);
             if single {
                 (sum, total) = (found, one);
                 break;
@@ -509,11 +508,11 @@ impl VoronoiTexture {
         if self.normalize {
             sum.distance = sum.distance / (total * self.largest_distance::<R, N>(parameters));
             let inverse = one / total;
-            sum.color = sum.color.map(|x| x * inverse);
+            sum.color = sum.color.mapped(|x| x * inverse);
         }
         let inverse = if parameters.scale != zero { one / parameters.scale } else { zero };
         let unscaled = |x: R| if parameters.scale != zero { x * inverse } else { zero };
-        sum.position = sum.position.map(unscaled);
+        sum.position = sum.position.mapped(unscaled);
         sum.third = unscaled(sum.third);
         sum
     }
@@ -534,7 +533,7 @@ impl VoronoiTexture {
         let largest = R::of(0.5) + R::of(0.5) * parameters.randomness;
         let (mut amplitude, mut scale, mut maximum, mut distance) = (one, one, largest, R::of(8.0));
         for octave in 0..=parameters.detail.ceil().to_int() {
-            let found = self.edge(q.map(|x| (x * scale).round_coordinate()), parameters);
+            let found = self.edge(q.mapped(|x| (x * scale).round_coordinate()), parameters);
             if single {
                 distance = found;
                 break;
@@ -559,7 +558,7 @@ impl VoronoiTexture {
         let mut next = if self.dimensions == 1 { 1 } else { 3 + usize::from(self.dimensions == 4) };
         let fractal = self.feature != Feature::NSphereRadius;
         let exists = [true, fractal, fractal, fractal, self.feature == Feature::SmoothF1, self.has_exponent, true];
-        exists.map(|exists| {
+        exists.mapped(|exists| {
             exists.then(|| {
                 next += 1;
                 next - 1
@@ -570,7 +569,8 @@ impl VoronoiTexture {
     /// Parameters of point `index`, clamped as the kernel does.
     fn parameters<R: Real>(&self, inputs: &[Column<'_, R>], index: usize) -> Parameters<R> {
         let at = |column: Option<usize>| column.map_or(R::of(0.0), |column| inputs[column].values[index]);
-        let [scale, detail, roughness, lacunarity, smoothness, exponent, randomness] = self.parameter_columns().map(at);
+        let [scale, detail, roughness, lacunarity, smoothness, exponent, randomness] =
+            self.parameter_columns().mapped(at);
         Parameters {
             scale,
             detail: detail.clamped(R::of(0.0), R::of(15.0)),
@@ -585,8 +585,7 @@ impl VoronoiTexture {
     fn evaluate_points<R: Real, const N: usize>(&self, inputs: &[Column<'_, R>], outputs: &mut [&mut [R]]) {
         for index in 0..outputs[0].len() {
             let parameters = self.parameters(inputs, index);
-            let q: [R; N] =
-                std::array::from_fn(|axis| (inputs[axis].values[index] * parameters.scale).round_coordinate());
+            let q: [R; N] = each(|axis| (inputs[axis].values[index] * parameters.scale).round_coordinate());
             match self.feature {
                 Feature::DistanceToEdge => outputs[0][index] = self.fractal_edge(q, &parameters),
                 Feature::NSphereRadius => outputs[0][index] = self.n_sphere_radius(q, &parameters),

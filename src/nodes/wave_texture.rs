@@ -8,6 +8,7 @@
 //! lies; so is then the sum. From a Detail of 128 on this file gives that NaN without evaluating any octave: the same
 //! value, and at most 129 octaves of work. Color and Factor are the same value.
 
+use crate::base::arrays::{Mapped, each};
 use crate::nodes::checker_texture::{displaced, enclose_displaced};
 use crate::nodes::noise_texture::{Fractal, enclose_fbm, fbm_values};
 use crate::nodes::real::{Library, Real, length};
@@ -115,7 +116,7 @@ fn enclose_noise(place: [Interval; 3], detail: Interval, roughness: Interval) ->
 /// Where the noise is read.
 #[inline(always)]
 fn noise_place<R: Real>(p: [R; 3], detail_scale: R) -> [R; 3] {
-    p.map(|x| (x * detail_scale).round_coordinate())
+    p.mapped(|x| (x * detail_scale).round_coordinate())
 }
 
 /// The phase, moved by noise.
@@ -132,7 +133,7 @@ impl Shape {
             Self::Bands(axis) => p[axis] * R::of(20.0),
             Self::DiagonalBands => ((p[0] + p[1]) + p[2]) * R::of(10.0),
             Self::Rings(axis) => {
-                let around: [R; 3] = std::array::from_fn(|other| if other == axis { R::of(0.0) } else { p[other] });
+                let around: [R; 3] = each(|other| if other == axis { R::of(0.0) } else { p[other] });
                 length(around) * R::of(20.0)
             }
             Self::Spheres => length(p) * R::of(20.0),
@@ -327,7 +328,7 @@ impl Evaluate for Wave {
         let mut phase = self.shape.enclose(p, inputs[PHASE_OFFSET]);
         let distortion = inputs[DISTORTION];
         if distortion.as_point() != Some(0.0) {
-            let place = p.map(|x| x * inputs[DETAIL_SCALE]);
+            let place = p.mapped(|x| x * inputs[DETAIL_SCALE]);
             let noise = enclose_noise(place, inputs[DETAIL], inputs[DETAIL_ROUGHNESS]);
             let moved = phase + distortion * (noise * Interval::point(2.0) - Interval::ONE);
             // A distortion of 0 reads no noise.

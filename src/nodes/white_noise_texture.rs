@@ -8,9 +8,10 @@
 //! Blender leaves the node alone where its coordinates are stored in its sockets. It folds those that come from constant nodes,
 //! with the same result.
 
+use crate::base::arrays::Mapped;
+use crate::base::arrays::each;
 use crate::nodes::hash::hash_floats;
 use crate::nodes::lanes;
-use crate::nodes::lanes::each;
 use crate::nodes::noise_texture::dimensions;
 use crate::nodes::real::Real;
 use crate::nodes::{
@@ -75,9 +76,9 @@ fn first_channel<R: Real>(dimensions: usize, [x, y, z, w]: [R; 4]) -> R {
 fn further_channels<R: Real>(dimensions: usize, [x, y, z, w]: [R; 4]) -> [R; 2] {
     let extra = [R::of(1.0), R::of(2.0)];
     match dimensions {
-        1 => extra.map(|number| hash_floats([x, number])),
-        2 => extra.map(|number| hash_floats([x, y, number])),
-        3 => extra.map(|number| hash_floats([x, y, z, number])),
+        1 => extra.mapped(|number| hash_floats([x, number])),
+        2 => extra.mapped(|number| hash_floats([x, y, number])),
+        3 => extra.mapped(|number| hash_floats([x, y, z, number])),
         _ => [hash_floats([z, x, w, y]), hash_floats([w, z, y, x])],
     }
 }
@@ -86,7 +87,7 @@ impl WhiteNoise {
     #[inline(always)]
     fn evaluate_points<R: Real>(&self, dimensions: usize, inputs: &[Column<'_, R>], outputs: &mut [&mut [R]]) {
         for index in 0..outputs[0].len() {
-            let p = std::array::from_fn(|axis| if axis < dimensions { inputs[axis].values[index] } else { R::of(0.0) });
+            let p = each(|axis| if axis < dimensions { inputs[axis].values[index] } else { R::of(0.0) });
             let value = first_channel(dimensions, p);
             if self.value {
                 outputs[0][index] = value;
@@ -192,17 +193,17 @@ impl Evaluate for WhiteNoise {
         let mut channels: Option<[Interval; 3]> = None;
         // An interval does not know the sign of a zero, which the hash does.
         for signs in 0..1 << self.dimensions {
-            let p = std::array::from_fn(|axis| match places.get(axis) {
+            let p = each(|axis| match places.get(axis) {
                 Some(0.0) if signs >> axis & 1 == 1 => -0.0,
                 Some(0.0) | None => 0.0,
                 Some(&place) => place,
             });
             let [green, blue] = further_channels::<f32>(self.dimensions, p);
-            let found = [first_channel(self.dimensions, p), green, blue].map(|value| {
+            let found = [first_channel(self.dimensions, p), green, blue].mapped(|value| {
                 let value = f64::from(value);
                 Interval::outward(value, value, false).meet(Interval::UNIT)
             });
-            channels = Some(channels.map_or(found, |all| std::array::from_fn(|axis| all[axis].hull(found[axis]))));
+            channels = Some(channels.map_or(found, |all| each(|axis| all[axis].hull(found[axis]))));
         }
         let channels = channels.unwrap_or([Interval::UNIT; 3]);
         if self.value {

@@ -10,6 +10,7 @@
 //! are neither equal nor independent. Compare them with different seeds. The first event of a camera ray is one of its tentative collisions in every
 //! pixel, kept by a reservoir.
 
+use crate::base::arrays::{Mapped, each};
 use crate::base::error::{Error, Result};
 use crate::gpu::{Bindings, ComputeKernel, Gpu, Layout, Slices, layout};
 use crate::graph::constants::{SharedConstants, SharedNumber};
@@ -189,7 +190,7 @@ impl<'a> PathKernel<'a> {
             .with_setting("backend"));
         };
         let flat = majorants.flat();
-        let single = |values: [f64; 3]| values.map(|value| value as f32);
+        let single = |values: [f64; 3]| values.mapped(|value| value as f32);
         let vector = |value: DVec3| value.as_vec3().to_array();
         let middle =
             tracer.volume.to_frame.inverse().transform_point3(flat.low + flat.cell * flat.inside.as_dvec3() / 2.0);
@@ -210,7 +211,7 @@ impl<'a> PathKernel<'a> {
             low: vector(flat.low),
             cells_per_metre: vector(1.0 / flat.cell),
             cell: vector(flat.cell),
-            to_object: std::array::from_fn(|row| transform.row(row).as_vec4().to_array()),
+            to_object: each(|row| transform.row(row).as_vec4().to_array()),
             table: flat.nodes,
             inside: flat.inside.to_array(),
             ..Stage::zeroed()

@@ -21,6 +21,7 @@ pub use gpu::CONSTANTS;
 pub(crate) use gpu::LAYOUTS;
 pub use tracer::Counters;
 
+use crate::base::arrays::Mapped;
 use crate::base::error::{Error, Result};
 use crate::base::files::{json, sha256};
 use crate::base::identity;
@@ -372,7 +373,7 @@ impl Tracer {
         if !scatters || !self.shows_nothing_behind() {
             return Ok(Thin::default());
         }
-        let size = self.size.map(|side| side as usize);
+        let size = self.size.mapped(|side| side as usize);
         let pixels = size[0] * size[1];
         let starts: Vec<usize> = (0..pixels).step_by(RANGE_PIXELS).collect();
         let look = |&start: &usize| -> Result<Vec<f64>> {
@@ -509,9 +510,9 @@ impl Tracer {
         let mut image = Image::new(self.size[0] as usize, self.size[1] as usize);
         let scale = 1.0 / f64::from(sums.progress.samples);
         for (pixel, sum) in image.pixels.iter_mut().zip(&sums.sums) {
-            let [red, green, blue, opacity] = sum.map(|value| value * scale);
+            let [red, green, blue, opacity] = sum.mapped(|value| value * scale);
             let alpha = if self.transparent { opacity } else { 1.0 };
-            let [red, green, blue] = [red, green, blue].map(|radiance| (radiance * self.exposure) as f32);
+            let [red, green, blue] = [red, green, blue].mapped(|radiance| (radiance * self.exposure) as f32);
             *pixel = [red, green, blue, alpha as f32];
         }
         let counters = &sums.progress.counters;

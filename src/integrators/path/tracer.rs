@@ -36,6 +36,7 @@
 //! Where phase functions vary, or several mix in proportions that do, a path waits once more at a scattering event: the batch evaluates
 //! the lobes there, and they are used up before the path goes on. So a path carries none, however many there are.
 
+use crate::base::arrays::{Mapped, each};
 use crate::base::error::{Error, Result};
 use crate::integrators::path::opacity::Thin;
 use crate::integrators::path::volume::{CoefficientEvaluator, Lobes, Part, Volume};
@@ -605,8 +606,8 @@ impl Tracer {
         }
         if most < FAINT {
             let factor = if path.numbers[2] < 0.5 { 2.0 } else { 0.0 };
-            path.weight = path.weight.map(|weight| weight * factor);
-            path.analog = path.analog.map(|weight| weight * factor);
+            path.weight = path.weight.mapped(|weight| weight * factor);
+            path.analog = path.analog.mapped(|weight| weight * factor);
             if factor == 0.0 || most == 0.0 {
                 path.stop();
             }
@@ -616,7 +617,7 @@ impl Tracer {
     /// What the ray finds at its end, and what comes next.
     fn end_ray(&self, path: &mut Path, counters: &mut Counters) -> Then {
         self.settle(path);
-        let arriving: [f64; 3] = std::array::from_fn(|channel| path.carried[channel] * path.weight[channel]);
+        let arriving: [f64; 3] = each(|channel| path.carried[channel] * path.weight[channel]);
         let found = match path.stage {
             Stage::Camera if self.transparent => [0.0; 3],
             Stage::Camera => self.world(path.direction),
@@ -626,7 +627,7 @@ impl Tracer {
             _ => {
                 let world = self.world(path.direction);
                 let hit = if path.hit_distance > 0.0 { path.hit } else { [0.0; 3] };
-                std::array::from_fn(|channel| path.escape * world[channel] + hit[channel])
+                each(|channel| path.escape * world[channel] + hit[channel])
             }
         };
         for channel in 0..3 {
@@ -708,7 +709,7 @@ impl Tracer {
                 let Some((direction, density)) = picture.sample([third, fourth]) else {
                     return self.leave_event(path);
                 };
-                let radiance = picture.radiance(direction).map(|radiance| radiance / density);
+                let radiance = picture.radiance(direction).mapped(|radiance| radiance / density);
                 // The sampled ray sees the picture whatever was chosen: the choice belongs to the density.
                 (direction, f64::INFINITY, radiance, Some(probability * density))
             }
@@ -716,7 +717,7 @@ impl Tracer {
                 if let Some(hit) = light.hit(path.vertex, path.next) {
                     let share = balance(phase.evaluate(before, path.next), hit.density) / probability;
                     path.hit_distance = hit.distance;
-                    path.hit = hit.radiance.map(|radiance| radiance * share);
+                    path.hit = hit.radiance.mapped(|radiance| radiance * share);
                 }
                 let Some(sample) = light.sample(path.vertex, [third, fourth]) else { return self.leave_event(path) };
                 (sample.direction, sample.distance, sample.radiance, sample.density)
@@ -724,7 +725,7 @@ impl Tracer {
         };
         let phase = phase.evaluate(before, direction);
         let share = density.map_or(1.0, |density| balance(density, phase)) * phase / probability;
-        let arriving = std::array::from_fn(|channel| path.throughput[channel] * radiance[channel] * share);
+        let arriving = each(|channel| path.throughput[channel] * radiance[channel] * share);
         self.send(path, Stage::Shadow, direction, distance, arriving);
         true
     }
@@ -845,7 +846,7 @@ impl Path {
 
     /// Notes that the camera ray, of a weight here, may scatter here first.
     fn note_candidate(&mut self, weight: [f64; 3], found: &Coefficients<f64>) {
-        let weight: [f64; 3] = std::array::from_fn(|channel| weight[channel] * found.scattering[channel] / self.rate);
+        let weight: [f64; 3] = each(|channel| weight[channel] * found.scattering[channel] / self.rate);
         let share = weight.iter().map(|channel| channel.abs()).sum::<f64>() / 3.0;
         if share > 0.0 {
             let up_to = share + self.candidates.last().map_or(0.0, |last| last.up_to);
@@ -860,7 +861,7 @@ impl Path {
         let place = self.candidates.partition_point(|candidate| candidate.up_to <= self.choice * total).min(most);
         let Candidate { distance, weight, share, .. } = self.candidates[place];
         self.kept_distance = distance;
-        self.throughput = weight.map(|weight| weight * (total / share));
+        self.throughput = weight.mapped(|weight| weight * (total / share));
         true
     }
 
@@ -901,13 +902,13 @@ impl Sums {
 
 /// A tentative collision of a ray between scattering events: scattering or null.
 fn collide_between_events(path: &mut Path, found: &Coefficients<f64>) {
-    let weight: [f64; 3] = std::array::from_fn(|channel| path.carried[channel] * path.weight[channel]);
+    let weight: [f64; 3] = each(|channel| path.carried[channel] * path.weight[channel]);
     let scattering: f64 = (0..3).map(|channel| (weight[channel] * found.scattering[channel]).abs()).sum();
     let null: f64 = (0..3).map(|channel| (weight[channel] * (path.rate - found.extinction[channel])).abs()).sum();
     let both = scattering + null;
     if path.numbers[1] * both < scattering {
         let factor = both / (scattering * path.rate);
-        path.throughput = std::array::from_fn(|channel| weight[channel] * found.scattering[channel] * factor);
+        path.throughput = each(|channel| weight[channel] * found.scattering[channel] * factor);
         // The event takes over; nothing is left for the end of this ray.
         path.weight = [0.0; 3];
         path.kept_distance = path.walk.distance;
@@ -938,7 +939,7 @@ fn survives(path: &mut Path) -> bool {
     if chance >= 1.0 {
         return true;
     }
-    path.throughput = path.throughput.map(|weight| weight / chance);
+    path.throughput = path.throughput.mapped(|weight| weight / chance);
     path.numbers[2] < chance
 }
 

@@ -8,6 +8,7 @@
 //! * whether phase functions and their proportions are constant: then no event has to look them up;
 //! * whether emission is the same in the whole medium: then it is integrated in closed form along flights.
 
+use crate::base::arrays::Mapped;
 use crate::base::error::{Error, Result};
 use crate::graph::Program;
 use crate::graph::bounds::Bounds3;
@@ -209,7 +210,7 @@ impl Volume {
         if let Some(unit) = &self.proportional {
             let most = largest(&unit.extinction);
             let scaled = |density: Interval| {
-                let [low, high] = density.ends().map(|end| end.max(0.0) * most);
+                let [low, high] = density.ends().mapped(|end| end.max(0.0) * most);
                 widened(low, high, density.may_be_nan)
             };
             let program = self.objects[0].program();
@@ -393,7 +394,7 @@ fn group_of(groups: &[Vec<usize>], count: usize) -> Vec<usize> {
 
 /// A box of the frame in f64.
 fn region_of(place: &Bounds3) -> Region {
-    let corner = |corner: [f32; 3]| DVec3::from(corner.map(f64::from));
+    let corner = |corner: [f32; 3]| DVec3::from(corner.mapped(f64::from));
     Region { low: corner(place.low), high: corner(place.high) }
 }
 
@@ -597,8 +598,8 @@ impl CoefficientEvaluator<'_> {
             return self.sum_objects(positions, inside, results);
         };
         let coefficients = |density: f64| Coefficients {
-            scattering: unit.scattering.map(|per_density| per_density * density),
-            extinction: unit.extinction.map(|per_density| per_density * density),
+            scattering: unit.scattering.mapped(|per_density| per_density * density),
+            extinction: unit.extinction.mapped(|per_density| per_density * density),
             emission: [0.0; 3],
         };
         if self.volume.objects[0].program().output_components() == 0 {

@@ -1,7 +1,7 @@
 //! What a density field looks like in numbers: moments, histogram, covered share, power spectrum.
 
 use ndarray::{Array3, Axis};
-use rustfft::FftPlanner;
+use rustfft::FftPlannerScalar;
 use rustfft::num_complex::Complex;
 use serde::{Deserialize, Serialize};
 
@@ -71,7 +71,7 @@ impl FieldStatistics {
 fn spectrum(field: &Array3<f64>) -> Vec<f64> {
     let side = field.shape()[0];
     let mut transformed = field.mapv(|value| Complex::new(value, 0.0));
-    let transform = FftPlanner::new().plan_fft_forward(side);
+    let transform = FftPlannerScalar::new().plan_fft_forward(side);
     for axis in 0..3 {
         for mut lane in transformed.lanes_mut(Axis(axis)) {
             let mut values = lane.to_vec();

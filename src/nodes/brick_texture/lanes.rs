@@ -1,10 +1,11 @@
 //! Bricks on SIMD lanes, one point per lane; the same bits as the scalar evaluation, which these functions follow operation by
 //! operation, computing both sides of its branches.
 
+use crate::base::arrays::each;
 use crate::nodes::brick_texture::{
     BIAS, BrickTexture, FIRST_COLOR, HEIGHT, Layout, MORTAR, MORTAR_SIZE, MORTAR_SMOOTH, SCALE, SECOND_COLOR, WIDTH,
 };
-use crate::nodes::lanes::{self, each, lesser, saturate};
+use crate::nodes::lanes::{self, lesser, saturate};
 use crate::nodes::{Column, Evaluate, columns_at, lane_level};
 use fearless_simd::{dispatch, prelude::*};
 

@@ -6,6 +6,7 @@
 //!   as 0.5 + 0.5 c): the procedural textures of @takram/three-clouds, after their formulas. Its pre-made files differ from these texel by
 //!   texel, and so do its own shaders from machine to machine, since they hash by the sine of large numbers.
 
+use crate::base::arrays::{Mapped, each};
 use crate::base::interpolation::smooth;
 use crate::base::texture::{Outside, Texels, Texture, TextureFilter, TextureHandle};
 use crate::nodes::hash::pcg_values;
@@ -117,7 +118,7 @@ fn bake(texture: CloudTexture, points: FeaturePoints) -> TextureHandle {
 fn bytes(size: [usize; 3], value: impl Fn([f64; 3]) -> f64 + Sync) -> TextureHandle {
     let [x, y, z] = size;
     let texel = |index: usize| {
-        let place = [index % x, index / x % y, index / (x * y)].map(|number| number as f64);
+        let place = [index % x, index / x % y, index / (x * y)].mapped(|number| number as f64);
         (value(place).clamp(0.0, 1.0) * 255.0).round() as u8
     };
     let bytes: Vec<u8> = (0..x * y * z).into_par_iter().with_min_len(1024).map(texel).collect();
@@ -127,7 +128,7 @@ fn bytes(size: [usize; 3], value: impl Fn([f64; 3]) -> f64 + Sync) -> TextureHan
 
 /// Interpolates eight numbers, x first.
 fn between(corners: [f64; 8], [x, y, z]: [f64; 3]) -> f64 {
-    let [low, high] = [0, 4].map(|begin| {
+    let [low, high] = [0, 4].mapped(|begin| {
         let row = |first: usize| lerp(x, corners[first], corners[first + 1]);
         lerp(y, row(begin), row(begin + 2))
     });
@@ -136,16 +137,16 @@ fn between(corners: [f64; 8], [x, y, z]: [f64; 3]) -> f64 {
 
 /// The corner of a cell by its number: x in the lowest bit.
 fn corner_of(index: usize) -> [i32; 3] {
-    [0, 1, 2].map(|axis| (index >> axis & 1) as i32)
+    [0, 1, 2].mapped(|axis| (index >> axis & 1) as i32)
 }
 
 /// Least squared distance from a place, in cells, to the feature points of the cells around.
 fn nearest(place: [f64; 3], point: impl Fn([i32; 3]) -> [f64; 3]) -> f64 {
-    let cell = place.map(|coordinate| coordinate.floor() as i32);
+    let cell = place.mapped(|coordinate| coordinate.floor() as i32);
     // Squares of what separates the place from the cells around it. A point's own differences are roundings of numbers that are at
     // least as large, and rounding keeps the order, as squares and sums do: no cell that is left out has a nearer point, to the bit.
     let square = |difference: f64| difference * difference;
-    let apart: [[f64; 3]; 3] = std::array::from_fn(|axis| {
+    let apart: [[f64; 3]; 3] = each(|axis| {
         let low = f64::from(cell[axis]);
         [square(low - place[axis]), 0.0, square(low + 1.0 - place[axis])]
     });
@@ -158,7 +159,7 @@ fn nearest(place: [f64; 3], point: impl Fn([i32; 3]) -> [f64; 3]) -> f64 {
                     continue;
                 }
                 let around = [x, y, z];
-                let at: [i32; 3] = std::array::from_fn(|axis| cell[axis] + around[axis] as i32 - 1);
+                let at: [i32; 3] = each(|axis| cell[axis] + around[axis] as i32 - 1);
                 let offset = point(at);
                 let along = |axis: usize| square(f64::from(at[axis]) + offset[axis] - place[axis]);
                 least = least.min(along(0) + along(1) + along(2));
@@ -173,25 +174,25 @@ fn best_noise() -> TextureHandle {
     const SIZE: [usize; 3] = [32, 32, 36];
     const CELLS: i32 = 4;
     let gradient_noise = |place: [f64; 3]| {
-        let cell = place.map(|coordinate| coordinate.floor() as i32);
-        let part: [f64; 3] = std::array::from_fn(|axis| place[axis] - f64::from(cell[axis]));
-        let corners = std::array::from_fn(|index| {
+        let cell = place.mapped(|coordinate| coordinate.floor() as i32);
+        let part: [f64; 3] = each(|axis| place[axis] - f64::from(cell[axis]));
+        let corners = each(|index| {
             let corner = corner_of(index);
-            let at: [i32; 3] = std::array::from_fn(|axis| (cell[axis] + corner[axis]).rem_euclid(CELLS));
-            let direction = pcg_values::<f64, 3>(at).map(|value| 2.0 * value - 1.0);
+            let at: [i32; 3] = each(|axis| (cell[axis] + corner[axis]).rem_euclid(CELLS));
+            let direction = pcg_values::<f64, 3>(at).mapped(|value| 2.0 * value - 1.0);
             let length = direction.iter().map(|part| part * part).sum::<f64>().sqrt();
             let along = |axis: usize| direction[axis] * (part[axis] - f64::from(corner[axis]));
             (along(0) + along(1) + along(2)) / length
         });
-        between(corners, part.map(fade))
+        between(corners, part.mapped(fade))
     };
     let cells = |place: [f64; 3], factor: i32| {
         let period = CELLS * factor;
-        let place = place.map(|coordinate| coordinate * f64::from(factor));
-        1.0 - nearest(place, |cell| pcg_values(cell.map(|number| number.rem_euclid(period)))).min(1.0).sqrt()
+        let place = place.mapped(|coordinate| coordinate * f64::from(factor));
+        1.0 - nearest(place, |cell| pcg_values(cell.mapped(|number| number.rem_euclid(period)))).min(1.0).sqrt()
     };
     bytes(SIZE, |texel| {
-        let place: [f64; 3] = std::array::from_fn(|axis| (texel[axis] + 0.5) / SIZE[axis] as f64 * f64::from(CELLS));
+        let place: [f64; 3] = each(|axis| (texel[axis] + 0.5) / SIZE[axis] as f64 * f64::from(CELLS));
         let worley = 0.625 * cells(place, 2) + 0.375 * cells(place, 8);
         worley + (0.5 + 0.5 * gradient_noise(place)) * (1.0 - worley)
     })
@@ -208,7 +209,7 @@ impl Cells {
     fn new(count: i32, kind: FeaturePoints) -> Self {
         let side = count as usize;
         let point = |index: usize| {
-            let cell = [index % side, index / side % side, index / (side * side)].map(|number| number as i32);
+            let cell = [index % side, index / side % side, index / (side * side)].mapped(|number| number as i32);
             match kind {
                 FeaturePoints::Even => pcg_values::<f32, 3>(cell),
                 FeaturePoints::Diagonal => {
@@ -224,9 +225,9 @@ impl Cells {
     /// 1 minus the squared distance to the nearest feature point, at most 1, at a place in periods.
     fn at(&self, place: [f64; 3]) -> f64 {
         let side = self.count as usize;
-        let found = nearest(place.map(|coordinate| coordinate * f64::from(self.count)), |cell| {
-            let [x, y, z] = cell.map(|number| number.rem_euclid(self.count) as usize);
-            self.points[(z * side + y) * side + x].map(f64::from)
+        let found = nearest(place.mapped(|coordinate| coordinate * f64::from(self.count)), |cell| {
+            let [x, y, z] = cell.mapped(|number| number.rem_euclid(self.count) as usize);
+            self.points[(z * side + y) * side + x].mapped(f64::from)
         });
         1.0 - found.min(1.0)
     }
@@ -247,7 +248,7 @@ fn takram_shape(points: FeaturePoints) -> TextureHandle {
     bytes([128; 3], |texel| {
         // As published: half a texel in the plane, none along the slices.
         let p = [(texel[0] + 0.5) / 128.0, (texel[1] + 0.5) / 128.0, texel[2] / 128.0];
-        let [w8, w16, w32, w56, w64] = [&c8, &c16, &c32, &c56, &c64].map(|cells| cells.at(p));
+        let [w8, w16, w32, w56, w64] = [&c8, &c16, &c32, &c56, &c64].mapped(|cells| cells.at(p));
         let coarse = three(w8, w32, w56);
         let both = coarse + perlin_octaves(p, [8; 3], 3).clamp(0.0, 1.0) * (1.0 - coarse);
         let fine = finer([w8, w16, w32, w64]);
@@ -259,7 +260,7 @@ fn takram_detail(points: FeaturePoints) -> TextureHandle {
     let cells = [2, 4, 8, 16].map(|count| Cells::new(count, points));
     bytes([32; 3], |texel| {
         let p = [(texel[0] + 0.5) / 32.0, (texel[1] + 0.5) / 32.0, texel[2] / 32.0];
-        finer(std::array::from_fn(|number| cells[number].at(p)))
+        finer(each(|number| cells[number].at(p)))
     })
 }
 
@@ -283,7 +284,7 @@ impl Spots {
 }
 
 fn second_layer(spots: &Spots, place: [f64; 3]) -> f64 {
-    smooth(1.0, 1.4, spots.at(place.map(|coordinate| coordinate + 0.5)))
+    smooth(1.0, 1.4, spots.at(place.mapped(|coordinate| coordinate + 0.5)))
 }
 
 /// Perlin's classic noise in four dimensions at w = 0, periodic (Gustavson, with the permutation polynomial 34 x^2 + x modulo 289): in
@@ -295,17 +296,15 @@ struct Perlin {
     gradients: [[f64; 3]; 289],
 }
 
-static PERLIN: LazyLock<Perlin> = LazyLock::new(|| Perlin {
-    permuted: std::array::from_fn(|x| (34 * x + 1) * x % 289),
-    gradients: std::array::from_fn(perlin_gradient),
-});
+static PERLIN: LazyLock<Perlin> =
+    LazyLock::new(|| Perlin { permuted: each(|x| (34 * x + 1) * x % 289), gradients: each(perlin_gradient) });
 
 fn perlin_gradient(number: usize) -> [f64; 3] {
     let fraction = |x: f64| x - x.floor();
     let x = number as f64 / 7.0;
     let y = x.floor() / 7.0;
     let z = y.floor() / 6.0;
-    let mut direction = [x, y, z].map(|coordinate| fraction(coordinate) - 0.5);
+    let mut direction = [x, y, z].mapped(|coordinate| fraction(coordinate) - 0.5);
     let w = 0.75 - direction.iter().map(|coordinate| coordinate.abs()).sum::<f64>();
     if w <= 0.0 {
         for coordinate in direction.iter_mut().take(2) {
@@ -313,19 +312,18 @@ fn perlin_gradient(number: usize) -> [f64; 3] {
         }
     }
     let length = (direction.iter().map(|part| part * part).sum::<f64>() + w * w).sqrt();
-    direction.map(|part| part / length)
+    direction.mapped(|part| part / length)
 }
 
 impl Perlin {
     /// The noise at a place in cells, of so many cells to a period.
     fn at(&self, place: [f64; 3], period: [i64; 3]) -> f64 {
-        let floors = place.map(f64::floor);
-        let part: [f64; 3] = std::array::from_fn(|axis| place[axis] - floors[axis]);
+        let floors = place.mapped(f64::floor);
+        let part: [f64; 3] = each(|axis| place[axis] - floors[axis]);
         // Along each axis the cells of the two lattice points.
-        let cells: [[usize; 2]; 3] = std::array::from_fn(|axis| {
-            [0, 1].map(|step| ((floors[axis] as i64 + step).rem_euclid(period[axis]) % 289) as usize)
-        });
-        let corners = std::array::from_fn(|index| {
+        let cells: [[usize; 2]; 3] =
+            each(|axis| [0, 1].mapped(|step| ((floors[axis] as i64 + step).rem_euclid(period[axis]) % 289) as usize));
+        let corners = each(|index| {
             let corner = corner_of(index);
             let cell = |axis: usize| cells[axis][corner[axis] as usize];
             let number = (0..3).fold(0, |number, axis| self.permuted[number + cell(axis)]);
@@ -333,7 +331,7 @@ impl Perlin {
             let along = |axis: usize| gradient[axis] * (part[axis] - f64::from(corner[axis]));
             along(0) + along(1) + along(2)
         });
-        2.2 * between(corners, part.map(fade))
+        2.2 * between(corners, part.mapped(fade))
     }
 }
 
@@ -342,8 +340,8 @@ fn perlin_octaves(place: [f64; 3], frequency: [i64; 3], octaves: u32) -> f64 {
     let (mut sum, mut weights) = (0.0, 0.0);
     for octave in 0..octaves {
         let weight = 0.5_f64.powi(octave as i32);
-        let period = frequency.map(|frequency| frequency << octave);
-        sum += weight * PERLIN.at(std::array::from_fn(|axis| place[axis] * period[axis] as f64), period);
+        let period = frequency.mapped(|frequency| frequency << octave);
+        sum += weight * PERLIN.at(each(|axis| place[axis] * period[axis] as f64), period);
         weights += weight;
     }
     sum / weights
@@ -360,13 +358,13 @@ fn curl(place: [f64; 3]) -> [f64; 3] {
         let [mut low, mut high] = [place; 2];
         low[axis] -= STEP;
         high[axis] += STEP;
-        let [low, high] = [low, high].map(field);
+        let [low, high] = [low, high].mapped(field);
         std::array::from_fn::<f64, 3, _>(|component| high[component] - low[component])
     };
-    let [by_x, by_y, by_z] = [0, 1, 2].map(change);
+    let [by_x, by_y, by_z] = [0, 1, 2].mapped(change);
     let found = [by_y[2] - by_z[1], by_z[0] - by_x[2], by_x[1] - by_y[0]];
     let length = found.iter().map(|part| part * part).sum::<f64>().sqrt();
-    if length > 0.0 { found.map(|part| part / length) } else { found }
+    if length > 0.0 { found.mapped(|part| part / length) } else { found }
 }
 
 #[cfg(test)]

@@ -5,6 +5,7 @@
 
 pub mod bakes;
 
+use crate::base::arrays::{Mapped, each};
 use crate::base::texture::TextureHandle;
 use crate::nodes::closure::Quantity;
 use crate::nodes::real::Real;
@@ -46,9 +47,9 @@ const ROUNDING: f64 = 1.0 / (1_u64 << 23) as f64;
 
 impl Evaluate for Lookup {
     fn evaluate<R: Real>(&self, inputs: &[Column<'_, R>], outputs: &mut [&mut [R]]) {
-        let size = self.0.size().map(|side| R::of(side as f32));
+        let size = self.0.size().mapped(|side| R::of(side as f32));
         for (index, result) in outputs[0].iter_mut().enumerate() {
-            let at = std::array::from_fn(|axis| inputs[axis].values[index].fraction() * size[axis] - R::of(0.5));
+            let at = each(|axis| inputs[axis].values[index].fraction() * size[axis] - R::of(0.5));
             *result = texture_lookup::read(&self.0, at);
         }
     }
@@ -56,7 +57,7 @@ impl Evaluate for Lookup {
     fn enclose(&self, inputs: &[Interval], outputs: &mut [Interval]) {
         let size = self.0.size();
         let number = <Interval as Quantity>::of;
-        let at: [Interval; 3] = std::array::from_fn(|axis| {
+        let at: [Interval; 3] = each(|axis| {
             let [low, high] = inputs[axis].ends();
             let place = Interval::outward(low - ROUNDING, high + ROUNDING, inputs[axis].may_be_nan);
             place * number(size[axis] as f64) - number(0.5)

@@ -9,6 +9,7 @@
 //! that the sum over the cells is at most the product over the axes of 1 + E(f^2) + E((1 - f)^2), f the
 //! place in the own cell. That is at most 2 (test `envelopes_are_bounded`): 32 in 2D and 64 in 3D.
 
+use crate::base::arrays::{Mapped, each};
 use crate::nodes::bounds::Interval;
 use crate::nodes::gabor_texture::{
     ANISOTROPY, FREQUENCY, GaborTexture, IMPULSES, LEAST_FREQUENCY, ORIENTATION, SCALE, normalization, random,
@@ -84,7 +85,7 @@ pub(super) fn enclose(node: &GaborTexture, inputs: &[Interval], outputs: &mut [I
 }
 
 fn sum<const N: usize>(inputs: &[Interval]) -> Sum {
-    let p: [Interval; N] = std::array::from_fn(|axis| inputs[axis] * inputs[SCALE]);
+    let p: [Interval; N] = each(|axis| inputs[axis] * inputs[SCALE]);
     let waves = Waves::<N>::new(inputs);
     let everything = |nan: bool| {
         let envelopes = IMPULSES as f64 * AXIS_SUM.powi(N as i32);
@@ -122,13 +123,13 @@ impl<const N: usize> Waves<N> {
             let common = all_common.then_some(common);
             return angle.is_finite().then_some(Self { frequency, isotropy, angles: [angle, Interval::ZERO], common });
         }
-        let orientation: [Interval; 3] = std::array::from_fn(|axis| inputs[ORIENTATION + axis]);
+        let orientation: [Interval; 3] = each(|axis| inputs[ORIENTATION + axis]);
         let usual = |square: Interval| f64::from(square.low) > LENGTHS[0] && f64::from(square.high) < LENGTHS[1];
         let square = squared(orientation);
         if !orientation.iter().all(|x| x.is_finite()) || !usual(square) {
             return None;
         }
-        let [x, y, z] = orientation.map(|component| component.divide(square.sqrt()));
+        let [x, y, z] = orientation.mapped(|component| component.divide(square.sqrt()));
         let common = Some(wave_vector(frequency, [x, y, z]));
         if all_common {
             return Some(Self { frequency, isotropy, angles: [Interval::ZERO; 2], common });
@@ -169,19 +170,19 @@ impl<const N: usize> Waves<N> {
         let scattered = wave_vector(self.frequency, [sine * azimuth.cos(), sine * azimuth.sin(), inclination.cos()]);
         match self.common {
             None => scattered,
-            Some(common) => std::array::from_fn(|axis| scattered[axis].hull(common[axis])),
+            Some(common) => each(|axis| scattered[axis].hull(common[axis])),
         }
     }
 
     /// The sum over the impulses that may be nearer than 1.
     fn sum(&self, p: [Interval; N]) -> Sum {
-        let first = p.map(|x| x.low.floor() as i32 - 1);
-        let counts: [usize; N] = std::array::from_fn(|axis| (p[axis].high.floor() as i32 + 2 - first[axis]) as usize);
+        let first = p.mapped(|x| x.low.floor() as i32 - 1);
+        let counts: [usize; N] = each(|axis| (p[axis].high.floor() as i32 + 2 - first[axis]) as usize);
         let mut ends = [[0.0_f64; 2]; 2];
         let mut envelopes = 0.0;
         for number in 0..counts.iter().product() {
             let mut rest: usize = number;
-            let cell: [f32; N] = std::array::from_fn(|axis| {
+            let cell: [f32; N] = each(|axis| {
                 let step = rest % counts[axis];
                 rest /= counts[axis];
                 (first[axis] + step as i32) as f32
@@ -195,7 +196,7 @@ impl<const N: usize> Waves<N> {
                 continue;
             }
             for impulse in 0..IMPULSES {
-                let offset: [[f64; 2]; N] = std::array::from_fn(|axis| {
+                let offset: [[f64; 2]; N] = each(|axis| {
                     let hash: f32 = random(cell, 3 * impulse + 1, axis);
                     let place = f64::from(cell[axis]) + f64::from(hash);
                     let [low, high] = p[axis].ends();
@@ -225,7 +226,7 @@ impl<const N: usize> Waves<N> {
             }
         }
         let error = SUM_ERROR * envelopes;
-        let [real, imaginary] = ends.map(|[low, high]| {
+        let [real, imaginary] = ends.mapped(|[low, high]| {
             let bound = IMPULSES as f64 * AXIS_SUM.powi(N as i32);
             Interval::with_error(low.max(-bound), high.min(bound), error, false)
         });
@@ -235,7 +236,7 @@ impl<const N: usize> Waves<N> {
 
 /// Scales a direction; its third component does not exist in the plane.
 fn wave_vector<const N: usize>(frequency: Interval, direction: [Interval; 3]) -> [Interval; N] {
-    std::array::from_fn(|axis| frequency * direction[axis])
+    each(|axis| frequency * direction[axis])
 }
 
 /// The envelope at a squared distance; 0 from 1 on.

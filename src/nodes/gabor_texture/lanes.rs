@@ -8,10 +8,10 @@
 //! only impulses nearer than 1 get their direction, their sign and the C library's functions,
 //! which are called one by one in the scalar order.
 
+use crate::base::arrays::each;
 use crate::nodes::gabor_texture::{
     ANISOTROPY, FREQUENCY, GaborTexture, IMPULSES, ORIENTATION, SCALE, Waves, neighbours, phasor,
 };
-use crate::nodes::lanes::each;
 use crate::nodes::real::dot;
 use crate::nodes::{Column, lane_level};
 use fearless_simd::{dispatch, f32x8, prelude::*, u32x8};

@@ -2,6 +2,7 @@
 //!
 //! Source: Blender's blend modes as Cycles orders them. [`super::formulas`] holds what they do to one component.
 
+use crate::base::arrays::{Mapped, each};
 use crate::nodes::color_space::{
     enclose_hsv_to_rgb, enclose_rgb_to_hsv, hsv_to_rgb, rgb_to_hsv, rgb_to_hsv_of_constant,
 };
@@ -36,7 +37,7 @@ pub const BLEND_TYPES: &[&str] = &[
 /// [`linear`] on each component.
 #[inline(always)]
 fn linear_each<R: Real>(a: [R; 3], b: [R; 3], t: R) -> [R; 3] {
-    std::array::from_fn(|axis| linear(a[axis], b[axis], t))
+    each(|axis| linear(a[axis], b[axis], t))
 }
 
 /// The hue of b; grey has none.
@@ -264,11 +265,11 @@ fn unless_grey(saturation: Interval, a: [Interval; 3], changed: impl FnOnce() ->
         return a;
     }
     let changed = changed();
-    if saturation.flushed().has_zero() { std::array::from_fn(|axis| changed[axis].hull(a[axis])) } else { changed }
+    if saturation.flushed().has_zero() { each(|axis| changed[axis].hull(a[axis])) } else { changed }
 }
 
 fn enclose_linear_each(a: [Interval; 3], b: [Interval; 3], t: Interval) -> [Interval; 3] {
-    std::array::from_fn(|axis| enclose_formula!(linear, [a[axis], b[axis], t]))
+    each(|axis| enclose_formula!(linear, [a[axis], b[axis], t]))
 }
 
 fn enclose_hue(a: [Interval; 3], b: [Interval; 3], t: Interval) -> [Interval; 3] {
@@ -278,7 +279,7 @@ fn enclose_hue(a: [Interval; 3], b: [Interval; 3], t: Interval) -> [Interval; 3]
         // Another hue leaves the smallest and the largest component.
         let span = a[0].hull(a[1]).hull(a[2]);
         let ([low, high], error) = (span.ends(), 4.0 * ROUNDING * span.magnitude());
-        let turned = enclose_hsv_to_rgb([hue, saturation, value]).map(|component| {
+        let turned = enclose_hsv_to_rgb([hue, saturation, value]).mapped(|component| {
             let within = Interval::with_error(low, high, error, span.may_be_nan);
             if component.is_finite() { component.meet(within) } else { component }
         });
@@ -415,13 +416,13 @@ impl Evaluate for Blend {
 
     fn enclose(&self, inputs: &[Interval], outputs: &mut [Interval]) {
         let factor = if self.clamp_factor { inputs[0].saturate() } else { inputs[0] };
-        let [a, b] = [1, 4].map(|first| [inputs[first], inputs[first + 1], inputs[first + 2]]);
+        let [a, b] = [1, 4].mapped(|first| [inputs[first], inputs[first + 1], inputs[first + 2]]);
         let result = match self.kind {
             "HUE" => enclose_hue(a, b, factor),
             "SATURATION" => enclose_saturation(a, b, factor),
             "COLOR" => enclose_color(a, b, factor),
             "VALUE" => enclose_value(a, b, factor),
-            _ => std::array::from_fn(|axis| self.enclose_component(a[axis], b[axis], factor)),
+            _ => each(|axis| self.enclose_component(a[axis], b[axis], factor)),
         };
         for (output, value) in outputs.iter_mut().zip(result) {
             *output = if self.clamp_result { value.saturate() } else { value };
@@ -632,9 +633,8 @@ mod tests {
         for &kind in BLEND_TYPES {
             let mut equal = true;
             for step in 0..200_u16 {
-                let inputs: [f32; 7] = std::array::from_fn(|index| {
-                    f32::from((step * 7 + index as u16 + 1).wrapping_mul(40_503)) / 65_537.0
-                });
+                let inputs: [f32; 7] =
+                    each(|index| f32::from((step * 7 + index as u16 + 1).wrapping_mul(40_503)) / 65_537.0);
                 let (folded, evaluated) = (at(kind, inputs), values::<f32>(&blend(kind), inputs));
                 equal &= folded == evaluated;
                 let near = folded.iter().zip(evaluated).all(|(folded, evaluated)| (folded - evaluated).abs() < 2e-5);
@@ -711,7 +711,7 @@ mod tests {
             for round in 0..300 {
                 let scale = if round % 2 == 0 { 1.0 } else { 4.0 };
                 let shift = if round % 2 == 0 { 0.0 } else { -2.0 };
-                let boxes: [Interval; 7] = std::array::from_fn(|_| {
+                let boxes: [Interval; 7] = each(|_| {
                     let (x, width) = (next() * scale + shift, if round % 3 == 0 { 0.0 } else { next() });
                     Interval::new(x, x + width)
                 });

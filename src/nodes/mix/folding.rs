@@ -3,6 +3,7 @@
 //! In most blend modes the order of operations is not the kernels' one, and the limits let a NaN through. Source:
 //! values of Blender, equal in every bit for ordinary operands, infinities and NaN.
 
+use crate::base::arrays::each;
 use crate::nodes::color_space::blender::{hsv_to_rgb, rgb_to_hsv};
 use crate::nodes::mix::formulas::{burn, divide, dodge, linear_light, overlay, screen, soft_light, weighted};
 
@@ -13,7 +14,7 @@ pub fn limited(value: f32, limits: bool) -> f32 {
 
 /// The blend of `b` over `a` with the factor `t`, in one of [`super::blend::BLEND_TYPES`].
 pub fn blended(kind: &str, a: [f32; 3], b: [f32; 3], t: f32) -> [f32; 3] {
-    let each = |formula: fn(f32, f32, f32) -> f32| std::array::from_fn(|axis| formula(a[axis], b[axis], t));
+    let each = |formula: fn(f32, f32, f32) -> f32| each(|axis| formula(a[axis], b[axis], t));
     match kind {
         "MIX" => each(weighted),
         "DARKEN" => each(|a, b, t| weighted(a, if a < b { a } else { b }, t)),
@@ -39,7 +40,7 @@ pub fn blended(kind: &str, a: [f32; 3], b: [f32; 3], t: f32) -> [f32; 3] {
 }
 
 fn weighted_each(a: [f32; 3], b: [f32; 3], t: f32) -> [f32; 3] {
-    std::array::from_fn(|axis| weighted(a[axis], b[axis], t))
+    each(|axis| weighted(a[axis], b[axis], t))
 }
 
 /// The hue of b; grey has none.

@@ -10,6 +10,7 @@
 //! v_0 and v_1 the corner values on the two sides of axis i. A box over several cells is the union
 //! of its parts; over many cells, or where coordinates wrap, the noise's range is all that is said.
 
+use crate::base::arrays::{Mapped, each};
 use crate::nodes::bounds::Interval;
 use crate::nodes::gradient_noise::{SCALE, gradient, random_offset};
 use crate::nodes::hash::jenkins;
@@ -91,7 +92,7 @@ fn in_cell<const N: usize>(cell: [i64; N], f: [Span; N]) -> Span {
     let mut gradients = [[0.0_f64; N]; 16];
     let mut values = [[0.0; 2]; 16];
     let mut middle_values = [[0.0; 2]; 16];
-    let middle = f.map(|f| 0.5 * (f[0] + f[1]));
+    let middle = f.mapped(|f| 0.5 * (f[0] + f[1]));
     for corner in 0..1 << N {
         let bit = |axis: usize| (corner >> axis) & 1;
         let hash =
@@ -110,9 +111,9 @@ fn in_cell<const N: usize>(cell: [i64; N], f: [Span; N]) -> Span {
         values[corner] = value;
         middle_values[corner] = [middle_value; 2];
     }
-    let fades: [Span; N] = f.map(|f| f.map(fade));
+    let fades: [Span; N] = f.mapped(|f| f.mapped(fade));
     let natural = interpolate::<N>(values, &fades, None);
-    let middle_fades: [Span; N] = middle.map(|m| [fade(m); 2]);
+    let middle_fades: [Span; N] = middle.mapped(|m| [fade(m); 2]);
     let mut mean_value = interpolate::<N>(middle_values, &middle_fades, None);
     for axis in 0..N {
         let radius = 0.5 * (f[axis][1] - f[axis][0]);
@@ -162,9 +163,9 @@ pub(super) fn signed_noise<const N: usize>(p: [Interval; N]) -> Interval {
     if p.iter().any(|x| x.magnitude() > LARGEST_COORDINATE) {
         return whole;
     }
-    let ends = p.map(Interval::ends);
-    let first = ends.map(|x| x[0].floor() as i64);
-    let last = ends.map(|x| x[1].floor() as i64);
+    let ends = p.mapped(Interval::ends);
+    let first = ends.mapped(|x| x[0].floor() as i64);
+    let last = ends.mapped(|x| x[1].floor() as i64);
     let mut count = 1;
     for axis in 0..N {
         count *= last[axis] - first[axis] + 1;
@@ -175,7 +176,7 @@ pub(super) fn signed_noise<const N: usize>(p: [Interval; N]) -> Interval {
     let mut bounds = [f64::INFINITY, f64::NEG_INFINITY];
     let mut cell = first;
     loop {
-        let part = std::array::from_fn(|axis| {
+        let part = each(|axis| {
             let corner = cell[axis] as f64;
             [(ends[axis][0] - corner).max(0.0), (ends[axis][1] - corner).min(1.0)]
         });
@@ -189,11 +190,11 @@ pub(super) fn signed_noise<const N: usize>(p: [Interval; N]) -> Interval {
 }
 
 fn scaled<const N: usize>(p: [Interval; N], factor: Interval) -> [Interval; N] {
-    p.map(|x| x * factor)
+    p.mapped(|x| x * factor)
 }
 
 fn add<const N: usize>(p: [Interval; N], offset: [Interval; N]) -> [Interval; N] {
-    std::array::from_fn(|axis| p[axis] + offset[axis])
+    each(|axis| p[axis] + offset[axis])
 }
 
 /// Parameters over a box, clamped as the kernel does.
@@ -358,12 +359,12 @@ impl NoiseTexture {
 
     fn enclose_points<const N: usize>(&self, inputs: &[Interval], outputs: &mut [Interval]) {
         let [scale, detail, roughness, lacunarity, offset, gain, distortion] = self.parameter_columns();
-        let offset_vector = |seed: f32| random_offset::<f32, N>(seed).map(Interval::point);
-        let mut p: [Interval; N] = std::array::from_fn(|axis| inputs[axis] * inputs[scale]);
+        let offset_vector = |seed: f32| random_offset::<f32, N>(seed).mapped(Interval::point);
+        let mut p: [Interval; N] = each(|axis| inputs[axis] * inputs[scale]);
         let strength = inputs[distortion];
         if strength.as_point() != Some(0.0) {
             let undistorted = p;
-            p = std::array::from_fn(|axis| {
+            p = each(|axis| {
                 let shift = signed_noise(add(undistorted, offset_vector(axis as f32)));
                 undistorted[axis] + shift * strength
             });

@@ -1,8 +1,10 @@
 //! Every fractal in one to four dimensions on SIMD lanes, one point per lane; the same bits as the
 //! scalar evaluation, which these functions follow operation by operation.
 
+use crate::base::arrays::Mapped;
+use crate::base::arrays::each;
 use crate::nodes::gradient_noise::{PERIOD, SCALE, random_offset};
-use crate::nodes::lanes::{self, each, finished_hash, mixed_words, saturate};
+use crate::nodes::lanes::{self, finished_hash, mixed_words, saturate};
 use crate::nodes::noise_texture::{Fractal, NoiseTexture};
 use crate::nodes::{Column, Evaluate, Real, columns_at, lane_level};
 use fearless_simd::{dispatch, prelude::*};
@@ -21,7 +23,7 @@ pub(super) fn evaluate(node: &NoiseTexture, inputs: &[Column<'_, f32>], outputs:
         return false;
     }
     let [scale, detail, roughness, lacunarity] =
-        [scale, detail, roughness, lacunarity].map(|column| inputs[column].values[0]);
+        [scale, detail, roughness, lacunarity].mapped(|column| inputs[column].values[0]);
     let plan = Plan {
         kind: Kind::of(node.fractal),
         scale,
@@ -66,10 +68,10 @@ pub(in crate::nodes) fn fbm_values(fractal: &Fractal<f32>, places: [&[f32]; 3], 
         factor: true,
         color: false,
     };
-    let columns = places.map(|values| Column { values, uniform: false });
+    let columns = places.mapped(|values| Column { values, uniform: false });
     let far = dispatch!(lane_level(), simd => run::<_, 3>(simd, &plan, &columns, &mut [&mut *values]));
     for index in far {
-        values[index] = fractal.fbm(places.map(|place| place[index]), true);
+        values[index] = fractal.fbm(places.mapped(|place| place[index]), true);
     }
 }
 

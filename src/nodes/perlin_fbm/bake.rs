@@ -1,5 +1,6 @@
 //! The byte volume: octaves of noise, made periodic, thresholded.
 
+use crate::base::arrays::{Mapped, each};
 use crate::base::error::{Error, Result};
 use crate::base::interpolation::smooth;
 use crate::base::texture::Outside;
@@ -99,7 +100,7 @@ impl Bake {
         let table = permutation(self.seed);
         let texel = |index: usize| {
             let place = [index % side, index / side % side, index / (side * side)];
-            self.byte(self.blend::<f64>(&table, place.map(|number| number as f64 / (side - 1) as f64)))
+            self.byte(self.blend::<f64>(&table, place.mapped(|number| number as f64 / (side - 1) as f64)))
         };
         Ok(Volume::new(side, (0..side.pow(3)).map(texel).collect(), Outside::Repeat))
     }
@@ -120,12 +121,12 @@ impl Bake {
     /// The periodic noise mapped to about [0, 1], at a place of the unit box: eight shifted copies, each with the weight of its corner.
     pub fn blend<T: Number>(&self, table: &Permutation, place: [f64; 3]) -> T {
         let (scale, seed) = (self.noise_scale, self.seed);
-        let base = place.map(|coordinate| coordinate * scale + seed);
-        let weights = place.map(T::number);
+        let base = place.mapped(|coordinate| coordinate * scale + seed);
+        let weights = place.mapped(T::number);
         let one = T::number(1.0);
         let mut sum = T::number(0.0);
         for corner in rows::CORNERS {
-            let shifted = std::array::from_fn(|axis| if corner[axis] == 1 { base[axis] - scale } else { base[axis] });
+            let shifted = each(|axis| if corner[axis] == 1 { base[axis] - scale } else { base[axis] });
             let mut term = octaves::<T>(table, shifted, &self.octaves);
             for axis in 0..3 {
                 term = term * if corner[axis] == 1 { weights[axis] } else { one - weights[axis] };
@@ -138,7 +139,7 @@ impl Bake {
     /// The value in [0, 1] at a place in periods of the texture, that no texture rounds: what a texture of ever more texels and bits
     /// tends to.
     pub fn exact(&self, table: &Permutation, place: [f64; 3]) -> f64 {
-        self.density(self.blend(table, place.map(|coordinate| coordinate - coordinate.floor())))
+        self.density(self.blend(table, place.mapped(|coordinate| coordinate - coordinate.floor())))
     }
 
     /// The thresholded value of the blended noise. NaN, a negative value to a broken power, gives 0.

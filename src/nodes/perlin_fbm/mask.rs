@@ -1,5 +1,6 @@
 //! The mask: the signed distance of a sphere that is flattened in six directions and deformed by two textures of noise.
 
+use crate::base::arrays::Mapped;
 use crate::base::error::Result;
 use crate::base::texture::Outside;
 use crate::nodes::perlin_fbm::noise::{Field, noise};
@@ -95,7 +96,7 @@ impl Mask {
             });
             found.unwrap_or_else(|| Arc::new(wanted.texture()))
         });
-        let tables = self.deformations.map(|deformation| permutation(deformation.seed));
+        let tables = self.deformations.mapped(|deformation| permutation(deformation.seed));
         Ok(Baked { mask: *self, textures, tables })
     }
 }
@@ -106,7 +107,7 @@ impl Deformation {
         let table = permutation(self.seed);
         Volume::bake(SIDE, Outside::Clamp, |place| {
             // The side is even: no texel lies at the centre.
-            let value = self.value(&table, place.map(|number| 2.0 * number as f64 / (SIDE - 1) as f64 - 1.0));
+            let value = self.value(&table, place.mapped(|number| 2.0 * number as f64 / (SIDE - 1) as f64 - 1.0));
             // Truncated, not clamped: 256 wraps to 0.
             (128.0 * value + 128.0) as i64 as u8
         })
@@ -117,7 +118,7 @@ impl Deformation {
     /// The noise in a direction of any length but 0.
     fn value(&self, table: &Permutation, [x, y, z]: [f64; 3]) -> f64 {
         let inverse = 1.0 / (x * x + y * y + z * z).sqrt();
-        noise(Field::Mask, table, [x, y, z].map(|part| part * inverse * self.frequency))
+        noise(Field::Mask, table, [x, y, z].mapped(|part| part * inverse * self.frequency))
     }
 }
 

@@ -13,6 +13,7 @@ pub mod noise;
 pub mod random;
 pub mod rows;
 
+use crate::base::arrays::{Mapped, each};
 use crate::base::error::{Error, Result};
 use crate::base::texture::{Outside, Texels, Texture, TextureFilter, TextureHandle};
 use crate::nodes::closure::Quantity;
@@ -244,7 +245,7 @@ impl Cloud {
     /// Place of the box's centre in the texture, in periods: what is left of it within a period is all that counts, taken in f64.
     fn moved(&self) -> [f64; 3] {
         let Parameters { offset, tiling, .. } = &self.parameters;
-        offset.map(|offset| (offset + 0.5 * tiling).rem_euclid(1.0))
+        offset.mapped(|offset| (offset + 0.5 * tiling).rem_euclid(1.0))
     }
 
     fn is_exact(&self) -> bool {
@@ -262,14 +263,13 @@ impl Cloud {
         } else {
             // Whole periods go first, those of the place before the offset is added, so that the texel's fraction keeps its bits.
             let moved = self.moved();
-            let part: [R; 3] = std::array::from_fn(|axis| {
-                ((place[axis] * number(parameters.tiling)).fraction() + number(moved[axis])).fraction()
-            });
+            let part: [R; 3] =
+                each(|axis| ((place[axis] * number(parameters.tiling)).fraction() + number(moved[axis])).fraction());
             if self.is_exact() {
-                number(parameters.bake.exact(&self.table, part.map(Real::to_f64)))
+                number(parameters.bake.exact(&self.table, part.mapped(Real::to_f64)))
             } else {
                 let side = R::of(self.volume.side as f32);
-                texture_lookup::read(self.volume.texture(), part.map(|part| part * side - R::of(0.5)))
+                texture_lookup::read(self.volume.texture(), part.mapped(|part| part * side - R::of(0.5)))
             }
         };
         let is_empty = mask <= R::of(0.0) || texel < number(parameters.threshold);
@@ -285,23 +285,23 @@ impl Cloud {
             return R::of(-1.0);
         }
         let stretched: [R; 3] =
-            std::array::from_fn(|axis| place[axis] / number(flattening[usize::from(place[axis] > R::of(0.0))][axis]));
+            each(|axis| place[axis] / number(flattening[usize::from(place[axis] > R::of(0.0))][axis]));
         let [x, y, z] = stretched;
         let length = (x * x + y * y + z * z).sqrt();
         if length == R::of(0.0) {
             return number(radius);
         }
-        let direction = stretched.map(|part| part / length);
+        let direction = stretched.mapped(|part| part / length);
         let mut displacement = R::of(0.0);
         for (index, deformation) in deformations.iter().enumerate() {
             let value = if !reads_textures {
                 // Both textures read as 0.
                 R::of(-1.0)
             } else if self.is_exact() {
-                number(self.mask.exact(index, direction.map(Real::to_f64)))
+                number(self.mask.exact(index, direction.mapped(Real::to_f64)))
             } else {
                 let side = R::of(mask::SIDE as f32);
-                let at = direction.map(|part| (part * number(radius) * R::of(0.5) + R::of(0.5)) * side - R::of(0.5));
+                let at = direction.mapped(|part| (part * number(radius) * R::of(0.5) + R::of(0.5)) * side - R::of(0.5));
                 R::of(2.0) * texture_lookup::read(self.mask.textures[index].texture(), at) - R::of(1.0)
             };
             displacement = displacement + value * number(deformation.strength);
@@ -320,7 +320,7 @@ impl Cloud {
         let (mut near, mut far) = (0.0, 0.0);
         for axis in 0..3 {
             let ends = place[axis].ends();
-            stretched[axis] = ends.map(|end| end / flattening[usize::from(end > 0.0)][axis]);
+            stretched[axis] = ends.mapped(|end| end / flattening[usize::from(end > 0.0)][axis]);
             let [low, high] = stretched[axis];
             let least = if low <= 0.0 && high >= 0.0 { 0.0 } else { low.abs().min(high.abs()) };
             near += least * least;
@@ -335,7 +335,7 @@ impl Cloud {
                 // Gradient noise of gradients of length root 2 lies within 1 and a little (Perlin 2002); 1.1 is beyond it.
                 [-1.1, 1.1]
             } else {
-                let directions: [Interval; 3] = std::array::from_fn(|axis| {
+                let directions: [Interval; 3] = each(|axis| {
                     let [low, high] = if near > 0.0 {
                         let [a, b] = stretched[axis];
                         let ends = [a / near, a / far, b / near, b / far];
@@ -369,7 +369,7 @@ impl Cloud {
         let parameters = &self.parameters;
         let distance = self.distance_bounds(place);
         let softness = parameters.mask.softness;
-        let factor = distance.ends().map(|end| crate::base::interpolation::smooth(0.0, softness, end));
+        let factor = distance.ends().mapped(|end| crate::base::interpolation::smooth(0.0, softness, end));
         let may_be_nan = distance.may_be_nan;
         if factor[1] <= 0.0 && distance.ends()[1] <= -ROUNDING {
             return Interval { may_be_nan, ..Interval::ZERO };
@@ -380,7 +380,7 @@ impl Cloud {
             [0.0, 1.0]
         } else {
             let (side, moved) = (self.volume.side as f64, self.moved());
-            let index: [Interval; 3] = std::array::from_fn(|axis| {
+            let index: [Interval; 3] = each(|axis| {
                 let number = <Interval as Quantity>::of;
                 (place[axis] * number(parameters.tiling) + number(moved[axis])) * number(side) - number(0.5)
             });
@@ -410,7 +410,7 @@ struct Density(Arc<Cloud>);
 impl Evaluate for Density {
     fn evaluate<R: Real>(&self, inputs: &[Column<'_, R>], outputs: &mut [&mut [R]]) {
         for (index, result) in outputs[0].iter_mut().enumerate() {
-            *result = self.0.at(std::array::from_fn(|axis| inputs[axis].values[index])).density;
+            *result = self.0.at(each(|axis| inputs[axis].values[index])).density;
         }
     }
 

@@ -4,6 +4,7 @@
 //! cell before it becomes a [`Number`] ([`cell_and_part`]). In f32 a coordinate of 31337 would have 11 bits left behind the point; its part
 //! of a cell has all 24, however far from the origin the place and however high the octave is.
 
+use crate::base::arrays::Mapped;
 use crate::nodes::perlin_fbm::random::Permutation;
 use crate::nodes::running_error::RunningError;
 use serde::{Deserialize, Serialize};
@@ -76,9 +77,9 @@ pub fn cell_and_part<T: Number>(coordinate: f64) -> (usize, T) {
 /// Noise in about [-1, 1] at a place in units of the lattice, which repeats after 256. In f64 values are those of the original's
 /// order of operations.
 pub fn noise<T: Number>(field: Field, table: &Permutation, place: [f64; 3]) -> T {
-    let taken_apart = place.map(cell_and_part::<T>);
-    let (cells, fractions) = (taken_apart.map(|(cell, _)| cell), taken_apart.map(|(_, part)| part));
-    let [u, v, w] = fractions.map(fade);
+    let taken_apart = place.mapped(cell_and_part::<T>);
+    let (cells, fractions) = (taken_apart.mapped(|(cell, _)| cell), taken_apart.mapped(|(_, part)| part));
+    let [u, v, w] = fractions.mapped(fade);
     let look_up = |index: usize| usize::from(table[index & 255]);
     let one = T::number(1.0);
     let corner = |upper: [usize; 3]| {
@@ -102,7 +103,7 @@ pub fn octaves<T: Number>(table: &Permutation, place: [f64; 3], octaves: &Octave
     let (mut sum, mut amplitudes, mut amplitude) = (T::number(0.0), T::number(0.0), T::number(1.0));
     let mut frequency = 1.0;
     for _ in 0..octaves.count {
-        sum = sum + noise::<T>(Field::Volume, table, place.map(|coordinate| coordinate * frequency)) * amplitude;
+        sum = sum + noise::<T>(Field::Volume, table, place.mapped(|coordinate| coordinate * frequency)) * amplitude;
         amplitudes = amplitudes + amplitude;
         amplitude = amplitude * persistence;
         frequency *= octaves.lacunarity;
@@ -112,7 +113,7 @@ pub fn octaves<T: Number>(table: &Permutation, place: [f64; 3], octaves: &Octave
 
 /// t^3 (t (6 t - 15) + 10).
 pub(crate) fn fade<T: Number>(t: T) -> T {
-    let [six, ten, fifteen] = [6.0, 10.0, 15.0].map(T::number);
+    let [six, ten, fifteen] = [6.0, 10.0, 15.0].mapped(T::number);
     t * t * t * (t * (t * six - fifteen) + ten)
 }
 

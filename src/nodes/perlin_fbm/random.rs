@@ -4,6 +4,8 @@
 //! of the growing sum and through truncation towards 0 while the state is negative, and seeds that differ by a
 //! multiple of 2^32 give the same numbers.
 
+use crate::base::arrays::each;
+
 /// Added to the state before every draw.
 const STEP: f64 = 1_831_565_813.0;
 
@@ -39,7 +41,7 @@ impl Random {
 /// Shuffles the numbers 0 to 255 (Fisher and Yates, from the last).
 pub fn permutation(seed: f64) -> Permutation {
     let mut random = Random::new(seed);
-    let mut table: Permutation = std::array::from_fn(|number| number as u8);
+    let mut table: Permutation = each(|number| number as u8);
     for last in (1..256_usize).rev() {
         // floor(draw / 2^32 * (last + 1)), without rounding.
         let other = (u64::from(random.draw()) * (last as u64 + 1)) >> 32;

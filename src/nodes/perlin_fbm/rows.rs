@@ -6,6 +6,7 @@
 //! that is 0 changes no value, and the interpolation along x, y and z keeps its order, so every rounding is that of the
 //! straightforward evaluation.
 
+use crate::base::arrays::{Mapped, each};
 use crate::nodes::perlin_fbm::noise::{Number, Octaves, cell_and_part, fade, lerp};
 use crate::nodes::perlin_fbm::random::Permutation;
 use rayon::prelude::*;
@@ -126,7 +127,7 @@ impl<'a, T: Number> Tables<'a, T> {
         let places: Vec<f64> = (0..side).map(|number| number as f64 / (side - 1) as f64).collect();
         let mut tables = Self {
             first: table,
-            last: std::array::from_fn(|index| table[usize::from(table[index])] & 15),
+            last: each(|index| table[usize::from(table[index])] & 15),
             places: places.iter().map(|&place| T::number(place)).collect(),
             axes: [Vec::new(), Vec::new()],
             amplitudes: Vec::new(),
@@ -158,7 +159,7 @@ impl<'a, T: Number> Tables<'a, T> {
             for corner in CORNERS {
                 noise.fill(T::number(0.0));
                 for octave in 0..self.amplitudes.len() {
-                    let [along_x, along_y, along_z] = corner.map(|copy| &self.axes[copy][octave]);
+                    let [along_x, along_y, along_z] = corner.mapped(|copy| &self.axes[copy][octave]);
                     self.dot_products(along_x, [(along_y, y), (along_z, z)], &mut slopes);
                     add_octave(
                         along_x,
@@ -183,26 +184,26 @@ impl<'a, T: Number> Tables<'a, T> {
     /// Slopes and values at the lattice points along x, for the texel row at these places of y and z.
     #[inline(always)]
     fn dot_products(&self, along_x: &Axis<T>, across: [(&Axis<T>, usize); 2], slopes: &mut Vec<Slopes<T>>) {
-        let [y, z] = across.map(|(axis, place)| axis.fractions[place]);
-        let [cell_y, cell_z] = across.map(|(axis, place)| axis.cells[place]);
+        let [y, z] = across.mapped(|(axis, place)| axis.fractions[place]);
+        let [cell_y, cell_z] = across.mapped(|(axis, place)| axis.cells[place]);
         let one = T::number(1.0);
         let part = |sign: i8| T::number(f64::from(sign));
-        let dot: [[[T; 2]; 16]; 4] = std::array::from_fn(|row| {
-            let [from_y, from_z] = [(y, row & 1), (z, row >> 1)].map(|(t, up)| if up == 1 { t - one } else { t });
-            std::array::from_fn(|gradient| {
-                let [a, b, c] = GRADIENTS[gradient].map(part);
+        let dot: [[[T; 2]; 16]; 4] = each(|row| {
+            let [from_y, from_z] = [(y, row & 1), (z, row >> 1)].mapped(|(t, up)| if up == 1 { t - one } else { t });
+            each(|gradient| {
+                let [a, b, c] = GRADIENTS[gradient].mapped(part);
                 [a, b * from_y + c * from_z]
             })
         });
         slopes.clear();
         slopes.extend(along_x.points.iter().map(|&point| {
             let first = usize::from(self.first[point]);
-            let second = [0, 1].map(|up| usize::from(self.first[(first + cell_y + up) & 255]));
-            let found: [[T; 2]; 4] = std::array::from_fn(|row| {
+            let second = [0, 1].mapped(|up| usize::from(self.first[(first + cell_y + up) & 255]));
+            let found: [[T; 2]; 4] = each(|row| {
                 let gradient = self.last[(second[row & 1] + cell_z + (row >> 1)) & 255];
                 dot[row][usize::from(gradient & 15)]
             });
-            [0, 1].map(|part| std::array::from_fn(|row| found[row][part]))
+            [0, 1].mapped(|part| each(|row| found[row][part]))
         }));
     }
 }
@@ -215,8 +216,7 @@ fn add_octave<T: Number>(axis: &Axis<T>, fades: [T; 2], slopes: &[Slopes<T>], am
     for (((&before, &from), &fade), sum) in texels.zip(noise) {
         let [low, high] = [&slopes[before], &slopes[before + 1]];
         let to = from - one;
-        let rows: [T; 4] =
-            std::array::from_fn(|row| lerp(fade, low[0][row] * from + low[1][row], high[0][row] * to + high[1][row]));
+        let rows: [T; 4] = each(|row| lerp(fade, low[0][row] * from + low[1][row], high[0][row] * to + high[1][row]));
         let value = lerp(fades[1], lerp(fades[0], rows[0], rows[1]), lerp(fades[0], rows[2], rows[3]));
         *sum = *sum + value * amplitude;
     }

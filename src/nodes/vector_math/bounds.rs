@@ -1,5 +1,6 @@
 //! Bounds of the Vector Math node's operations.
 
+use crate::base::arrays::{self, Mapped};
 use crate::nodes::bounds::Interval;
 use crate::nodes::math::bounds::{may_overflow, modulo, sign, snap, wrap};
 use crate::scene::Release;
@@ -10,7 +11,7 @@ type Vector = [Interval; 3];
 const SMALLEST_SQUARE: f32 = 1e-30;
 
 fn each(a: Vector, b: Vector, function: impl Fn(Interval, Interval) -> Interval) -> Vector {
-    std::array::from_fn(|axis| function(a[axis], b[axis]))
+    arrays::each(|axis| function(a[axis], b[axis]))
 }
 
 fn dot(a: Vector, b: Vector) -> Interval {
@@ -35,7 +36,7 @@ pub(in crate::nodes) fn safe_unit(a: Vector) -> Vector {
         // a length that it does not flush to within a factor of 2. An overflowing square gives 0.
         return [Interval::new(-1.5, 1.5).or_nan(nan); 3];
     }
-    std::array::from_fn(|axis| {
+    arrays::each(|axis| {
         let [low, high] = a[axis].ends();
         let [others_low, others_high] = (a[(axis + 1) % 3].square() + a[(axis + 2) % 3].square()).ends();
         // x / sqrt(x^2 + m) rises with x; a positive one falls with m, a negative one rises.
@@ -54,7 +55,7 @@ fn no_longer_than(result: Vector, a: Vector, sound: bool) -> Vector {
     }
     let limit = f64::from(length(a).high);
     let shell = Interval::with_error(-limit, limit, 1e-5 * limit, true);
-    result.map(|x| if limit.is_finite() { x.meet(shell) } else { x })
+    result.mapped(|x| if limit.is_finite() { x.meet(shell) } else { x })
 }
 
 /// Whether the direction of a vector is well-defined: its square neither vanishes nor overflows.
@@ -66,8 +67,8 @@ pub(in crate::nodes) fn is_sound(b: Vector) -> bool {
 fn project(a: Vector, b: Vector) -> Vector {
     let square = square(b);
     let along = if square.as_point() == Some(0.0) { Interval::ZERO } else { dot(a, b).divide(square) };
-    let result = b.map(|x| along * x);
-    let result = if square.has_zero() { result.map(|x| x.hull(Interval::ZERO)) } else { result };
+    let result = b.mapped(|x| along * x);
+    let result = if square.has_zero() { result.mapped(|x| x.hull(Interval::ZERO)) } else { result };
     no_longer_than(result, a, is_sound(b))
 }
 
@@ -88,7 +89,7 @@ fn refract(a: Vector, b: Vector, eta: Interval) -> Vector {
     let root = Interval { low: k.low.max(0.0), high: k.high.max(0.0), ..k }.sqrt();
     let along = eta * cosine + root;
     let result = each(a, normal, |x, n| eta * x - along * n);
-    if k.low < 0.0 { result.map(|x| x.hull(Interval::ZERO)) } else { result }
+    if k.low < 0.0 { result.mapped(|x| x.hull(Interval::ZERO)) } else { result }
 }
 
 /// Bounds of `operation`; a single result stands in the first component.
@@ -108,32 +109,32 @@ pub(super) fn operation(operation: &str, release: Release, [a, b, c]: [Vector; 3
             if side.high < 0.0 && !side.may_be_nan {
                 a
             } else if side.low >= 0.0 {
-                a.map(|x| -x)
+                a.mapped(|x| -x)
             } else {
-                a.map(|x| x.hull(-x))
+                a.mapped(|x| x.hull(-x))
             }
         }
         "DOT_PRODUCT" => [dot(a, b); 3],
         "DISTANCE" => [length(each(a, b, |x, y| x - y)); 3],
         "LENGTH" => [length(a); 3],
-        "SCALE" => a.map(|x| x * scale),
+        "SCALE" => a.mapped(|x| x * scale),
         "NORMALIZE" => safe_unit(a),
-        "ABSOLUTE" => a.map(Interval::abs),
+        "ABSOLUTE" => a.mapped(Interval::abs),
         "POWER" if release == Release::Before5 => each(a, b, Interval::safe_power_before_5),
         "POWER" => each(a, b, Interval::safe_power),
-        "SIGN" => a.map(sign),
+        "SIGN" => a.mapped(sign),
         "MINIMUM" => each(a, b, Interval::lesser),
         "MAXIMUM" => each(a, b, Interval::greater),
-        "FLOOR" => a.map(Interval::floor),
-        "CEIL" => a.map(Interval::ceil),
-        "FRACTION" => a.map(Interval::fraction),
+        "FLOOR" => a.mapped(Interval::floor),
+        "CEIL" => a.mapped(Interval::ceil),
+        "FRACTION" => a.mapped(Interval::fraction),
         "MODULO" if release == Release::Before5 => each(a, b, modulo),
         "MODULO" => each(a, b, truncated_modulo),
-        "WRAP" => std::array::from_fn(|axis| wrap(a[axis], b[axis], c[axis])),
+        "WRAP" => arrays::each(|axis| wrap(a[axis], b[axis], c[axis])),
         "SNAP" => each(a, b, snap),
-        "SINE" => a.map(Interval::sin),
-        "COSINE" => a.map(Interval::cos),
-        "TANGENT" => a.map(Interval::tan),
+        "SINE" => a.mapped(Interval::sin),
+        "COSINE" => a.mapped(Interval::cos),
+        "TANGENT" => a.mapped(Interval::tan),
         other => unreachable!("{other} is not in OPERATIONS"),
     }
 }

@@ -19,6 +19,7 @@
 //!
 //! Everything here is in f64 on the exact hashes; [`ERROR`] covers the evaluators' rounding.
 
+use crate::base::arrays::{Mapped, each};
 use crate::nodes::bounds::Interval;
 use crate::nodes::hash::{hash_floats, pcg, pcg_values};
 use crate::nodes::voronoi_texture::{
@@ -202,22 +203,22 @@ macro_rules! with_measure {
 impl<const N: usize> CellBox<N> {
     fn new(low: [f64; N], high: [f64; N], randomness: [f64; 2], hashing: Hashing) -> Self {
         let cell = |x: f64| x.floor() as i32;
-        Self { low, high, first: low.map(cell), last: high.map(cell), randomness, hashing }
+        Self { low, high, first: low.mapped(cell), last: high.mapped(cell), randomness, hashing }
     }
 
     #[inline(always)]
     fn point(&self, cell: [i32; N]) -> CellPoint<N> {
         let hash: [f64; N] = if N == 1 || self.hashing == Hashing::Floats {
             // The interface hashes -0 as 0 here; of one axis see `edge` for the other.
-            cell_of_floats(cell.map(f64::from))
+            cell_of_floats(cell.mapped(f64::from))
         } else {
-            pcg(cell).map(|bits| f64::from(bits) * (1.0 / 2_147_483_648.0))
+            pcg(cell).mapped(|bits| f64::from(bits) * (1.0 / 2_147_483_648.0))
         };
         let [least, most] = self.randomness;
         CellPoint {
             cell,
-            low: std::array::from_fn(|axis| f64::from(cell[axis]) + hash[axis] * least),
-            high: std::array::from_fn(|axis| f64::from(cell[axis]) + hash[axis] * most),
+            low: each(|axis| f64::from(cell[axis]) + hash[axis] * least),
+            high: each(|axis| f64::from(cell[axis]) + hash[axis] * most),
         }
     }
 
@@ -242,7 +243,7 @@ impl<const N: usize> CellBox<N> {
 
     /// Cells in the window of some coordinate: first and last along each axis.
     fn window(&self, radius: i32) -> [[i32; 2]; N] {
-        std::array::from_fn(|axis| [self.first[axis] - radius, self.last[axis] + radius])
+        each(|axis| [self.first[axis] - radius, self.last[axis] + radius])
     }
 
     fn window_size(&self, radius: i32) -> f64 {
@@ -295,7 +296,7 @@ impl Axis {
             let [start, end] = [f64::from(number), f64::from(number + 1)];
             let near = (start - high).max(low - end).max(0.0);
             let far = (start - low).max(high - end).max(half);
-            self.cells[self.count] = AxisCell { number, least: [near, far].map(|offset| measure.term(offset)) };
+            self.cells[self.count] = AxisCell { number, least: [near, far].mapped(|offset| measure.term(offset)) };
             self.count += 1;
         }
         // Terms rise with the distance from the middle, but its rounding may have swapped cells on either side, and powers may round otherwise.
@@ -329,7 +330,7 @@ impl<M: Measure, const N: usize> Scan<'_, M, N> {
             let row = &self.axes[axis];
             if next[axis] < row.count {
                 let AxisCell { number, least } = row.cells[next[axis]];
-                let joined = [0, 1].map(|end| self.measure.join(sums[axis][end], least[end]));
+                let joined = [0, 1].mapped(|end| self.measure.join(sums[axis][end], least[end]));
                 // The cells behind it along this axis matter no more than it does.
                 if matters(state, joined) {
                     cell[axis] = number;
@@ -486,7 +487,7 @@ impl VoronoiTexture {
         if x.iter().any(|x| !x.is_finite() || x.magnitude() > LARGEST_COORDINATE) {
             return None;
         }
-        let ends = x.map(Interval::ends);
+        let ends = x.mapped(Interval::ends);
         Some(CellBox::new(ends.map(|x| x[0]), ends.map(|x| x[1]), parameters.randomness.ends(), self.hashing))
     }
 
@@ -546,7 +547,7 @@ impl VoronoiTexture {
             // Blending octaves turns an infinite distance into NaN.
             distance: Interval::with_error(-smoothness, largest, error, unfit || largest.is_infinite()),
             color: [Interval::with_error(-undershoot, 1.0, error, unfit); 3],
-            position: x.map(|x| {
+            position: x.mapped(|x| {
                 let place = x.floor() + Interval::with_error(-radius - undershoot, radius + 1.0, error, false);
                 place.or_nan(unfit)
             }),
@@ -627,8 +628,8 @@ impl VoronoiTexture {
         };
         let mut smooth: Option<[f64; 2]> = None;
         for offset in neighbours::<N>(2) {
-            let cell = std::array::from_fn(|axis| place.first[axis] + offset[axis]);
-            let [near, far] = place.reach(&place.point(cell), measure).map(|joined| measure.root(joined));
+            let cell = each(|axis| place.first[axis] + offset[axis]);
+            let [near, far] = place.reach(&place.point(cell), measure).mapped(|joined| measure.root(joined));
             smooth = Some(match smooth {
                 None => [near, far],
                 Some([low, high]) => [step(low, near), step(high, far)],
@@ -654,8 +655,8 @@ impl VoronoiTexture {
         let sharp = self.enclose_nearest(x, Feature::F1, parameters);
         Found {
             distance: smooth.distance.hull(sharp.distance),
-            color: std::array::from_fn(|channel| smooth.color[channel].hull(sharp.color[channel])),
-            position: std::array::from_fn(|axis| smooth.position[axis].hull(sharp.position[axis])),
+            color: each(|channel| smooth.color[channel].hull(sharp.color[channel])),
+            position: each(|axis| smooth.position[axis].hull(sharp.position[axis])),
         }
     }
 
@@ -681,10 +682,10 @@ impl VoronoiTexture {
         }
         let scanned = self.scan(&place, Euclidean, 1, false, (N as f64).sqrt(), true);
         let Some(candidates) = scanned.candidates else { return range };
-        let middle: [f64; N] = std::array::from_fn(|axis| 0.5 * (place.low[axis] + place.high[axis]));
+        let middle: [f64; N] = each(|axis| 0.5 * (place.low[axis] + place.high[axis]));
         let window = place.window(1);
         let mut points = Vec::new();
-        let mut cell = window.map(|[first, _]| first);
+        let mut cell = window.mapped(|[first, _]| first);
         loop {
             points.push((place.point(cell), place.always_sees(cell, 1)));
             let Some(axis) = (0..N).find(|&axis| cell[axis] < window[axis][1]) else { break };
@@ -697,7 +698,7 @@ impl VoronoiTexture {
         for nearest in &candidates {
             let (mut low, mut high) = (f64::INFINITY, widest);
             for (other, always_seen) in &points {
-                let across: [f64; N] = std::array::from_fn(|axis| other.low[axis] - nearest.low[axis]);
+                let across: [f64; N] = each(|axis| other.low[axis] - nearest.low[axis]);
                 let square: f64 = across.iter().map(|x| x * x).sum();
                 // The scan's threshold is 0.0001; rounding may decide either way next to it.
                 if square < 0.000_099 {
@@ -732,7 +733,7 @@ impl VoronoiTexture {
         let span = |cell: i32, minus_zero: bool| {
             let floor = if minus_zero { -0.0 } else { f64::from(cell) };
             let hash: f64 = hash_floats([floor]);
-            place.randomness.map(|randomness| f64::from(cell) + hash * randomness)
+            place.randomness.mapped(|randomness| f64::from(cell) + hash * randomness)
         };
         let mut result: Option<Interval> = None;
         for cell in first..=last {
@@ -769,11 +770,11 @@ impl VoronoiTexture {
             let from = CellBox::new(nearest.low, nearest.high, place.randomness, place.hashing);
             let mut least = [f64::INFINITY; 2];
             for offset in neighbours::<N>(1).filter(|offset| *offset != [0; N]) {
-                let cell = std::array::from_fn(|axis| nearest.cell[axis].wrapping_add(offset[axis]));
+                let cell = each(|axis| nearest.cell[axis].wrapping_add(offset[axis]));
                 let [near, far] = from.reach(&from.point(cell), Euclidean);
                 least = [least[0].min(near), least[1].min(far)];
             }
-            let [near, far] = least.map(|joined| 0.5 * Euclidean.root(joined));
+            let [near, far] = least.mapped(|joined| 0.5 * Euclidean.root(joined));
             let part = Interval::with_error(near, far, ERROR, false);
             result = Some(result.map_or(part, |known| known.hull(part)));
         }
@@ -793,7 +794,7 @@ impl VoronoiTexture {
                 Metric::Manhattan => Interval::outward(low * n, high * n, false),
                 _ => {
                     let exponent = parameters.exponent;
-                    let [least, most] = exponent.ends().map(|exponent| n.powf(1.0 / exponent));
+                    let [least, most] = exponent.ends().mapped(|exponent| n.powf(1.0 / exponent));
                     if exponent.low > USUAL_EXPONENTS[0] && exponent.high < USUAL_EXPONENTS[1] {
                         Interval::outward(low * most * (1.0 - 1e-4), high * least * (1.0 + 1e-4), exponent.may_be_nan)
                     } else {
@@ -817,10 +818,8 @@ impl VoronoiTexture {
                 let inverse = Interval::ONE.divide(*scale);
                 Found {
                     distance: sum.distance + found.distance * amplitude,
-                    color: std::array::from_fn(|channel| sum.color[channel] + found.color[channel] * amplitude),
-                    position: std::array::from_fn(|axis| {
-                        sum.position[axis].lerp(found.position[axis] * inverse, amplitude)
-                    }),
+                    color: each(|channel| sum.color[channel] + found.color[channel] * amplitude),
+                    position: each(|axis| sum.position[axis].lerp(found.position[axis] * inverse, amplitude)),
                 }
             };
             for octave in &octaves[..=whole] {
@@ -836,27 +835,25 @@ impl VoronoiTexture {
                 sum = Found {
                     // lerp(a, a + b, t) is a + t b.
                     distance: sum.distance + rest * (found.distance * amplitude),
-                    color: std::array::from_fn(|channel| {
-                        sum.color[channel] + rest * (found.color[channel] * amplitude)
-                    }),
-                    position: std::array::from_fn(|axis| sum.position[axis].lerp(next.position[axis], rest)),
+                    color: each(|channel| sum.color[channel] + rest * (found.color[channel] * amplitude)),
+                    position: each(|axis| sum.position[axis].lerp(next.position[axis], rest)),
                 };
             }
             if self.normalize {
                 sum.distance = sum.distance.divide(total * self.enclose_largest_distance::<N>(parameters));
-                sum.color = sum.color.map(|x| x * Interval::ONE.divide(total));
+                sum.color = sum.color.mapped(|x| x * Interval::ONE.divide(total));
             }
             result = Some(match result {
                 None => sum,
                 Some(known) => Found {
                     distance: known.distance.hull(sum.distance),
-                    color: std::array::from_fn(|channel| known.color[channel].hull(sum.color[channel])),
-                    position: std::array::from_fn(|axis| known.position[axis].hull(sum.position[axis])),
+                    color: each(|channel| known.color[channel].hull(sum.color[channel])),
+                    position: each(|axis| known.position[axis].hull(sum.position[axis])),
                 },
             });
         }
         let mut found = result.unwrap_or_else(|| self.range(&q, self.feature, parameters));
-        found.position = found.position.map(|x| x * Interval::ONE.safe_divide(parameters.scale));
+        found.position = found.position.mapped(|x| x * Interval::ONE.safe_divide(parameters.scale));
         found
     }
 
@@ -889,7 +886,7 @@ impl VoronoiTexture {
     fn enclose_points<const N: usize>(&self, inputs: &[Interval], outputs: &mut [Interval]) {
         let columns = self.parameter_columns();
         let at = |column: Option<usize>| column.map_or(Interval::ZERO, |column| inputs[column]);
-        let [scale, detail, roughness, lacunarity, smoothness, exponent, randomness] = columns.map(at);
+        let [scale, detail, roughness, lacunarity, smoothness, exponent, randomness] = columns.mapped(at);
         let half = Interval::point(0.5);
         let parameters = Parameters {
             scale,
@@ -905,7 +902,7 @@ impl VoronoiTexture {
             exponent,
             randomness: randomness.saturate(),
         };
-        let q: [Interval; N] = std::array::from_fn(|axis| inputs[axis] * scale);
+        let q: [Interval; N] = each(|axis| inputs[axis] * scale);
         match self.feature {
             Feature::DistanceToEdge => outputs[0] = self.enclose_fractal_edge(q, &parameters),
             Feature::NSphereRadius => outputs[0] = self.enclose_radius(&q, &parameters),
@@ -950,7 +947,7 @@ fn color_undershoot(smoothness: f64) -> f64 {
 /// Colour of a cell.
 fn cell_color<const N: usize>(cell: [i32; N], hashing: Hashing) -> [f64; 3] {
     if N == 1 || hashing == Hashing::Floats {
-        return color_of_floats(cell.map(f64::from));
+        return color_of_floats(cell.mapped(f64::from));
     }
     match N {
         2 => pcg_values([cell[0], cell[1], 0]),
@@ -979,7 +976,7 @@ fn octaves<T, const N: usize>(
     let mut scale = Interval::ONE;
     let mut all = Vec::with_capacity(most + 1);
     for number in 0..=most {
-        let scaled = if number == 0 { *q } else { q.map(|x| x * scale) };
+        let scaled = if number == 0 { *q } else { q.mapped(|x| x * scale) };
         all.push((scale, feature(&scaled)));
         scale = scale * parameters.lacunarity;
     }

@@ -6,7 +6,8 @@ mod cells;
 mod distances;
 mod line;
 
-use crate::nodes::lanes::{self, each};
+use crate::base::arrays::each;
+use crate::nodes::lanes;
 use crate::nodes::voronoi_texture::{Feature, Hashing, Metric, Parameters, VoronoiTexture};
 use crate::nodes::{Column, Evaluate, Real, columns_at, lane_level};
 use fearless_simd::{dispatch, prelude::*};

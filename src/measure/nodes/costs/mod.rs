@@ -552,7 +552,7 @@ fn render_seconds(cases: &[Case], repeats: usize) -> Result<Vec<[[f64; 2]; 2]>> 
             samples: render.samples,
         })
         .collect();
-    let answers = probe::ask_on(&jobs, CyclesKernel::Default, 1, |_| ())?;
+    let answers = probe::ask_on(&jobs, CyclesKernel::Default, 1, &mut |_| ())?;
     let least = |number: usize| {
         let answers = answers.jobs.iter().skip(number).step_by(wanted.len());
         let seconds: Vec<f64> = answers.flat_map(|answer| answer.render_seconds.iter()).copied().collect();

@@ -14,9 +14,10 @@
 //! than the smooth minimum by the smoothness leaves every sum of smooth F1 as it is; there the order
 //! counts, and the cells are visited as in the full scan.
 
+use crate::base::arrays::each;
 use crate::nodes::lanes;
 use crate::nodes::voronoi_texture::Hashing;
-use crate::nodes::voronoi_texture::lanes::{Found, Measure, Metric, Search, each};
+use crate::nodes::voronoi_texture::lanes::{Found, Measure, Metric, Search};
 use crate::nodes::white_noise_texture;
 use fearless_simd::prelude::*;
 use std::sync::OnceLock;
@@ -38,7 +39,7 @@ pub(super) type Kinds = [u8; 4];
 fn combinations(kinds: u32) -> [Vec<Kinds>; 3] {
     [2, 3, 4].map(|dimensions: u32| {
         let kind = |index: u32, axis: u32| if axis < dimensions { index / kinds.pow(axis) % kinds } else { 0 };
-        (0..kinds.pow(dimensions)).map(|index| std::array::from_fn(|axis| kind(index, axis as u32) as u8)).collect()
+        (0..kinds.pow(dimensions)).map(|index| each(|axis| kind(index, axis as u32) as u8)).collect()
     })
 }
 

@@ -7,10 +7,11 @@
 //! that are far along several, is done for the places that need it, packed densely into vectors of their own. A cell is
 //! left out for the reason that [`super::cells`] gives, place by place.
 
+use crate::base::arrays::each;
 use crate::nodes::Column;
 use crate::nodes::lanes;
 use crate::nodes::voronoi_texture::lanes::cells::{Axis, Kinds, axes, compared, distance_of, hashes, least, offset_to};
-use crate::nodes::voronoi_texture::lanes::{Measure, Octave, Plan, Search, blended, cells, each};
+use crate::nodes::voronoi_texture::lanes::{Measure, Octave, Plan, Search, blended, cells};
 use crate::nodes::voronoi_texture::{Hashing, Metric};
 use fearless_simd::prelude::*;
 

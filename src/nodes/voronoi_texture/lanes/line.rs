@@ -1,9 +1,10 @@
 //! The cells around a point in one dimension on SIMD lanes, one point per lane, operation by operation as the
 //! scalar evaluation. Few cells: every one is visited, in the same order.
 
+use crate::base::arrays::each;
 use crate::nodes::lanes;
 use crate::nodes::voronoi_texture::lanes::cells::Smooth;
-use crate::nodes::voronoi_texture::lanes::{Found, Search, each};
+use crate::nodes::voronoi_texture::lanes::{Found, Search};
 use fearless_simd::prelude::*;
 
 /// A coordinate taken apart.
