@@ -19,6 +19,7 @@
 //! Flat arrays hold the tree, ready for an adapter: the first child of each node, the ends of
 //! its interval, its rates. A dense table enters it at level `TABLE_LEVEL`.
 
+use crate::base::arrays::{Mapped, each};
 use crate::base::choice::choice;
 use crate::base::error::{Error, Result};
 use crate::graph::bounds::Bounds3;
@@ -530,7 +531,7 @@ impl Majorants {
     /// The leaf that holds a cell of the finest level.
     #[inline]
     fn leaf(&self, cell: [i32; 3]) -> usize {
-        let [x, y, z] = cell.map(|number| (number >> (LEVELS - TABLE_LEVEL)) as usize);
+        let [x, y, z] = cell.mapped(|number| (number >> (LEVELS - TABLE_LEVEL)) as usize);
         let mut node = self.table[(z << TABLE_LEVEL | y) << TABLE_LEVEL | x] as usize;
         while self.children[node] != 0 {
             node = self.child(node, cell, LEVELS - u32::from(self.levels[node]) - 1);
@@ -539,6 +540,7 @@ impl Majorants {
     }
 
     /// Least and most extinction in the leaf that holds a position of the object's frame.
+    #[inline]
     pub fn at(&self, position: DVec3) -> [f64; 2] {
         let cell = self.cell_of((position - self.low) / self.size * FINEST);
         let leaf = self.leaf(cell);
@@ -579,6 +581,7 @@ impl Majorants {
 
     /// A ray of the object's frame, its direction per metre of world space, between two distances;
     /// None where it misses the box.
+    #[inline]
     pub fn enter(&self, origin: DVec3, direction: DVec3, from: f64, to: f64) -> Option<Walk> {
         let region = Region { low: self.low, high: self.low + self.extent };
         let (enter, leave) = region.segment(origin, direction)?;
@@ -604,7 +607,7 @@ impl Majorants {
     pub fn crossing(&self, walk: &Walk) -> Crossing {
         let leaf = self.leaf(walk.cell);
         let span = 1_i32 << (LEVELS - u32::from(self.levels[leaf]));
-        let base = walk.cell.map(|number| number & !(span - 1));
+        let base = walk.cell.mapped(|number| number & !(span - 1));
         let mut exit = f64::INFINITY;
         let mut axis = 0;
         for candidate in 0..3 {
@@ -629,7 +632,7 @@ impl Majorants {
     /// The cell of the finest level in the box that holds a place, or the nearest.
     #[inline]
     fn cell_of(&self, place: DVec3) -> [i32; 3] {
-        std::array::from_fn(|axis| (place[axis] as i32).clamp(0, self.inside[axis] - 1))
+        each(|axis| (place[axis] as i32).clamp(0, self.inside[axis] - 1))
     }
 
     /// Goes to the end of a leaf; false where the ray ends.

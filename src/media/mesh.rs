@@ -14,6 +14,7 @@
 //! Distances do round. Crossings that lie closer together than their rounding could put them in any order are one: the side of
 //! the majority counts, and as many of one side as of the other are none, as at a silhouette.
 
+use crate::base::arrays::Mapped;
 use crate::base::error::{Error, Result};
 use crate::gpu::Gpu;
 use crate::media::region::Region;
@@ -108,7 +109,7 @@ impl BHShape<f64, 3> for Leaf {
 /// The box that a mesh is, up to the rounding of its corners; none where it is no box. Faces may be divided in any way whose
 /// triangles meet edge to edge, and vertices may stand there twice.
 pub(crate) fn as_box(vertices: &[[f32; 3]], triangles: &[[u32; 3]]) -> Option<Region> {
-    let place = |vertex: u32| DVec3::from(vertices[vertex as usize].map(f64::from));
+    let place = |vertex: u32| DVec3::from(vertices[vertex as usize].mapped(f64::from));
     let used = || triangles.iter().flatten().map(|&vertex| place(vertex));
     let low = used().fold(DVec3::INFINITY, DVec3::min);
     let high = used().fold(DVec3::NEG_INFINITY, DVec3::max);
@@ -151,7 +152,7 @@ pub(crate) fn as_box(vertices: &[[f32; 3]], triangles: &[[u32; 3]]) -> Option<Re
 
 /// Whether every edge is run through as often in one direction as in the other. Vertices at the same place are one.
 fn is_closed(corners: impl Iterator<Item = [DVec3; 3]>) -> bool {
-    let key = |corner: DVec3| corner.to_array().map(|x| (x + 0.0).to_bits());
+    let key = |corner: DVec3| corner.to_array().mapped(|x| (x + 0.0).to_bits());
     let mut edges: HashMap<[[u64; 3]; 2], i64> = HashMap::new();
     for corners in corners {
         for number in 0..3 {
@@ -174,7 +175,7 @@ impl Mesh {
         let mut leaves: Vec<Leaf> = triangles
             .iter()
             .map(|triangle| {
-                let corners = triangle.map(|vertex| vertices[vertex as usize]);
+                let corners = triangle.mapped(|vertex| vertices[vertex as usize]);
                 let low = corners[0].min(corners[1]).min(corners[2]);
                 let high = corners[0].max(corners[1]).max(corners[2]);
                 bounds = Region { low: bounds.low.min(low), high: bounds.high.max(high) };
@@ -199,7 +200,7 @@ impl Mesh {
     pub fn volume(&self) -> f64 {
         let middle = (self.bounds.low + self.bounds.high) / 2.0;
         let sixth = |triangle: &[u32; 3]| {
-            let [a, b, c] = triangle.map(|vertex| self.vertices[vertex as usize] - middle);
+            let [a, b, c] = triangle.mapped(|vertex| self.vertices[vertex as usize] - middle);
             a.cross(b).dot(c) / 6.0
         };
         self.triangles.iter().map(sixth).sum()
@@ -226,7 +227,7 @@ impl Mesh {
     /// A head, the nodes of the tree, each with where to go on, and the corners of the triangles.
     fn elements(&self, low: DVec3, unit: DVec3) -> Vec<[u32; 4]> {
         let words = |place: DVec3, last: u32| {
-            let [x, y, z] = ((place - low) / unit).as_vec3().to_array().map(f32::to_bits);
+            let [x, y, z] = ((place - low) / unit).as_vec3().to_array().mapped(f32::to_bits);
             [x, y, z, last]
         };
         let corner = |point: Point3<f64>| DVec3::new(point.x, point.y, point.z);
@@ -235,7 +236,7 @@ impl Mesh {
             u32::MAX => [[0, 0, 0, LEAF | shape], [0, 0, 0, exit]],
             _ => [words(corner(bounds.min), entry), words(corner(bounds.max), exit)],
         });
-        let ends = [self.bounds.low, self.bounds.high].map(|end| ((end - low) / unit).abs().max_element());
+        let ends = [self.bounds.low, self.bounds.high].mapped(|end| ((end - low) / unit).abs().max_element());
         let largest = (ends[0].max(ends[1]) as f32).to_bits();
         let mut elements = vec![[nodes.len() as u32, 1 + 2 * nodes.len() as u32, largest, 0]];
         elements.extend(nodes.as_flattened());
@@ -299,7 +300,7 @@ impl Mesh {
                     }
                 }
                 BvhNode::Leaf { shape_index, .. } => {
-                    let corners = self.triangles[*shape_index].map(|vertex| self.vertices[vertex as usize]);
+                    let corners = self.triangles[*shape_index].mapped(|vertex| self.vertices[vertex as usize]);
                     let crossing = frame.crossing(corners);
                     found.extend(crossing.filter(|found| found.distance + found.error >= from && found.distance <= to));
                 }
@@ -440,7 +441,8 @@ impl Frame {
     fn meets(&self, place: &Aabb<f64, 3>, padding: f64, from: f64, to: f64) -> bool {
         let (mut enter, mut leave) = (from, to);
         for axis in 0..3 {
-            let [low, high] = [place.min[axis] - padding, place.max[axis] + padding].map(|end| end - self.origin[axis]);
+            let [low, high] =
+                [place.min[axis] - padding, place.max[axis] + padding].mapped(|end| end - self.origin[axis]);
             if self.direction[axis] == 0.0 {
                 if low > 0.0 || high < 0.0 {
                     return false;
@@ -459,7 +461,7 @@ impl Frame {
     fn crossing(&self, corners: [DVec3; 3]) -> Option<Crossing> {
         let [first, second, last] = self.axes;
         let mut reach = 0.0_f64;
-        let corners = corners.map(|corner| {
+        let corners = corners.mapped(|corner| {
             let away = corner - self.origin;
             reach = reach.max(away.abs().max_element());
             let x = away[first] - self.shear[0] * away[last];
@@ -474,7 +476,7 @@ impl Frame {
         let weight = |[px, py, _]: [f64; 3], [qx, qy, _]: [f64; 3]| px * qy - py * qx;
         let weights = [weight(b, c), weight(c, a), weight(a, b)];
         let determinant: f64 = weights.iter().sum();
-        let depths = corners.map(|[_, _, depth]| depth);
+        let depths = corners.mapped(|[_, _, depth]| depth);
         let least = depths.iter().copied().fold(f64::INFINITY, f64::min);
         let most = depths.iter().copied().fold(f64::NEG_INFINITY, f64::max);
         let extent = corners.iter().flat_map(|[x, y, _]| [x.abs(), y.abs()]).fold(0.0, f64::max);

@@ -4,6 +4,7 @@
 //! -Z with +Y up; the scale of the camera object is ignored. Everything is f64: a twin on the
 //! adapter receives finished numbers.
 
+use crate::base::arrays::Mapped;
 use crate::base::error::{Error, Result};
 use crate::scene::{self, Projection, Scene, SensorFit};
 use glam::{DMat3, DVec2, DVec3};
@@ -67,9 +68,9 @@ impl Camera {
     pub fn new(scene: &Scene, [width, height]: [u32; 2]) -> Result<Self> {
         let camera = &scene.camera;
         let matrix = scene::matrix_to_glam(&camera.matrix_world);
-        let columns = [matrix.x_axis, matrix.y_axis, matrix.z_axis].map(|column| column.truncate().normalize());
+        let columns = [matrix.x_axis, matrix.y_axis, matrix.z_axis].mapped(|column| column.truncate().normalize());
         let size = DVec2::new(f64::from(width), f64::from(height));
-        let frame = size * DVec2::from(scene.film.pixel_aspect.map(f64::from));
+        let frame = size * DVec2::from(scene.film.pixel_aspect.mapped(f64::from));
         let horizontal = match camera.sensor_fit {
             SensorFit::Auto => frame.x > frame.y,
             SensorFit::Horizontal => true,
@@ -105,10 +106,10 @@ impl Camera {
             projection: camera.projection,
             size,
             scale: extent * half,
-            offset: DVec2::from(camera.shift.map(f64::from)) * 2.0 * half,
-            longitude: [panorama.longitude_min, panorama.longitude_max].map(f64::from),
-            latitude: [panorama.latitude_min, panorama.latitude_max].map(f64::from),
-            clip: [camera.clip_start, camera.clip_end].map(f64::from),
+            offset: DVec2::from(camera.shift.mapped(f64::from)) * 2.0 * half,
+            longitude: [panorama.longitude_min, panorama.longitude_max].mapped(f64::from),
+            latitude: [panorama.latitude_min, panorama.latitude_max].mapped(f64::from),
+            clip: [camera.clip_start, camera.clip_end].mapped(f64::from),
         })
     }
 

@@ -25,6 +25,7 @@
 //! Where a ray falls, k is that of the way back up from its end, which is the same integral; as published haze counts a falling ray as level (TK-18, of
 //! ours, with its end at the upper face). Twin on the adapter: `shaders/engines/air.wgsl`, with what reads the density in `march.wgsl`.
 
+use crate::base::arrays::{Mapped, each};
 use crate::base::error::Result;
 use crate::engines::domain::Outline;
 use crate::engines::light::LightModel;
@@ -155,8 +156,8 @@ impl Line {
 
     /// Depth of earth's air up to a length, per channel.
     pub fn air_depth(&self, length: f64) -> [f64; 3] {
-        let [air, haze] = AIR_HEIGHTS.map(|fall| self.column(length, fall));
-        RAYLEIGH.map(|scattering| scattering * air + MIE_EXTINCTION * haze)
+        let [air, haze] = AIR_HEIGHTS.mapped(|fall| self.column(length, fall));
+        RAYLEIGH.mapped(|scattering| scattering * air + MIE_EXTINCTION * haze)
     }
 
     /// Radiance that the air up to a length sends back, for sources of its two parts per unit of scattering.
@@ -167,9 +168,9 @@ impl Line {
         for part in 1..=parts {
             let passed = f64::from(part) / f64::from(parts);
             let end = length * if self.rise < 0.0 { 1.0 - (1.0 - passed).powi(2) } else { passed * passed };
-            let columns = AIR_HEIGHTS.map(|fall| density * self.column(end, fall));
+            let columns = AIR_HEIGHTS.mapped(|fall| density * self.column(end, fall));
             // A column that falls towards its end is no sum of parts to the last bit.
-            let [air, haze] = [0, 1].map(|medium: usize| (columns[medium] - before[medium]).max(0.0));
+            let [air, haze] = [0, 1].mapped(|medium: usize| (columns[medium] - before[medium]).max(0.0));
             before = columns;
             for channel in 0..3 {
                 let depth = RAYLEIGH[channel] * air + MIE_EXTINCTION * haze;
@@ -315,8 +316,8 @@ impl Air {
         let sun = light.suns.get(number);
         let cosine = sun.map_or(0.0, |sun| direction.dot(sun.towards()));
         let phases = [3.0 / (16.0 * PI) * (1.0 + cosine * cosine), draine(MIE_ANISOTROPY, 1.0, cosine)];
-        phases.map(|phase| {
-            std::array::from_fn(|channel| {
+        phases.mapped(|phase| {
+            each(|channel| {
                 let direct = sun.map_or(0.0, |sun| sun.irradiance[channel] * phase);
                 direct + if number == 0 { light.ambient[channel] } else { 0.0 }
             })
@@ -327,7 +328,7 @@ impl Air {
     fn haze_source(light: &LightModel, number: usize, direction: DVec3) -> [f64; 3] {
         let sun = light.suns.get(number);
         let phase = sun.map_or(0.0, |sun| light.phase.evaluate(direction.dot(sun.towards())));
-        std::array::from_fn(|channel| {
+        each(|channel| {
             let direct = sun.map_or(0.0, |sun| sun.irradiance[channel] * phase);
             direct + if number == 0 { HAZE_AMBIENT * light.ambient[channel] } else { 0.0 }
         })
@@ -396,7 +397,7 @@ impl Air {
                 entered.iter().zip(&places).map(|(entered, place)| entered.unwrap_or(*place)).collect();
             let density = read.along.as_mut().unwrap_or(&mut read.density);
             let depths = marched.shadow_depths(density, (sun, way), &asked, &cosines, &jitters);
-            add(sun, &|index| entered[index].map_or([1.0; 3], |_| depths[index].map(transmittance)));
+            add(sun, &|index| entered[index].map_or([1.0; 3], |_| depths[index].mapped(transmittance)));
         }
         Ok(())
     }

@@ -22,6 +22,7 @@ pub mod gpu;
 pub mod light_volume;
 pub mod shadow_map;
 
+use crate::base::arrays::Mapped;
 use crate::base::choice::choice;
 use crate::base::error::{Error, Result};
 use crate::engines::domain::{Container, Outline, Parts, unit};
@@ -132,7 +133,7 @@ impl RealTimeSettings {
             Leftover::Dropped if DVec3::from(transmittance).length() < self.least_transmittance => [0.0; 3],
             Leftover::Dropped => transmittance,
             // What is no number stays to be seen.
-            Leftover::Rescaled => transmittance.map(|channel| {
+            Leftover::Rescaled => transmittance.mapped(|channel| {
                 let scaled = (channel - least) / (1.0 - least);
                 if scaled < 0.0 { 0.0 } else { scaled }
             }),
@@ -228,7 +229,7 @@ impl Inside {
         match ladder.growth == 0.0 {
             true => [(begun(enter) - jitter).floor() - 1.0, (begun(leave) - jitter).ceil() + 1.0]
                 .map(|number| number as u32),
-            false => [begun(enter).floor() - 2.0, begun(leave).ceil() + 2.0].map(|number| number as u32),
+            false => [begun(enter).floor() - 2.0, begun(leave).ceil() + 2.0].mapped(|number| number as u32),
         }
     }
 }
@@ -646,7 +647,7 @@ impl Marched<'_> {
         let whole = |column: &dyn Fn(DVec3) -> f64| -> Vec<[f64; 3]> {
             let depths = places.iter().zip(cosines).map(|(&place, &cosine)| {
                 let depth = column(place) * shadow.angle_factor(cosine);
-                scale.map(|scale| octaves.compressed(scale * depth))
+                scale.mapped(|scale| octaves.compressed(scale * depth))
             });
             depths.collect()
         };
@@ -768,7 +769,7 @@ impl Way {
             }
             false => {
                 let [begin, end] =
-                    [0.0, 1.0].map(|more| self.inside.length * self.steps.begin(f64::from(number) + more));
+                    [0.0, 1.0].mapped(|more| self.inside.length * self.steps.begin(f64::from(number) + more));
                 [begin + self.jitter * (end - begin), end - begin]
             }
         };

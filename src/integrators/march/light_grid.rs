@@ -19,6 +19,7 @@
 //! The world is a mean over directions of a Fibonacci lattice, projected
 //! on spherical harmonics when the phase function is not isotropic.
 
+use crate::base::arrays::Mapped;
 use crate::base::error::Result;
 use crate::integrators::MarchSettings;
 use crate::media::lattice::{BAKE_CHUNK, vertex, vertices_of};
@@ -93,7 +94,7 @@ impl LightGrid {
     pub(crate) fn layout(medium: &Medium, settings: &MarchSettings) -> Self {
         let (size, step) = vertices_of(&medium.density.occupied, &medium.to_object, settings.grid_cells);
         let mut extinctions: Vec<f64> = Vec::new();
-        let extinction_of_channel = medium.extinction.map(|extinction| {
+        let extinction_of_channel = medium.extinction.mapped(|extinction| {
             extinctions.iter().position(|&known| known == extinction).unwrap_or_else(|| {
                 extinctions.push(extinction);
                 extinctions.len() - 1
@@ -171,7 +172,7 @@ impl LightGrid {
 
     /// Depths of density between all vertices and a point given in cells.
     fn depth_to_cell(&self, target: DVec3, to_metres: DMat3) -> Vec<f32> {
-        let high = DVec3::from(self.size.map(|count| (count - 1) as f64));
+        let high = DVec3::from(self.size.mapped(|count| (count - 1) as f64));
         let region = crate::media::region::Region { low: DVec3::ZERO, high };
         (0..self.density.len())
             .into_par_iter()
@@ -208,7 +209,7 @@ impl LightGrid {
         for main_axis in 0..3 {
             let axes = axes_of(main_axis);
             let density = permute(&self.density, self.size, axes);
-            let [nf, nm, ns] = axes.map(|axis| self.size[axis]);
+            let [nf, nm, ns] = axes.mapped(|axis| self.size[axis]);
             // Slice by slice, channel by channel within a slice: each worker owns whole slices.
             let mut sums = vec![0.0_f32; nf * nm * ns * channels];
             for &towards in &directions {
@@ -221,7 +222,7 @@ impl LightGrid {
                     Some(in_mesh) => in_mesh.trace(&sweep, axes, direction, &mut table),
                     None => sweep.trace(&density, &mut table),
                 }
-                let weights = harmonics(towards).map(|value| (value * solid_angle) as f32);
+                let weights = harmonics(towards).mapped(|value| (value * solid_angle) as f32);
                 sums.par_chunks_mut(nf * nm * channels).enumerate().for_each(|(slice, sums)| {
                     let mut depths = vec![0.0; nf];
                     for row in 0..nm {
@@ -278,7 +279,7 @@ impl InMesh<'_> {
         table.resize(sweep.rows * ns * width, 0.0);
         let columns = sweep.offsets.iter().map(|(whole, _)| whole[0]);
         let (lowest, highest) = (columns.clone().min().unwrap_or(0), columns.max().unwrap_or(0));
-        let middle = DVec3::from(self.grid.size.map(|count| (count - 1) as f64 / 2.0));
+        let middle = DVec3::from(self.grid.size.mapped(|count| (count - 1) as f64 / 2.0));
         table.par_chunks_mut(ns * width).enumerate().for_each(|(row, table)| {
             table.fill(0.0);
             let mut spans = Vec::new();
@@ -400,8 +401,8 @@ pub(crate) fn sweep_axes(direction: DVec3) -> [usize; 3] {
 /// Values in the order of a sweep.
 fn permute(values: &[f32], size: [usize; 3], axes: [usize; 3]) -> Vec<f32> {
     let strides = [1, size[0], size[0] * size[1]];
-    let [sf, sm, ss] = axes.map(|axis| strides[axis]);
-    let [nf, nm, ns] = axes.map(|axis| size[axis]);
+    let [sf, sm, ss] = axes.mapped(|axis| strides[axis]);
+    let [nf, nm, ns] = axes.mapped(|axis| size[axis]);
     let mut result = vec![0.0; values.len()];
     result.par_chunks_mut(nf * nm).enumerate().for_each(|(slice, result)| {
         for (index, value) in result.iter_mut().enumerate() {
@@ -414,7 +415,7 @@ fn permute(values: &[f32], size: [usize; 3], axes: [usize; 3]) -> Vec<f32> {
 
 /// Values of a sweep in the order of the grid.
 fn unpermute(values: &[f32], size: [usize; 3], axes: [usize; 3]) -> Vec<f32> {
-    let [nf, nm, _] = axes.map(|axis| size[axis]);
+    let [nf, nm, _] = axes.mapped(|axis| size[axis]);
     let mut strides = [0; 3];
     for (axis, stride) in axes.into_iter().zip([1, nf, nf * nm]) {
         strides[axis] = stride;
@@ -461,13 +462,13 @@ struct Wavefront {
 impl Sweep {
     /// The sweep for a direction towards the light, in cells per metre.
     pub(crate) fn new(size: [usize; 3], axes: [usize; 3], direction: DVec3) -> Self {
-        let [along_row, along_column, main] = axes.map(|axis| direction[axis]);
-        let size = axes.map(|axis| size[axis]);
+        let [along_row, along_column, main] = axes.mapped(|axis| direction[axis]);
+        let size = axes.mapped(|axis| size[axis]);
         let slope = [-along_row / main.abs(), -along_column / main.abs()];
         let offsets: Vec<_> = (0..size[2])
             .map(|slice| {
-                let shift = slope.map(|slope| slope * slice as f64);
-                (shift.map(|shift| shift.floor() as i64), shift.map(|shift| (shift - shift.floor()) as f32))
+                let shift = slope.mapped(|slope| slope * slice as f64);
+                (shift.mapped(|shift| shift.floor() as i64), shift.mapped(|shift| (shift - shift.floor()) as f32))
             })
             .collect();
         let columns = offsets.iter().map(|(whole, _)| whole[1]);
@@ -476,7 +477,7 @@ impl Sweep {
             size,
             rising: main > 0.0,
             offsets,
-            slope: slope.map(|slope| slope as f32),
+            slope: slope.mapped(|slope| slope as f32),
             length: (1.0 / main.abs()) as f32,
             // One row on each side brackets the vertices of the faces.
             rows: (size[1] as i64 + 1 + highest - lowest) as usize,

@@ -25,6 +25,7 @@ pub mod light_grid;
 
 pub use gpu::CONSTANTS;
 
+use crate::base::arrays::Mapped;
 use crate::base::choice::choice;
 use crate::base::error::{Error, Result};
 use crate::base::progress::Progress;
@@ -273,7 +274,7 @@ impl<'a> Stage<'a> {
         let size = self.scene.image_size();
         let camera = Camera::new(self.scene, size)?;
         let begun = if self.settings.light == LightMode::Grid { 0.5 } else { 0.0 };
-        let [width, height] = size.map(|side| side as usize);
+        let [width, height] = size.mapped(|side| side as usize);
         let mut image = Image::new(width, height);
         let strata = self.settings.sub_pixels as usize;
         let film = &self.scene.film;
