@@ -279,7 +279,7 @@ mod tests {
         assert_ne!(key, request_key(&scene, &by_subset, "5.0.1"));
         let one_too_many: Vec<u32> = (FIRST_REPLICA_SEED..=FIRST_REPLICA_SEED + MOST_SUBSETS).collect();
         let cache = tempfile::tempdir().expect("a folder");
-        let error = references_here(&scene, &by_subset, &one_too_many, cache.path(), |_| ()).expect_err("refused");
+        let error = references_here(&scene, &by_subset, &one_too_many, cache.path(), &mut |_| ()).expect_err("refused");
         assert!(error.expected.contains("at most 64"), "{error}");
         let mut changed = scene.clone();
         changed.film.transparent = !scene.film.transparent;

@@ -98,8 +98,11 @@ const EPSILON: f32 = f32::EPSILON;
 /// Sign with the kernel's NaN rule: anything that is neither 0 nor negative gives 1.
 pub(super) fn sign<R: Real>(a: R) -> R {
     // Two selections: signs of random values are not worth predicting.
-    let sign = if a < R::of(0.0) { R::of(-1.0) } else { R::of(1.0) };
-    if a == R::of(0.0) { R::of(0.0) } else { sign }
+    let zero = R::of(0.0);
+    let below = a.decided(zero, a < zero);
+    // Neither above nor below is 0 alone: NaN is above.
+    let above = a.decided(zero, !((a < zero) | (a == zero)));
+    above - below
 }
 
 /// Polynomial smooth minimum of width `k`; the plain minimum for `k` = 0.
@@ -137,7 +140,6 @@ impl Math {
     fn apply<R: Real>(&self, inputs: &[Column<'_, R>], output: &mut [R]) {
         let zero = R::of(0.0);
         let one = R::of(1.0);
-        let truth = |condition: bool| if condition { one } else { zero };
         macro_rules! unary {
             ($function:expr) => {
                 map(inputs, [0], output, |[a]: [R; 1]| $function(a))
@@ -170,10 +172,13 @@ impl Math {
             "EXPONENT" => unary!(|a: R| a.library(Library::Exp)),
             "MINIMUM" => binary!(R::fmin),
             "MAXIMUM" => binary!(R::fmax),
-            "LESS_THAN" => binary!(|a, b| truth(a < b)),
-            "GREATER_THAN" => binary!(|a, b| truth(a > b)),
+            "LESS_THAN" => binary!(|a: R, b: R| a.decided(b, a < b)),
+            "GREATER_THAN" => binary!(|a: R, b: R| a.decided(b, a > b)),
             "SIGN" => unary!(sign),
-            "COMPARE" => ternary!(|a: R, b: R, c: R| truth((a == b) | ((a - b).abs() <= c.fmax(R::of(EPSILON))))),
+            "COMPARE" => ternary!(|a: R, b: R, c: R| {
+                let (apart, most) = ((a - b).abs(), c.fmax(R::of(EPSILON)));
+                apart.decided(most, (a == b) | (apart <= most))
+            }),
             "SMOOTH_MIN" => ternary!(smooth_minimum),
             "SMOOTH_MAX" => ternary!(|a: R, b: R, c: R| -smooth_minimum(-a, -b, c)),
             "ROUND" => unary!(|a: R| (a + R::of(0.5)).floor()),

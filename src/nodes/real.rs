@@ -142,6 +142,11 @@ pub trait Real:
         let is_fractional = exponent != Self::of(exponent.to_int() as f32);
         if self < Self::of(0.0) && is_fractional { Self::of(0.0) } else { self.powf(exponent) }
     }
+    /// 1 where `condition` holds, which compares this number with `other`, and 0 elsewhere.
+    #[inline(always)]
+    fn decided(self, _other: Self, condition: bool) -> Self {
+        if condition { Self::of(1.0) } else { Self::of(0.0) }
+    }
     /// The kernel's cubic step between two edges.
     #[inline(always)]
     fn smooth_step(self, edge0: Self, edge1: Self) -> Self {

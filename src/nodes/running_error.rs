@@ -76,12 +76,13 @@ impl RunningError {
         let magnitude = f64::from(value.abs());
         // An exact operation on exact operands gives the same value however it is evaluated.
         let own = if exact && inherited == 0.0 { 0.0 } else { relative * (magnitude + inherited) + FLUSHED };
-        Self { value, error: inherited + own }
+        // Never NaN, which a maximum would forget: 0 times what is unbounded is unbounded.
+        Self { value, error: farther(inherited + own, 0.0) }
     }
 
     /// The value of a function that is monotonic in each operand between the ends of their errors.
     fn monotonic(value: f32, ends: impl IntoIterator<Item = f64>) -> Self {
-        let inherited = ends.into_iter().map(|end| (end - f64::from(value)).abs()).fold(0.0, f64::max);
+        let inherited = ends.into_iter().map(|end| (end - f64::from(value)).abs()).fold(0.0, farther);
         Self::new(value, inherited, ELEMENTARY, false)
     }
 
@@ -93,8 +94,14 @@ impl RunningError {
     #[inline(never)]
     fn stepped(self, function: fn(f64) -> f64) -> Self {
         let value = function(f64::from(self.value));
-        let error = self.ends().map(|end| (function(end) - value).abs()).into_iter().fold(0.0, f64::max);
+        let error = self.ends().map(|end| (function(end) - value).abs()).into_iter().fold(0.0, farther);
         Self { value: value as f32, error }
+    }
+
+    /// Whether rounding can turn a comparison with `other` around.
+    fn is_undecided(self, other: Self) -> bool {
+        let error = self.error + other.error;
+        error > 0.0 && !((f64::from(self.value) - f64::from(other.value)).abs() > error)
     }
 
     /// The chosen one of two operands, with both errors where the choice is within them.
@@ -105,6 +112,11 @@ impl RunningError {
         let undecided = apart <= self.error + other.error;
         Self { error: if undecided { self.error.max(other.error) } else { chosen.error }, ..chosen }
     }
+}
+
+/// The larger of two distances; one that is NaN is unbounded.
+fn farther(a: f64, b: f64) -> f64 {
+    if a.is_nan() || b.is_nan() { f64::INFINITY } else { a.max(b) }
 }
 
 /// By the value alone.
@@ -290,11 +302,35 @@ impl Real for RunningError {
     fn lesser(self, other: Self) -> Self {
         self.chosen(other, self.value < other.value)
     }
+    #[inline(never)]
+    fn decided(self, other: Self, condition: bool) -> Self {
+        let error = if self.is_undecided(other) { 1.0 } else { 0.0 };
+        Self { value: if condition { 1.0 } else { 0.0 }, error }
+    }
+    /// It rises with the value and falls with either edge, so its ends are those of the three errors together. Its own operations,
+    /// some 21 roundings, are less than [`ELEMENTARY`].
+    #[inline(never)]
+    fn smooth_step(self, edge0: Self, edge1: Self) -> Self {
+        let value = self.value.smooth_step(edge0.value, edge1.value);
+        let moved = |number: Self, side: f64| f64::from(number.value) + side * number.error;
+        if !(moved(edge0, 1.0) < moved(edge1, -1.0)) {
+            // A jump between 0 and 1, or between what may be one.
+            return Self::new(value, 1.0, ELEMENTARY, false);
+        }
+        let [low, high] = [-1.0, 1.0].mapped(|side| moved(self, side));
+        if high <= moved(edge0, -1.0) || low >= moved(edge1, 1.0) {
+            return Self::of(value);
+        }
+        let end = |place: f64, side: f64| place.smooth_step(moved(edge0, side), moved(edge1, side));
+        Self::monotonic(value, [end(low, 1.0), end(high, -1.0)])
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use rand::{Rng, SeedableRng};
+    use rand_chacha::ChaCha8Rng;
 
     fn of(value: f32) -> RunningError {
         RunningError::of(value)
@@ -321,6 +357,70 @@ mod tests {
             // The bound is a few roundings of the product and no more.
             assert!(found.between_evaluations() <= 4.0 * ROUNDING * f64::from(c));
         }
+    }
+
+    /// What the inputs may be in truth, anywhere within their errors, gives a result within that of the bound; and so do roundings of
+    /// f32 on the way.
+    #[test]
+    fn smooth_steps_stay_within_their_bound_at_their_edges_and_between() {
+        let mut random = ChaCha8Rng::seed_from_u64(7);
+        let mut beyond_an_edge = 0;
+        for case in 0..200_000 {
+            let edges = [random.random_range(-2.0..1.0_f32), random.random_range(1e-3..2.0_f32)];
+            let edges = [edges[0], edges[0] + edges[1]];
+            // At an edge, near one, or anywhere.
+            let place = match case % 3 {
+                0 => edges[case / 3 % 2],
+                1 => edges[case / 3 % 2] + random.random_range(-1e-6..1e-6_f32),
+                _ => random.random_range(-3.0..3.0_f32),
+            };
+            let mut uncertain = |value: f32| {
+                let error = f64::from(random.random_range(0.0..1.0_f32)).powi(8) * 1e-2;
+                let truth = f64::from(value) + error * random.random_range(-1.0..=1.0);
+                (RunningError { value, error }, truth)
+            };
+            let ((x, true_x), (low, true_low), (high, true_high)) =
+                (uncertain(place), uncertain(edges[0]), uncertain(edges[1]));
+            let found = x.smooth_step(low, high);
+            let truth = true_x.smooth_step(true_low, true_high);
+            assert!(
+                (f64::from(found.value) - truth).abs() <= found.error,
+                "{x:?} {low:?} {high:?}: {found:?}, {truth}"
+            );
+            assert_eq!(found.value, place.smooth_step(edges[0], edges[1]));
+            beyond_an_edge += usize::from((found.value == 0.0 || found.value == 1.0) && found.error > 0.0);
+            assert!(found.error <= 1.0 + 3.0 * ELEMENTARY);
+            // Where it is no jump it costs what the slope, 1.5 over the width at most, makes of the errors.
+            let (errors, width) = (x.error + low.error + high.error, f64::from(edges[1] - edges[0]));
+            let slope = 1.5 / (width - low.error - high.error);
+            assert!(
+                width < 0.1 || found.error <= slope * errors + 3.0 * ELEMENTARY,
+                "{x:?} {low:?} {high:?}: {found:?}"
+            );
+        }
+        assert!(beyond_an_edge > 10_000, "{beyond_an_edge}");
+        let exact = of(3.0).smooth_step(of(0.0), of(1.0));
+        assert_eq!((exact.value(), exact.between_evaluations()), (1.0, 0.0));
+    }
+
+    #[test]
+    fn what_is_unbounded_stays_unbounded() {
+        let unbounded = RunningError { value: 1.0, error: f64::INFINITY };
+        let zero = RunningError { value: 0.0, error: 1e-9 };
+        for found in
+            [zero * unbounded, unbounded - unbounded, (zero * unbounded).sqrt(), (zero * unbounded).fmax(of(0.5))]
+        {
+            assert_eq!(found.between_evaluations(), f64::INFINITY, "{found:?}");
+        }
+        assert_eq!((zero * unbounded).powf(of(2.0)).between_evaluations(), f64::INFINITY);
+    }
+
+    #[test]
+    fn comparisons_within_an_error_cover_both_answers() {
+        let near = of(0.1) * of(10.0);
+        assert_eq!(near.decided(of(1.0), near < of(1.0)).between_evaluations(), 2.0);
+        assert_eq!(near.decided(of(2.0), near < of(2.0)).between_evaluations(), 0.0);
+        assert_eq!(of(1.0).decided(of(1.0), false).between_evaluations(), 0.0);
     }
 
     #[test]
