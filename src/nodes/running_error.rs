@@ -101,7 +101,8 @@ impl RunningError {
     /// Whether rounding can turn a comparison with `other` around.
     fn is_undecided(self, other: Self) -> bool {
         let error = self.error + other.error;
-        error > 0.0 && !((f64::from(self.value) - f64::from(other.value)).abs() > error)
+        let apart = (f64::from(self.value) - f64::from(other.value)).abs();
+        error > 0.0 && (apart <= error || apart.is_nan())
     }
 
     /// The chosen one of two operands, with both errors where the choice is within them.
@@ -308,12 +309,12 @@ impl Real for RunningError {
         Self { value: if condition { 1.0 } else { 0.0 }, error }
     }
     /// It rises with the value and falls with either edge, so its ends are those of the three errors together. Its own operations,
-    /// some 21 roundings, are less than [`ELEMENTARY`].
+    /// some 21 roundings, are less than `ELEMENTARY`.
     #[inline(never)]
     fn smooth_step(self, edge0: Self, edge1: Self) -> Self {
         let value = self.value.smooth_step(edge0.value, edge1.value);
         let moved = |number: Self, side: f64| f64::from(number.value) + side * number.error;
-        if !(moved(edge0, 1.0) < moved(edge1, -1.0)) {
+        if moved(edge0, 1.0) >= moved(edge1, -1.0) {
             // A jump between 0 and 1, or between what may be one.
             return Self::new(value, 1.0, ELEMENTARY, false);
         }
