@@ -1,4 +1,5 @@
-//! Arrays whose entries are made one by one.
+//! Arrays whose entries are made one by one: for what runs at every point or is compiled for several number types. Elsewhere the library's
+//! `from_fn` and `map` do.
 
 /// `[value(0), ..., value(N - 1)]`. Unlike the library's it is inlined whatever its size: as a function of its own it would be
 /// compiled without the instructions of the lanes, and be a call between parts of the crate that are compiled apart. It is a

@@ -112,7 +112,6 @@ pub struct Gap {
 
 impl Parts {
     /// One part.
-    #[inline]
     fn single(start: f64, length: f64) -> Self {
         Self { start, length, gaps: Vec::new() }
     }
@@ -136,14 +135,12 @@ impl Parts {
     }
 
     /// Distance from the start after so much of the length.
-    #[inline]
     pub fn distance(&self, passed: f64) -> f64 {
         let before = self.gaps.iter().take_while(|gap| passed > gap.passed).last();
         before.map_or(passed, |gap| passed + gap.outside)
     }
 
     /// Whether a distance from the start lies in a part.
-    #[inline]
     pub fn holds(&self, distance: f64) -> bool {
         let mut outside = 0.0;
         for gap in &self.gaps {
@@ -156,7 +153,6 @@ impl Parts {
     }
 
     /// Cuts off what lies behind a distance from the start.
-    #[inline]
     pub fn end_at(&mut self, limit: f64) {
         let limit = limit.max(0.0);
         let mut outside = 0.0;
@@ -315,7 +311,6 @@ impl Outline {
     }
 
     /// Whether a place is inside; on a face is outside. Of a mesh: whether the first face above it, along +Z of the world, shows its back.
-    #[inline]
     pub fn holds(&self, place: DVec3) -> bool {
         match self {
             Self::Box(region) => place.cmpgt(region.low).all() && place.cmplt(region.high).all(),
@@ -328,7 +323,6 @@ impl Outline {
     }
 
     /// The height of a place as a part of the domain's, 0 at its bottom and 1 at its top.
-    #[inline]
     pub fn height(&self, place: DVec3) -> f64 {
         match self {
             Self::Shell { inner, outer } => (place.length() - inner) / (outer - inner),
@@ -359,7 +353,6 @@ impl Outline {
 }
 
 /// Where a ray meets a sphere around the origin; none where it misses or grazes it.
-#[inline]
 fn sphere(origin: DVec3, way: DVec3, radius: f64) -> Option<[f64; 2]> {
     let square = way.length_squared();
     let middle = -origin.dot(way) / square;
@@ -370,7 +363,6 @@ fn sphere(origin: DVec3, way: DVec3, radius: f64) -> Option<[f64; 2]> {
 }
 
 /// A vector of length 1 in its direction, whatever its length: the square of a short one would be 0. None for 0 and for what is not finite.
-#[inline]
 pub fn unit(vector: DVec3) -> Option<DVec3> {
     let largest = vector.abs().max_element();
     (largest > 0.0 && vector.is_finite()).then(|| (vector / largest).normalize())

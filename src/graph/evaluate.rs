@@ -294,7 +294,6 @@ impl<R: Evaluation> Workspace<R> {
         Self { columns, uniform, first_attribute, first_constant, constants, first_register }
     }
 
-    #[inline]
     fn slot(&self, operand: &Operand) -> usize {
         match operand {
             Operand::Position(axis) => *axis,

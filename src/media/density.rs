@@ -114,7 +114,6 @@ impl Density {
     }
 
     /// Whether there may be something at a position.
-    #[inline]
     pub fn may_hold(&self, position: DVec3) -> bool {
         let Some(cells) = &self.cells else { return true };
         let part = (position - self.bounds.low) * self.cells_per_length;
@@ -197,13 +196,11 @@ impl<'a> DensityEvaluator<'a> {
 }
 
 /// A value as a density: what is no number stays to be seen.
-#[inline]
 fn not_negative(value: f32) -> f64 {
     if value < 0.0 { 0.0 } else { f64::from(value) }
 }
 
 /// Column, row and layer of a cell among so many per side.
-#[inline]
 fn place_of(index: usize, cells: usize) -> [usize; 3] {
     [index % cells, index / cells % cells, index / cells / cells]
 }

@@ -540,7 +540,6 @@ impl Majorants {
     }
 
     /// Least and most extinction in the leaf that holds a position of the object's frame.
-    #[inline]
     pub fn at(&self, position: DVec3) -> [f64; 2] {
         let cell = self.cell_of((position - self.low) / self.size * FINEST);
         let leaf = self.leaf(cell);
@@ -581,7 +580,6 @@ impl Majorants {
 
     /// A ray of the object's frame, its direction per metre of world space, between two distances;
     /// None where it misses the box.
-    #[inline]
     pub fn enter(&self, origin: DVec3, direction: DVec3, from: f64, to: f64) -> Option<Walk> {
         let region = Region { low: self.low, high: self.low + self.extent };
         let (enter, leave) = region.segment(origin, direction)?;

@@ -84,7 +84,6 @@ impl PhaseFunction {
     }
 
     /// Value in 1/sr for a cosine within [-1, 1]. It is also the density of [`Self::sample`] over solid angle.
-    #[inline]
     pub fn evaluate(&self, cosine: f64) -> f64 {
         match &self.second {
             None => self.first.evaluate(cosine),
@@ -112,7 +111,6 @@ impl PhaseFunction {
     }
 
     /// The g of Henyey-Greenstein, if that is what it is.
-    #[inline]
     pub fn henyey_greenstein(&self) -> Option<f64> {
         match (&self.first, &self.second) {
             (Lobe::HenyeyGreenstein(anisotropy), None) => Some(*anisotropy),
@@ -126,7 +124,6 @@ fn limited(anisotropy: f64) -> f64 {
 }
 
 impl Lobe {
-    #[inline]
     fn evaluate(&self, cosine: f64) -> f64 {
         match self {
             Self::HenyeyGreenstein(anisotropy) => henyey_greenstein(*anisotropy, cosine),
@@ -146,7 +143,6 @@ impl Lobe {
 
 /// Henyey-Greenstein phase function in 1/sr for the cosine between the directions of travel before
 /// and after; isotropic below |g| = 0.001, as in Cycles.
-#[inline]
 pub fn henyey_greenstein<T: Float>(anisotropy: T, cosine: T) -> T {
     if anisotropy.abs() < constant(SMALLEST_ANISOTROPY) {
         return constant(1.0 / SPHERE);
@@ -155,7 +151,6 @@ pub fn henyey_greenstein<T: Float>(anisotropy: T, cosine: T) -> T {
 }
 
 /// The same without the exception for small anisotropies.
-#[inline]
 fn smooth_henyey_greenstein<T: Float>(anisotropy: T, cosine: T) -> T {
     let cosine = if anisotropy < T::zero() { -cosine } else { cosine };
     // Rounding may make more than 1 of a cosine. NaN is not above 1 and stays to be seen.
@@ -165,7 +160,6 @@ fn smooth_henyey_greenstein<T: Float>(anisotropy: T, cosine: T) -> T {
 
 /// Henyey-Greenstein for g in [0, 1) and what the cosine c lacks to 1. The base 1 + g^2 - 2 g c is a sum of parts that are not negative: it
 /// neither cancels nor falls below (1 - g)^2, so that nothing is divided by 0.
-#[inline]
 pub fn henyey_greenstein_by_lack<T: Float>(g: T, lack: T) -> T {
     let least = T::one() - g;
     let base = least * least + constant::<T>(2.0) * g * lack;
@@ -173,7 +167,6 @@ pub fn henyey_greenstein_by_lack<T: Float>(g: T, lack: T) -> T {
 }
 
 /// Draine's phase function in 1/sr (Draine 2003, equation 4): Henyey-Greenstein for alpha = 0, Cornette and Shanks' for alpha = 1.
-#[inline]
 pub fn draine<T: Float>(anisotropy: T, alpha: T, cosine: T) -> T {
     let (one, two, three) = (T::one(), constant::<T>(2.0), constant::<T>(3.0));
     let norm = one + alpha * (one + two * anisotropy * anisotropy) / three;
@@ -181,7 +174,6 @@ pub fn draine<T: Float>(anisotropy: T, alpha: T, cosine: T) -> T {
 }
 
 /// The cosine of [`henyey_greenstein`] for a number uniform in [0, 1).
-#[inline]
 pub fn sample_henyey_greenstein<T: Float>(anisotropy: T, uniform: T) -> T {
     let (one, two, half) = (T::one(), constant::<T>(2.0), constant::<T>(0.5));
     // For g < 0 the mirrored cosine of the other end of the distribution: no sum below is a difference then.
@@ -211,7 +203,6 @@ pub fn sample_henyey_greenstein<T: Float>(anisotropy: T, uniform: T) -> T {
 
 /// Unit vector at an angle of this cosine from the unit vector `direction`, turned around it by `turn` of a
 /// full circle. Basis: Duff et al. 2017.
-#[inline]
 pub fn turned(direction: DVec3, cosine: f64, turn: f64) -> DVec3 {
     let sign = 1.0_f64.copysign(direction.z);
     let a = -1.0 / (sign + direction.z);
@@ -269,7 +260,6 @@ impl Draine {
         1.0 + self.alpha * (1.0 + 2.0 * self.anisotropy * self.anisotropy) / 3.0
     }
 
-    #[inline]
     fn evaluate(&self, cosine: f64) -> f64 {
         draine(self.anisotropy, self.alpha, cosine)
     }
@@ -358,7 +348,6 @@ impl FournierForand {
         (-self.exponent * self.scale.ln()).exp_m1() / difference
     }
 
-    #[inline]
     fn evaluate(&self, cosine: f64) -> f64 {
         self.evaluate_at((0.5 * (1.0 - cosine)).max(SMALLEST_HALF_ANGLE))
     }

@@ -13,7 +13,6 @@ pub struct Region {
 
 impl Region {
     /// Whether it has no volume.
-    #[inline]
     pub fn is_empty(&self) -> bool {
         !self.low.cmplt(self.high).all()
     }
@@ -34,7 +33,6 @@ impl Region {
     }
 
     /// Parameters at which `origin + t direction` enters and leaves, or None where it misses.
-    #[inline]
     pub fn segment(&self, origin: DVec3, direction: DVec3) -> Option<(f64, f64)> {
         let mut enter = f64::NEG_INFINITY;
         let mut leave = f64::INFINITY;

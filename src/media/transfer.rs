@@ -23,25 +23,21 @@ pub(crate) fn constant<T: Float>(value: f64) -> T {
 }
 
 /// Share of light that a step lets through.
-#[inline]
 pub fn transmittance<T: Float>(depth: T) -> T {
     (-depth).exp()
 }
 
 /// Share of light that a step keeps, without the difference of 1 and an exponential, which loses the bits of a small depth.
-#[inline]
 pub fn absorbed<T: Float>(depth: T) -> T {
     -(-depth).exp_m1()
 }
 
 /// Mean of the transmittance over a step.
-#[inline]
 pub fn mean_transmittance<T: Float>(depth: T) -> T {
     if depth < constant(NO_DEPTH) { T::one() } else { absorbed(depth) / depth }
 }
 
 /// What the source of a step is multiplied with, transmittance left out: a length.
-#[inline]
 pub fn step_weight<T: Float>(integration: Integration, extinction: T, step: T) -> T {
     match integration {
         Integration::Plain => step,

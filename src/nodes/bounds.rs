@@ -49,13 +49,11 @@ impl Interval {
     pub const UNIT: Self = Self { low: 0.0, high: 1.0, may_be_nan: false };
 
     /// One value. NaN gives [`Self::EVERYTHING`].
-    #[inline]
     pub fn point(value: f32) -> Self {
         if value.is_nan() { Self::EVERYTHING } else { Self { low: value, high: value, may_be_nan: false } }
     }
 
     /// From `low` to `high`.
-    #[inline]
     pub fn new(low: f32, high: f32) -> Self {
         Self { low, high, may_be_nan: false }
     }
@@ -67,7 +65,6 @@ impl Interval {
     }
 
     /// [`Self::outward`] with a further absolute error.
-    #[inline]
     pub fn with_error(low: f64, high: f64, error: f64, may_be_nan: bool) -> Self {
         Self::outward(low - error, high + error, may_be_nan)
     }
@@ -99,19 +96,16 @@ impl Interval {
     }
 
     /// The same interval, with 0 added where an implementation may flush a subnormal input.
-    #[inline]
     pub fn flushed(self) -> Self {
         Self::stored(f64::from(self.low), f64::from(self.high), self.may_be_nan)
     }
 
     /// The single value, if it is one.
-    #[inline]
     pub fn as_point(self) -> Option<f32> {
         (self.low == self.high && !self.may_be_nan).then_some(self.low)
     }
 
     /// Whether an evaluator's value is inside.
-    #[inline]
     pub fn contains(self, value: f64) -> bool {
         if value.is_nan() {
             return self.may_be_nan;
@@ -120,37 +114,31 @@ impl Interval {
     }
 
     /// Whether 0 is inside.
-    #[inline]
     pub fn has_zero(self) -> bool {
         self.low <= 0.0 && self.high >= 0.0
     }
 
     /// Whether both ends are finite and NaN is impossible.
-    #[inline]
     pub fn is_finite(self) -> bool {
         self.low.is_finite() && self.high.is_finite() && !self.may_be_nan
     }
 
-    #[inline]
     fn has_infinity(self) -> bool {
         self.low == f32::NEG_INFINITY || self.high == f32::INFINITY
     }
 
     /// Ends in f64.
-    #[inline]
     pub fn ends(self) -> [f64; 2] {
         [f64::from(self.low), f64::from(self.high)]
     }
 
     /// Largest magnitude.
-    #[inline]
     pub fn magnitude(self) -> f64 {
         f64::from(self.low.abs().max(self.high.abs()))
     }
 
     /// Smallest interval that holds both.
     #[must_use]
-    #[inline]
     pub fn hull(self, other: Self) -> Self {
         Self {
             low: self.low.min(other.low),
@@ -161,7 +149,6 @@ impl Interval {
 
     /// What two enclosures of the same value leave.
     #[must_use]
-    #[inline]
     pub fn meet(self, other: Self) -> Self {
         let met = Self {
             low: self.low.max(other.low),
@@ -174,48 +161,41 @@ impl Interval {
 
     /// The same interval where NaN is possible if `flag` says so.
     #[must_use]
-    #[inline]
     pub fn or_nan(self, flag: bool) -> Self {
         Self { may_be_nan: self.may_be_nan || flag, ..self }
     }
 
     /// Image under a non-decreasing function, computed in f64 and widened by `error` beside `PAD`.
-    #[inline]
     pub fn increasing(self, function: impl Fn(f64) -> f64, error: f64) -> Self {
         let [low, high] = self.ends();
         Self::with_error(function(low), function(high), error, self.may_be_nan)
     }
 
     /// Image under a non-decreasing function that every evaluator computes exactly.
-    #[inline]
     fn exactly(self, function: impl Fn(f32) -> f32) -> Self {
         Self { low: function(self.low), high: function(self.high), may_be_nan: self.may_be_nan }
     }
 
     /// Largest integer not above; NaN for NaN.
     #[must_use]
-    #[inline]
     pub fn floor(self) -> Self {
         self.exactly(f32::floor)
     }
 
     /// Smallest integer not below.
     #[must_use]
-    #[inline]
     pub fn ceil(self) -> Self {
         self.exactly(f32::ceil)
     }
 
     /// Towards zero.
     #[must_use]
-    #[inline]
     pub fn trunc(self) -> Self {
         self.exactly(f32::trunc)
     }
 
     /// Magnitude.
     #[must_use]
-    #[inline]
     pub fn abs(self) -> Self {
         if self.low >= 0.0 {
             self
@@ -228,7 +208,6 @@ impl Interval {
 
     /// The product with itself.
     #[must_use]
-    #[inline]
     pub fn square(self) -> Self {
         let [low, high] = self.abs().ends();
         Self::outward(low * low, high * high, self.may_be_nan)
@@ -236,7 +215,6 @@ impl Interval {
 
     /// Square root; NaN below 0.
     #[must_use]
-    #[inline]
     pub fn sqrt(self) -> Self {
         let [low, high] = self.ends();
         let nan = self.may_be_nan || low < 0.0;
@@ -245,7 +223,6 @@ impl Interval {
 
     /// `x - floor(x)`. Rounding makes it 1 just below an integer.
     #[must_use]
-    #[inline]
     pub fn fraction(self) -> Self {
         // Infinity minus infinity.
         let nan = self.may_be_nan || self.has_infinity();
@@ -258,7 +235,6 @@ impl Interval {
 
     /// `a if a > b else b`: NaN in the first place gives b, in the second place NaN.
     #[must_use]
-    #[inline]
     pub fn greater(self, other: Self) -> Self {
         Self {
             low: if self.may_be_nan { other.low } else { self.low.max(other.low) },
@@ -269,7 +245,6 @@ impl Interval {
 
     /// `a if a < b else b`, with NaN as in [`Self::greater`].
     #[must_use]
-    #[inline]
     pub fn lesser(self, other: Self) -> Self {
         Self {
             low: self.low.min(other.low),
@@ -280,21 +255,18 @@ impl Interval {
 
     /// `lesser(greater(self, low), high)`: NaN becomes `low`.
     #[must_use]
-    #[inline]
     pub fn clamped(self, low: Self, high: Self) -> Self {
         self.greater(low).lesser(high)
     }
 
     /// Clamped to [0, 1].
     #[must_use]
-    #[inline]
     pub fn saturate(self) -> Self {
         self.clamped(Self::ZERO, Self::ONE)
     }
 
     /// C `fmin`: the operand that is not NaN.
     #[must_use]
-    #[inline]
     pub fn fmin(self, other: Self) -> Self {
         let mut high = self.high.min(other.high);
         if self.may_be_nan {
@@ -308,14 +280,12 @@ impl Interval {
 
     /// C `fmax`: the operand that is not NaN.
     #[must_use]
-    #[inline]
     pub fn fmax(self, other: Self) -> Self {
         -(-self).fmin(-other)
     }
 
     /// Quotient. Where the divisor may be 0 nothing is known.
     #[must_use]
-    #[inline]
     pub fn divide(self, divisor: Self) -> Self {
         if divisor.has_zero() {
             return Self::EVERYTHING;
@@ -328,7 +298,6 @@ impl Interval {
 
     /// Quotient that is 0 for a zero divisor.
     #[must_use]
-    #[inline]
     pub fn safe_divide(self, divisor: Self) -> Self {
         if !divisor.has_zero() {
             return self.divide(divisor);
@@ -349,7 +318,6 @@ impl Interval {
 
     /// `self + t (other - self)` for t within [0, 1] up to rounding.
     #[must_use]
-    #[inline]
     pub fn lerp(self, other: Self, t: Self) -> Self {
         let plain = self + t * (other - self);
         if t.low < 0.0 || t.high > 1.0 || !self.is_finite() || !other.is_finite() || t.may_be_nan {
@@ -554,7 +522,6 @@ impl Interval {
 }
 
 /// Smallest and largest; NaN entries (0 times infinity and the like) say nothing.
-#[inline]
 fn extremes(values: [f64; 4]) -> (f64, f64) {
     values.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), &x| (low.min(x), high.max(x)))
 }

@@ -76,7 +76,7 @@ fn perlin<R: Real, const N: usize>(p: [R; N]) -> R {
     let mut corners = [R::of(0.0); 16];
     for (index, corner) in corners.iter_mut().enumerate().take(1 << N) {
         let bit = |axis: usize| (index >> axis) & 1;
-        let hash = jenkins(std::array::from_fn::<u32, N, _>(|axis| cell[axis].wrapping_add(bit(axis) as u32)));
+        let hash = jenkins(each::<u32, N>(|axis| cell[axis].wrapping_add(bit(axis) as u32)));
         let offset: [R; N] = each(|axis| fraction[axis] - R::of(bit(axis) as f32));
         *corner = gradient(hash, offset);
     }

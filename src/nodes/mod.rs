@@ -932,7 +932,6 @@ pub fn map_vector<R: Real, const I: usize>(
 }
 
 /// The vector instructions of this machine, looked up once.
-#[inline]
 pub fn lane_level() -> fearless_simd::Level {
     static LEVEL: std::sync::OnceLock<fearless_simd::Level> = std::sync::OnceLock::new();
     *LEVEL.get_or_init(fearless_simd::Level::new)

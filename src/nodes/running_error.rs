@@ -9,7 +9,7 @@
 //! |value - exact| for the written form and for every permitted one. Two evaluations, ours on the
 //! CPU among them, are then at most 2 E apart: [`RunningError::between_evaluations`].
 //!
-//! Where an operand is within its error of a jump (a rounding function at a whole number, two sides of a minimum) the
+//! Where an operand is within its error of a jump (a rounding function at a whole number, two sides of a minimum, a comparison) the
 //! bound covers both sides. Lattice cells are the exception: gradient noise is smooth across the faces
 //! of its cells and min(F1, 1) is 1-Lipschitz there, so the cell of the value stands for its neighbour. Where
 //! Blender's F1 exceeds 1 it may jump at a face, and nothing bounds it there.
@@ -44,6 +44,7 @@ const ELEMENTARY: f64 = 16.0 * ULP;
 #[derive(Debug, Clone, Copy, Default)]
 pub struct RunningError {
     value: f32,
+    /// Never NaN, which a maximum would forget: infinite where nothing is known.
     error: f64,
 }
 
@@ -55,17 +56,17 @@ impl RunningError {
 
     /// A number of double precision, rounded to f32.
     pub fn rounded(value: f64) -> Self {
-        Self { value: value as f32, error: (f64::from(value as f32) - value).abs() }
+        Self { value: value as f32, error: farther((f64::from(value as f32) - value).abs(), 0.0) }
     }
 
     /// Largest distance of a conforming evaluation from the exact result; infinite where nothing is known.
     pub fn error(self) -> f64 {
-        if self.error.is_nan() { f64::INFINITY } else { self.error }
+        self.error
     }
 
     /// Largest difference between two conforming evaluations; infinite where nothing is known.
     pub fn between_evaluations(self) -> f64 {
-        if self.error.is_nan() { f64::INFINITY } else { 2.0 * self.error }
+        2.0 * self.error
     }
 
     /// A value with what its operands bring along, and the error of the operation itself.
@@ -76,7 +77,7 @@ impl RunningError {
         let magnitude = f64::from(value.abs());
         // An exact operation on exact operands gives the same value however it is evaluated.
         let own = if exact && inherited == 0.0 { 0.0 } else { relative * (magnitude + inherited) + FLUSHED };
-        // Never NaN, which a maximum would forget: 0 times what is unbounded is unbounded.
+        // 0 times what is unbounded is unbounded.
         Self { value, error: farther(inherited + own, 0.0) }
     }
 
@@ -102,16 +103,15 @@ impl RunningError {
     fn is_undecided(self, other: Self) -> bool {
         let error = self.error + other.error;
         let apart = (f64::from(self.value) - f64::from(other.value)).abs();
-        error > 0.0 && (apart <= error || apart.is_nan())
+        error > 0.0 && apart <= error
     }
 
     /// The chosen one of two operands, with both errors where the choice is within them.
     #[inline(never)]
     fn chosen(self, other: Self, first: bool) -> Self {
         let chosen = if first { self } else { other };
-        let apart = (f64::from(self.value) - f64::from(other.value)).abs();
-        let undecided = apart <= self.error + other.error;
-        Self { error: if undecided { self.error.max(other.error) } else { chosen.error }, ..chosen }
+        let error = if self.is_undecided(other) { self.error.max(other.error) } else { chosen.error };
+        Self { error, ..chosen }
     }
 }
 
@@ -305,7 +305,9 @@ impl Real for RunningError {
     }
     #[inline(never)]
     fn decided(self, other: Self, condition: bool) -> Self {
-        let error = if self.is_undecided(other) { 1.0 } else { 0.0 };
+        // What is not finite after an operation has no bound, and no order.
+        let is_unknown = self.error + other.error == f64::INFINITY;
+        let error = if is_unknown || self.is_undecided(other) { 1.0 } else { 0.0 };
         Self { value: if condition { 1.0 } else { 0.0 }, error }
     }
     /// It rises with the value and falls with either edge, so its ends are those of the three errors together. Its own operations,
@@ -313,17 +315,15 @@ impl Real for RunningError {
     #[inline(never)]
     fn smooth_step(self, edge0: Self, edge1: Self) -> Self {
         let value = self.value.smooth_step(edge0.value, edge1.value);
-        let moved = |number: Self, side: f64| f64::from(number.value) + side * number.error;
-        if moved(edge0, 1.0) >= moved(edge1, -1.0) {
+        let [[low, high], [low0, high0], [low1, high1]] = [self, edge0, edge1].mapped(Self::ends);
+        if high0 >= low1 {
             // A jump between 0 and 1, or between what may be one.
             return Self::new(value, 1.0, ELEMENTARY, false);
         }
-        let [low, high] = [-1.0, 1.0].mapped(|side| moved(self, side));
-        if high <= moved(edge0, -1.0) || low >= moved(edge1, 1.0) {
+        if high <= low0 || low >= high1 {
             return Self::of(value);
         }
-        let end = |place: f64, side: f64| place.smooth_step(moved(edge0, side), moved(edge1, side));
-        Self::monotonic(value, [end(low, 1.0), end(high, -1.0)])
+        Self::monotonic(value, [low.smooth_step(high0, high1), high.smooth_step(low0, low1)])
     }
 }
 

@@ -59,7 +59,6 @@ impl Warp {
     }
 
     /// Offset from the pixel centre, in pixels, below which the part `quantile` of the filter lies.
-    #[inline]
     pub fn offset(&self, quantile: f64) -> f64 {
         let Some(&total) = self.cumulative.last() else { return quantile - 0.5 };
         if self.support == 0.0 {
@@ -72,7 +71,6 @@ impl Warp {
     }
 
     /// The first cell whose end reaches the mass `wanted`, the part `quantile` of all.
-    #[inline]
     fn cell(&self, quantile: f64, wanted: f64) -> usize {
         let part = ((quantile * TABLE as f64) as usize).min(TABLE - 1);
         let [first, last] = [self.guide[part], self.guide[part + 1]].map(usize::from);

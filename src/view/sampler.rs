@@ -78,14 +78,12 @@ impl Sampler {
     }
 
     /// The seed of a decision.
-    #[inline]
     fn seed_of(&self, decision: Decision) -> u32 {
         if self.redraw == Redraw::Only(decision) { self.seed ^ AGAIN } else { self.seed }
     }
 
     /// Ray number `number` of the path begins, the camera's being 0. Where decisions have numbers of their own, its numbers do not depend on how
     /// many others took.
-    #[inline]
     pub fn begin_ray(&mut self, number: u32, is_transmittance: bool) {
         if self.redraw != Redraw::Off {
             self.drawn = number.wrapping_mul(DRAWS_OF_A_RAY);
@@ -94,7 +92,6 @@ impl Sampler {
     }
 
     /// Four stratified numbers in [0, 1) of the camera ray: two for where in the pixel it passes, one for its first flight, one for the choice of its event.
-    #[inline]
     pub fn camera(&self) -> [f64; 4] {
         if self.redraw == Redraw::Off {
             return self.stratified(0, self.seed);
@@ -105,7 +102,6 @@ impl Sampler {
     }
 
     /// A number in [0, 1), stratified over the samples of a pixel, for where a marched ray samples its steps.
-    #[inline]
     pub fn step_offset(&self) -> f64 {
         self.stratified(0, self.seed)[0]
     }
@@ -131,19 +127,16 @@ impl Sampler {
     }
 
     /// Four independent numbers in [0, 1).
-    #[inline]
     pub fn next4(&mut self) -> [f64; 4] {
         self.drawn += 1;
         let decision = if self.is_transmittance { Decision::Transmittance } else { Decision::Distance };
         self.numbers(self.drawn, self.seed_of(decision))
     }
 
-    #[inline]
     fn numbers(&self, count: u32, seed: u32) -> [f64; 4] {
         pcg4d([self.pixel, self.sample, seed, count]).map(unit)
     }
 
-    #[inline]
     fn stratified(&self, set: u32, seed: u32) -> [f64; 4] {
         let sequence = self.sample / SEQUENCE;
         let scramble = pcg4d([self.pixel, set ^ SCRAMBLE, seed, sequence.wrapping_add(SCRAMBLE)])[0];
@@ -152,20 +145,17 @@ impl Sampler {
 }
 
 /// A number in [0, 1) of 32 bits.
-#[inline]
 fn unit(bits: u32) -> f64 {
     f64::from(bits) / 4_294_967_296.0
 }
 
 /// Hash of four words to four words (Jarzynski and Olano 2020, listing `pcg4d`).
-#[inline]
 fn pcg4d(words: [u32; 4]) -> [u32; 4] {
     let seeded = words.map(|word| word.wrapping_mul(1_664_525).wrapping_add(1_013_904_223));
     mix(mix(seeded).map(|word| word ^ word >> 16))
 }
 
 /// One round of `pcg4d`.
-#[inline]
 fn mix([mut x, mut y, mut z, mut w]: [u32; 4]) -> [u32; 4] {
     x = x.wrapping_add(y.wrapping_mul(w));
     y = y.wrapping_add(z.wrapping_mul(x));

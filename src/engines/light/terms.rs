@@ -176,13 +176,11 @@ impl Terms {
 
 impl Octaves {
     /// The sum over octaves of their weights, which hold the phase functions, each dimmed by its part of an optical depth.
-    #[inline]
     pub fn sum(&self, weights: &[f64], depth: f64) -> f64 {
         octaves(weights, self.attenuation, depth)
     }
 
     /// The depth towards the sun that counts.
-    #[inline]
     pub fn compressed(&self, depth: f64) -> f64 {
         compressed(self.compression, depth)
     }
@@ -190,7 +188,6 @@ impl Octaves {
 
 impl Powder {
     /// Factor on all light, for an extinction per side of the box.
-    #[inline]
     pub fn factor(&self, extinction: f64) -> f64 {
         powder(self.strength, self.length, extinction)
     }
@@ -202,14 +199,12 @@ impl Boost {
     }
 
     /// Whether there is any.
-    #[inline]
     pub fn is_on(&self) -> bool {
         self.light != 0.0 || self.ambient != 0.0
     }
 
     /// Factor on the light that there is, and on the ambient light that is added, for an extinction per side of the box and the cosine to
     /// the sun.
-    #[inline]
     pub fn factors(&self, extinction: f64, cosine: f64) -> [f64; 2] {
         let gathered = absorbed(self.length * extinction);
         let turned = if self.by_angle { (1.0 + cosine * cosine) / 2.0 } else { 1.0 };
@@ -219,7 +214,6 @@ impl Boost {
 
 impl Body {
     /// Factor on the sun's light, for an extinction around a place per side of the box.
-    #[inline]
     pub fn factor(&self, extinction: f64) -> f64 {
         powder(self.strength, self.length, extinction)
     }
@@ -227,14 +221,12 @@ impl Body {
 
 impl SilverLining {
     /// What is added to the phase function, per steradian.
-    #[inline]
     pub fn value(&self, cosine: f64) -> f64 {
         silver(self.strength, self.exponent, cosine)
     }
 }
 
 /// [`Octaves::sum`] in f32 or f64.
-#[inline]
 pub fn octaves<T: Float>(weights: &[T], attenuation: T, depth: T) -> T {
     let (mut sum, mut dimmed) = (T::zero(), depth);
     for &weight in weights {
@@ -245,7 +237,6 @@ pub fn octaves<T: Float>(weights: &[T], attenuation: T, depth: T) -> T {
 }
 
 /// What the powder of the light ray leaves of the octaves' sum, in f32 or f64.
-#[inline]
 pub fn ray_powder<T: Float>(sum: T, depth: T, cosine: T) -> T {
     let two = T::one() + T::one();
     let behind = two * absorbed(two * depth);
@@ -253,7 +244,6 @@ pub fn ray_powder<T: Float>(sum: T, depth: T, cosine: T) -> T {
 }
 
 /// [`Octaves::compressed`] in f32 or f64: nothing is subtracted, so that each rounding counts once.
-#[inline]
 pub fn compressed<T: Float>(compression: T, depth: T) -> T {
     let two = T::one() + T::one();
     let bent = (two * compression * depth).min(T::from(LARGEST_COMPRESSED).expect("f32 holds it"));
@@ -261,13 +251,11 @@ pub fn compressed<T: Float>(compression: T, depth: T) -> T {
 }
 
 /// [`Powder::factor`] in f32 or f64: of thin parts without the difference of nearly equal numbers.
-#[inline]
 pub fn powder<T: Float>(strength: T, length: T, extinction: T) -> T {
     (T::one() - strength) + strength * absorbed(length * extinction)
 }
 
 /// [`SilverLining::value`] in f32 or f64.
-#[inline]
 pub fn silver<T: Float>(strength: T, exponent: T, cosine: T) -> T {
     strength * cosine.max(T::zero()).powf(exponent)
 }

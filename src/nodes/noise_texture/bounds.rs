@@ -95,8 +95,7 @@ fn in_cell<const N: usize>(cell: [i64; N], f: [Span; N]) -> Span {
     let middle = f.mapped(|f| 0.5 * (f[0] + f[1]));
     for corner in 0..1 << N {
         let bit = |axis: usize| (corner >> axis) & 1;
-        let hash =
-            jenkins(std::array::from_fn::<u32, N, _>(|axis| (cell[axis] as i32 as u32).wrapping_add(bit(axis) as u32)));
+        let hash = jenkins(each::<u32, N>(|axis| (cell[axis] as i32 as u32).wrapping_add(bit(axis) as u32)));
         let mut value = [0.0; 2];
         let mut middle_value = 0.0;
         for axis in 0..N {
@@ -422,7 +421,7 @@ mod tests {
         let mut values = [[0.0; 2]; 16];
         for (corner, value) in values.iter_mut().enumerate().take(1 << N) {
             let end = |which: usize| {
-                largest_product(std::array::from_fn::<f64, N, _>(|axis| {
+                largest_product(each::<f64, N>(|axis| {
                     if (corner >> axis) & 1 == 0 { f[axis][which] } else { 1.0 - f[axis][1 - which] }
                 }))
             };
