@@ -118,7 +118,7 @@ fn shafts_are_as_long_as_the_shadow() {
         // Published haze takes a level ray for one that rises by 1e-5: 1.5e-5 of the length, and f32 knows 1 - exp(-0.18) to 1e-6.
         assert!(of(None).iter().all(|shadow| shadow.abs() < 0.2), "{:?}", of(None));
         for (fades, least) in [(false, 1.0), (true, 0.98)] {
-            for shadow in of(Some(Shafts { fades })) {
+            for shadow in of(Some(Shafts { fades, strength: 1.0 })) {
                 // A step is in the shadow or not by its middle; the last is 50 m + 1 % of the way. A texel is 31 m wide, 45 m with the sun aslant.
                 let bound = (50.0 + 0.01 * expected) / 2.0 + 45.0;
                 let [low, high] = [least * expected - bound, expected + bound];
@@ -126,7 +126,13 @@ fn shafts_are_as_long_as_the_shadow() {
             }
         }
         // Steps lie in the shadow or do not: their number follows from their sum, and what they count from their number.
-        let [plain, faded] = [false, true].map(|fades| of(Some(Shafts { fades })));
+        let [plain, faded] = [false, true].map(|fades| of(Some(Shafts { fades, strength: 1.0 })));
+        // A third of the strength is a third of the length; f32 knows the lit rest to 2e-3 m.
+        let third = of(Some(Shafts { fades: false, strength: 1.0 / 3.0 }));
+        assert!(
+            plain.iter().zip(&third).all(|(plain, third)| (plain - 3.0 * third).abs() < 1.0),
+            "{plain:?}, {third:?}"
+        );
         for (plain, faded) in plain.into_iter().zip(faded) {
             let (mut step, mut share, mut sums) = (50.0, 1.0, [0.0; 2]);
             while sums[0] + step / 2.0 < plain {
@@ -229,7 +235,7 @@ fn light_from_the_ground_is_dimmed_by_what_lies_below() {
 fn air_is_refused_where_it_has_no_meaning() {
     let mut slab = Slab::new(1.0, DVec3::Z);
     slab.light.shadow.map = None;
-    let air = Air { haze: Some(haze(1e-4)), shafts: Some(Shafts { fades: false }), ..air() };
+    let air = Air { haze: Some(haze(1e-4)), shafts: Some(Shafts { fades: false, strength: 1.0 }), ..air() };
     let marched = slab.marched(Some(&air));
     let error = marched.check().expect_err("no map").to_string();
     assert!(error.contains("shadow_map") && error.contains("shafts"), "{error}");
@@ -272,8 +278,8 @@ fn maps_of_parts_of_a_view_are_those_of_the_whole() {
     let camera = Camera::new(&scene, [64, 36]).expect("a camera");
     let maps = |slab: &Slab, camera| ShadowMap::of(&slab.marched(None), camera);
     let whole = maps(&slab, None).expect("a map").remove(0);
-    for cascades in [2, 3, 4] {
-        slab.light.shadow.map = Some(ShadowMapSettings { cascades, ..ShadowMapSettings::new(128, 64, 1.0) });
+    for (cascades, split) in [(2, 0.6), (3, 0.6), (3, 0.9), (4, 0.3), (4, 0.6)] {
+        slab.light.shadow.map = Some(ShadowMapSettings { cascades, split, ..ShadowMapSettings::new(128, 64, 1.0) });
         let parts = maps(&slab, Some(&camera)).expect("maps");
         assert_eq!(parts.len(), cascades as usize);
         let mut used = vec![0; parts.len()];
@@ -293,6 +299,21 @@ fn maps_of_parts_of_a_view_are_those_of_the_whole() {
         }
         assert!(used.iter().all(|&count| count > 10), "{cascades}: {used:?}");
     }
+    // Even depths, and even logarithms: of the last, a cut is the geometric mean of its neighbours.
+    let ends = |slab: &mut Slab, split| {
+        slab.light.shadow.map = Some(ShadowMapSettings { cascades: 3, split, ..ShadowMapSettings::new(8, 4, 1.0) });
+        let parts = maps(slab, Some(&camera)).expect("maps");
+        [0, 1, 2].map(|part: usize| parts[part].cascade.expect("a part of the view").ends[1])
+    };
+    let even = ends(&mut slab, 0.0);
+    // The near clip is a ten-thousandth of the far one.
+    assert!(
+        (even[0] - 1.0 / 3.0).abs() < 1e-3 && (even[1] - 2.0 / 3.0).abs() < 1e-3 && (even[2] - 1.0).abs() < 1e-12,
+        "{even:?}"
+    );
+    let logarithmic = ends(&mut slab, 1.0);
+    assert!(logarithmic[0] < 0.1 && (logarithmic[1].powi(2) - logarithmic[0]).abs() < 1e-9, "{logarithmic:?}");
+    slab.light.shadow.map = Some(ShadowMapSettings { cascades: 4, ..ShadowMapSettings::new(128, 64, 1.0) });
     // Between two parts the jitter decides, over a quarter of the square of the depth on both sides.
     let maps = maps(&slab, Some(&camera)).expect("maps");
     let cut = maps[0].cascade.expect("a part of the view").ends[1];

@@ -2,7 +2,7 @@
 
 mod support;
 
-use cloudparity::engines::march::distance_levels::{camera_level, ray_steps};
+use cloudparity::engines::march::distance_levels::{DistanceLevels, camera_level, ray_steps};
 use cloudparity::engines::node_graph::{GraphDensity, Input, NodeGraph};
 use cloudparity::graph::evaluate::Points;
 use cloudparity::scene::Scene;
@@ -177,5 +177,12 @@ fn steps_by_distance_are_those_published() {
         let found = ray_steps(steps as u32, distance);
         assert_eq!(found, divisor, "{row}");
         assert_eq!(found as u32, iterations as u32, "{row}");
+        let levels = |with_rest, beyond_asked| DistanceLevels { metres: 10.0, with_rest, beyond_asked };
+        let asked = steps as u32;
+        assert_eq!(levels(true, true).steps_of(asked, distance / 10.0), divisor, "{row}");
+        let corrected = levels(false, false).steps_of(asked, distance / 10.0);
+        assert_eq!(corrected, divisor.round().min(steps), "{row}");
+        assert!(divisor <= f64::from(levels(true, true).most_steps(asked)), "{row}");
+        assert!(corrected <= f64::from(levels(false, false).most_steps(asked)), "{row}");
     }
 }

@@ -19,7 +19,7 @@ use cloudparity::media::region::Region;
 use cloudparity::scene::Scene;
 use cloudparity::view::environment::Environment;
 use glam::{DMat3, DMat4, DVec3};
-use rand::SeedableRng;
+use rand::{Rng as _, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use std::sync::Arc;
 use support::published;
@@ -97,10 +97,12 @@ fn each_defect_shows() {
         let values = match model.id {
             // Noise of one cell and more across the piece of the shell.
             "bfwe" => vec!["coverage=0.8".to_owned()],
-            // A street of clouds, whose edge MS-1 is about, fog for MS-2, and rays of the march for BO-15.
-            "bolt" => ["spine_radius=6000", "fog=1", "march_ray_intensity=1", "march_ray_samples=8"]
-                .map(str::to_owned)
-                .to_vec(),
+            // A street of clouds, whose edge MS-1 is about, fog for MS-2, rays of the march for BO-15, and levels for BO-4 and BO-5.
+            "bolt" => {
+                ["spine_radius=6000", "fog=1", "march_ray_intensity=1", "march_ray_samples=8", "distance_levels=1"]
+                    .map(str::to_owned)
+                    .to_vec()
+            }
             // Air for TK-11 and TK-18.
             "takram" => ["haze=1", "shafts=1"].map(str::to_owned).to_vec(),
             _ => Vec::new(),
@@ -112,6 +114,38 @@ fn each_defect_shows() {
             assert!(of(&Defects::only(defect)) != corrected, "{}", defect.id);
         }
     }
+}
+
+/// The fog of takram's manual, alone and wholly covered: 0.05 e^(0.001 eta) from where its profile of coverage, 1 - (2 eta^0.5 - 1)^2, is above
+/// half of what shape takes away, at most 0.2; nothing at its faces and above it.
+#[test]
+fn ground_fog_is_the_layer_of_the_manual() {
+    let model = engines::find("takram").expect("it is there");
+    let scene = layer_scene([6, 4]);
+    let set = ["coverage=1", "bottom=0", "thickness=600", "ground_fog=1"].map(str::to_owned);
+    let values = model.values(None, &set).expect("in range");
+    let engine = model.engine(&scene, &values, &Defects::NONE, 0.0).expect("an engine");
+    let region = engine.density.bounds;
+    let mut random = ChaCha8Rng::seed_from_u64(3);
+    for (part, is_foggy) in
+        [(-0.01, false), (0.1, true), (0.25, true), (0.5, true), (0.6, true), (1.0, false), (1.5, false)]
+    {
+        let places: Vec<[f32; 3]> = (0..200)
+            .map(|_| {
+                let at = DVec3::new(random.random(), random.random(), part * 300.0 / 600.0);
+                (region.low + (region.high - region.low) * at).as_vec3().to_array()
+            })
+            .collect();
+        let expected = if is_foggy { 0.05 * f64::exp(1e-3 * part) } else { 0.0 };
+        for found in engine.density.values(&places).expect("values") {
+            // Half a dozen roundings of f32, and the height's of the box's size.
+            assert!((f64::from(found) - expected).abs() < 1e-6, "{part}: {found}, not {expected}");
+        }
+    }
+    let set = ["ground_fog=1".to_owned()];
+    let above = model.engine(&scene, &model.values(None, &set).expect("in range"), &Defects::NONE, 0.0);
+    let warnings = above.expect("an engine").warnings;
+    assert!(warnings.iter().any(|warning| warning.contains("300 m")), "{warnings:?}");
 }
 
 #[test]

@@ -20,8 +20,8 @@ struct Air {
     ray_length: f32,
     ray_decay: f32,
     ray_weight: f32,
+    shaft_strength: f32,
     padding: f32,
-    more_padding: f32,
     end_padding: f32,
 }
 

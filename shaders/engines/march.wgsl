@@ -7,7 +7,8 @@
 // NO_SUN, SEVERAL_SUNS, SHADOW_MAP (what lies beyond the march is read), SHADOW_LAYERS (a map knows all of it), SHADOW_CASCADES (each part of the view has a map), SHELL (the domain lies between spheres), MESH (in a mesh), else in a box, TERMS (those of a system's own), LIGHT_VOLUME (light that was found
 // beforehand), COLUMNS (so was what lies towards the suns), and
 // the terms of src/engines/light/terms.rs: OCTAVES (else one), COMPRESSION, SILVER, POWDER, AMBIENT_GRADIENT, RAY_POWDER, BOOST,
-// BOOST_BY_ANGLE, BODY, COARSE_SHADOW (both read averages of the density), GROUND (light from below). STEP_GROWTH: steps of the view ray grow. Air between the eye and the cloud: AIR, with AIR_HAZE, AIR_LEVEL_HAZE,
+// BOOST_BY_ANGLE, BODY, COARSE_SHADOW (both read averages of the density), GROUND (light from below). STEP_GROWTH: steps of the view ray grow. RAY_STEPS: each ray has its own number
+// of them. DOUBLED_START: jitter counts twice. Air between the eye and the cloud: AIR, with AIR_HAZE, AIR_LEVEL_HAZE,
 // AIR_PERSPECTIVE, AIR_SHAFTS, AIR_RAYS, AIR_RAYS_BY_NUMBER and AIR_ALPHA_TWICE of src/engines/march/air.rs.
 #define_import_path cloudparity::march
 #import cloudparity::graph
@@ -213,6 +214,12 @@ struct Ground {
 }
 
 @group(0) @binding(10) var<uniform> ground: Ground;
+#endif
+
+#ifdef RAY_STEPS
+// The number by which the length of each ray is divided, of which the whole steps are done; of the ray at hand.
+@group(0) @binding(12) var<storage, read> ray_steps: array<f32>;
+var<private> own_steps: f32;
 #endif
 
 #ifdef AIR
@@ -680,6 +687,8 @@ fn marched(ray: Ray, begun: Pixel, first_step: u32, end_step: u32) -> Pixel {
 #ifdef STEP_GROWTH
         // The first step's over k - 1.
         let first_length = ray.length / grown(march.steps);
+#else ifdef RAY_STEPS
+        let step = ray.length / own_steps;
 #else
         let step = ray.length / f32(march.steps);
 #endif
@@ -695,11 +704,21 @@ fn marched(ray: Ray, begun: Pixel, first_step: u32, end_step: u32) -> Pixel {
         var of_volume: array<f32, 16>;
         volume_weights(&of_volume, ray.direction);
 #endif
+#ifdef RAY_STEPS
+        for (var number = first_step; number < min(u32(own_steps), end_step); number++) {
+#else
         for (var number = first_step; number < min(march.steps, end_step); number++) {
+#endif
 #ifdef STEP_GROWTH
             let begin = first_length * grown(number);
             let step = first_length * grown(1u) * exp(f32(number) * march.step_growth);
+#ifdef DOUBLED_START
+            let passed = begin + 2.0 * ray.jitter * step;
+#else
             let passed = begin + ray.jitter * step;
+#endif
+#else ifdef DOUBLED_START
+            let passed = (f32(number) + 2.0 * ray.jitter) * step;
 #else
             let passed = (f32(number) + ray.jitter) * step;
 #endif
@@ -847,7 +866,7 @@ fn in_shadow(sun: u32, eye: vec3f, ray: Ray, line: air::Line, end: f32) -> f32 {
         step *= 1.01;
         weight *= between.shaft_fade;
     }
-    return sum;
+    return between.shaft_strength * sum;
 }
 #endif
 
@@ -972,6 +991,9 @@ fn through_air(ray: Ray, start: f32, found: Pixel) -> Pixel {
 fn main(@builtin(global_invocation_id) invocation: vec3u) {
     if invocation.x >= march.count { return; }
     let index = invocation.x;
+#ifdef RAY_STEPS
+    own_steps = ray_steps[index];
+#endif
     var pixel = Pixel(vec3f(0.0), 0u, vec3f(1.0), 0u);
     if march.first_step > 0u { pixel = pixels[index]; }
 #ifdef AIR

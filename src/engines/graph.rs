@@ -197,6 +197,7 @@ fn engine(request: &Request<'_>) -> Result<Engine> {
             least_transmittance: 0.01,
             leftover: Leftover::Kept,
             distance_levels: None,
+            doubled_start: false,
         },
         compositing: Compositing::default(),
         god_rays: GodRays::default(),

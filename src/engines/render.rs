@@ -14,7 +14,7 @@ use crate::base::progress::Progress;
 use crate::engines::Engine;
 use crate::engines::light::{LightModel, Sun};
 use crate::engines::march::camera::{CameraKernel, ViewUniform};
-use crate::engines::march::gpu::{Form, MarchKernel, MarchParts};
+use crate::engines::march::gpu::{Form, MarchKernel, MarchParts, OfRays};
 use crate::engines::march::shadow_map::ShadowMap;
 use crate::engines::march::{Marched, RealTimePixel, RealTimeRay};
 use crate::engines::passes::compositing::{self, CompositeKernel, Part, mean_transmittance};
@@ -216,9 +216,11 @@ impl<'a> EngineRenderer<'a> {
     pub async fn on_adapter(scene: &'a Scene, engine: &'a Engine, gpu: &'a Gpu, ray_maker: RayMaker) -> Result<Self> {
         let mut renderer = Self::prepared(scene, engine)?;
         let march = MarchKernel::new_async(gpu, &renderer.marched()?, &engine.march).await?;
-        // A panorama and another domain have no such view; a picture behind the cloud needs the rays, air where they begin.
+        // A panorama and another domain have no such view; a picture behind the cloud needs the rays, air and levels of distance where they begin.
         let view = match (ray_maker, &renderer.background) {
-            (RayMaker::Adapter, Background::Constant(_)) if engine.air.is_none() => {
+            (RayMaker::Adapter, Background::Constant(_))
+                if engine.air.is_none() && engine.march.distance_levels.is_none() =>
+            {
                 ViewUniform::new(&renderer.camera, &engine.container, scene.image_size()).ok()
             }
             _ => None,
@@ -482,7 +484,7 @@ impl<'a> EngineRenderer<'a> {
             let marched = match camera {
                 Some(camera) => {
                     let rays = camera.rays(first as u32, pixels.len() as u32)?;
-                    march.march_buffer(&rays, pixels.len(), &[], None)?
+                    march.march_buffer(&rays, pixels.len(), &[], &OfRays::default())?
                 }
                 None => march.march_on_adapter(&self.rays(&plan, settings, pixels.clone()))?,
             };

@@ -28,6 +28,42 @@ const MOST_KNOWN: usize = 32;
 /// density again.
 static KNOWN: Recent<(String, Region), Arc<[bool]>> = Recent::new(MOST_KNOWN);
 
+/// Which way densities are moved, each by as much as two evaluations in f32 may be apart at its place ([`Program::rounding_bounds`]): what the
+/// rounding of a field changes in a picture is measured so.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Rounding {
+    /// All up.
+    Up,
+    /// All down.
+    Down,
+    /// Up at one place and down at another, by the last bits of its coordinates.
+    ByPlace,
+    /// The other way round.
+    AgainstPlace,
+}
+
+impl Rounding {
+    /// All of them.
+    pub const ALL: [Self; 4] = [Self::Up, Self::Down, Self::ByPlace, Self::AgainstPlace];
+
+    /// Moves the values of a program at places; NaN where nothing bounds its rounding.
+    fn apply(self, program: &Program, positions: &[[f32; 3]], values: &mut [f32]) -> Result<()> {
+        let bounds = program.rounding_bounds(Points::new(positions))?;
+        for ((value, bound), position) in values.iter_mut().zip(bounds).zip(positions) {
+            let is_odd = position.iter().fold(0, |bits, part| bits ^ part.to_bits()).count_ones() % 2 == 1;
+            let is_up = match self {
+                Self::Up => true,
+                Self::Down => false,
+                Self::ByPlace => is_odd,
+                Self::AgainstPlace => !is_odd,
+            };
+            let bound = if bound.is_finite() { bound } else { f64::NAN };
+            *value = (f64::from(*value) + if is_up { bound } else { -bound }) as f32;
+        }
+        Ok(())
+    }
+}
+
 /// A density in a box of the program's frame.
 #[derive(Clone)]
 pub struct Density {
@@ -40,6 +76,8 @@ pub struct Density {
     cells: Option<Arc<[bool]>>,
     /// Cells of the table per length of the frame.
     cells_per_length: DVec3,
+    /// How values are moved, where a measurement asks for it.
+    rounding: Option<Rounding>,
 }
 
 impl Density {
@@ -54,12 +92,17 @@ impl Density {
     /// The same, of which nothing is left out: for boxes without end, and for media that emit where they are not dense.
     pub fn filling(program: Arc<Program>, bounds: Region) -> Self {
         let cells_per_length = CELLS as f64 / (bounds.high - bounds.low);
-        Self { program, bounds, occupied: bounds, cells: None, cells_per_length }
+        Self { program, bounds, occupied: bounds, cells: None, cells_per_length, rounding: None }
     }
 
     /// The same place with another program that is nothing where this one is: its cache.
     pub fn with_program(&self, program: Arc<Program>) -> Self {
         Self { program, ..self.clone() }
+    }
+
+    /// The same, whose values are moved by what rounding allows: for measurements on the CPU.
+    pub fn rounded(&self, rounding: Rounding) -> Self {
+        Self { rounding: Some(rounding), ..self.clone() }
     }
 
     /// The same times a factor that is not negative.
@@ -142,9 +185,21 @@ impl Density {
         }
     }
 
+    /// Values of the program, moved where that is asked for.
+    fn moved<'v>(&self, values: &'v [f32], positions: &[[f32; 3]], moved: &'v mut Vec<f32>) -> &'v [f32] {
+        let Some(rounding) = self.rounding else { return values };
+        moved.clear();
+        moved.extend_from_slice(values);
+        rounding.apply(&self.program, positions, moved).expect("a program that reads the place alone");
+        moved
+    }
+
     /// Densities at positions, on all cores.
     pub fn values(&self, positions: &[[f32; 3]]) -> Result<Vec<f32>> {
         let mut values = self.program.evaluate_single(Points::new(positions))?;
+        if let Some(rounding) = self.rounding {
+            rounding.apply(&self.program, positions, &mut values)?;
+        }
         for value in &mut values {
             if *value < 0.0 {
                 *value = 0.0;
@@ -160,20 +215,23 @@ pub struct DensityEvaluator<'a> {
     evaluator: Evaluator<'a>,
     asked: Vec<usize>,
     positions: Vec<[f32; 3]>,
+    /// Values that are moved by what rounding allows.
+    moved: Vec<f32>,
 }
 
 impl<'a> DensityEvaluator<'a> {
     /// An evaluator of a density; an error where its program reads attributes.
     pub fn new(density: &'a Density) -> Result<Self> {
         let evaluator = Evaluator::new(&density.program)?;
-        Ok(Self { density, evaluator, asked: Vec::new(), positions: Vec::new() })
+        Ok(Self { density, evaluator, asked: Vec::new(), positions: Vec::new(), moved: Vec::new() })
     }
 
     /// Densities at places all of which [may hold](Density::may_hold) something, in their order.
     pub fn values_of_held(&mut self, places: impl Iterator<Item = DVec3>) -> impl Iterator<Item = f64> {
         self.positions.clear();
         self.positions.extend(places.map(|place| place.as_vec3().to_array()));
-        self.evaluator.evaluate(&self.positions).iter().map(|&value| not_negative(value))
+        let found = self.evaluator.evaluate(&self.positions);
+        self.density.moved(found, &self.positions, &mut self.moved).iter().map(|&value| not_negative(value))
     }
 
     /// Densities at places, in their order; where there is provably nothing, nothing is asked.
@@ -187,6 +245,7 @@ impl<'a> DensityEvaluator<'a> {
             }
         }
         let found = self.evaluator.evaluate(&self.positions);
+        let found = self.density.moved(found, &self.positions, &mut self.moved);
         let mut values = vec![0.0; places.len()];
         for (&index, &value) in self.asked.iter().zip(found) {
             values[index] = not_negative(value);

@@ -26,6 +26,21 @@ pub fn count(variable: &str, usual: usize) -> usize {
     std::env::var(variable).map_or(usual, |text| text.parse().expect("a number"))
 }
 
+/// Values anew between the ends of their usual ranges, of those that are no whole numbers and no ends: what a kernel leaves out stays the same but
+/// where a model leaves out what two of them make together.
+pub fn values_between(model: &Model, values: &Values, random: &mut ChaCha8Rng) -> Values {
+    let mut values = values.clone();
+    for parameter in model.parameters {
+        let [low, high] = parameter.usual;
+        let old = values.get(parameter.name);
+        if !matches!(parameter.range, Range::Whole(..)) && low < old && old < high {
+            let drawn = random.random_range(low..high).max(low.next_up());
+            values.set(model.parameters, parameter.name, drawn, "a random trial").expect("usual values are allowed");
+        }
+    }
+    values
+}
+
 /// Random values within the usual ranges; one in four is an end of its range, where things break.
 pub fn random_values(model: &Model, random: &mut ChaCha8Rng) -> Values {
     let mut values = Values::defaults(model.parameters);

@@ -79,6 +79,7 @@ fn build(request: &Request<'_>) -> Result<Engine> {
             least_density: 0.0,
             leftover: Leftover::Kept,
             distance_levels: None,
+            doubled_start: false,
             least_transmittance: 0.0,
         },
         compositing: Compositing::default(),

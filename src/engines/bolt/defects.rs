@@ -66,10 +66,26 @@ pub const RAYS_BY_NUMBER: Defect = Defect {
     corrected: "an integral over the way, of what the cloud lets through from the sun",
 };
 
+/// BO-4.
+pub const STEPS_WITH_REST: Defect = Defect {
+    id: "BO-4",
+    about: "steps by distance divide a ray by a number with a rest, whose whole steps are done: the end of the ray is not marched",
+    corrected: "by the next whole number",
+};
+
+/// BO-5.
+pub const STEPS_BEYOND_ASKED: Defect = Defect {
+    id: "BO-5",
+    about: "the floors of steps by distance hold whatever number is asked for: far away it takes more steps than near by",
+    corrected: "never more than near by",
+};
+
 /// All of them.
 pub const DEFECTS: &[Defect] = &[
     SOURCE_WITHOUT_ABSORPTION,
     ALPHA_TWICE,
+    STEPS_WITH_REST,
+    STEPS_BEYOND_ASKED,
     VERTICAL_LIGHT_STEP,
     POWDER_ON_ALL,
     BIASED_GRADIENTS,

@@ -22,6 +22,7 @@ use crate::engines::frame::SlabFrame;
 use crate::engines::light::terms::{Boost, Powder, SilverLining, Terms};
 use crate::engines::light::{LightModel, ShadowExtinction, ShadowMarch, SourceFactor, Sun, TwoLobes};
 use crate::engines::march::air::{Air, MarchRays};
+use crate::engines::march::distance_levels::DistanceLevels;
 use crate::engines::march::{RealTimeSettings, distance_levels};
 use crate::engines::node_graph::{ClusterField, Input, NodeGraph};
 use crate::engines::parameters::{Parameter, Range, Values, parameter};
@@ -206,7 +207,11 @@ fn engine(request: &Request<'_>) -> Result<Engine> {
         steps = distance_levels::camera_level(above.abs());
     }
     let march = RealTimeSettings {
-        distance_levels: levels.then_some(frame.unit),
+        distance_levels: levels.then(|| DistanceLevels {
+            metres: frame.unit,
+            with_rest: defects.has(&defects::STEPS_WITH_REST),
+            beyond_asked: defects.has(&defects::STEPS_BEYOND_ASKED),
+        }),
         ..RealTimeSettings::until_one_percent(f64::from(steps[0]), integration)
     };
     let light = light(values, steps[1], defects, &frame, [calm, extinction]);

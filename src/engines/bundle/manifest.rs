@@ -191,7 +191,7 @@ pub struct Binding {
     pub file: Option<String>,
 }
 
-/// An error where an engine has what bundles do not carry: passes over its picture, air before it, a light volume.
+/// An error where an engine has what bundles do not carry: passes over its picture, air before it, a light volume, steps by the distance of each ray.
 pub(super) fn refuse_beyond_bundles(engine: &Engine) -> Result<()> {
     if engine.light_volume.is_some() {
         return Err(Error::new(
@@ -215,6 +215,14 @@ pub(super) fn refuse_beyond_bundles(engine: &Engine) -> Result<()> {
             "shadow maps of parts of the view",
             "one map over the whole cloud: the camera of a bundle moves",
             "Set cascades to 1.",
+        ));
+    }
+    if engine.march.distance_levels.is_some() {
+        return Err(Error::new(
+            "the engine of a bundle",
+            "steps by the distance of each ray",
+            "one number of steps for all rays",
+            "Set distance_levels to 0.",
         ));
     }
     let Some(pass) = engine.passes.first() else { return Ok(()) };

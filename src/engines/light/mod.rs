@@ -189,6 +189,14 @@ fn is_single(cascades: &u32) -> bool {
     *cascades == 1
 }
 
+const fn practical() -> f64 {
+    0.6
+}
+
+fn is_practical(split: &f64) -> bool {
+    *split == practical()
+}
+
 /// How a shadow map is made ([`crate::engines::march::shadow_map`]).
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct ShadowMapSettings {
@@ -197,6 +205,10 @@ pub struct ShadowMapSettings {
     /// Maps of a sun: 1 over the whole domain, or as many, at most [`MOST_CASCADES`], each over a part of the view.
     #[serde(default = "single", skip_serializing_if = "is_single")]
     pub cascades: u32,
+    /// Where these parts of the view meet: 0 at depths that are even, 1 at such whose logarithms are, between them in proportion (the practical
+    /// split of Zhang et al. 2006, "Parallel-Split Shadow Maps for Large-scale Virtual Environments").
+    #[serde(default = "practical", skip_serializing_if = "is_practical")]
+    pub split: f64,
     /// Steps of a texel's ray.
     pub steps: u32,
     /// Transmittance at which such a ray ends.
@@ -219,6 +231,7 @@ impl ShadowMapSettings {
         Self {
             size,
             cascades: 1,
+            split: practical(),
             steps,
             least_transmittance: 1e-4,
             tail: 0.0,

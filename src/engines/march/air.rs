@@ -120,6 +120,13 @@ pub struct Haze {
 pub struct Shafts {
     /// Whether steps count less with their number (defect TK-11).
     pub fades: bool,
+    /// What their length is multiplied with, 0 to 1.
+    #[serde(default = "whole")]
+    pub strength: f64,
+}
+
+fn whole() -> f64 {
+    1.0
 }
 
 /// God rays that are summed up along the first metres of a ray.
@@ -261,7 +268,7 @@ impl Air {
             step *= SHAFT_GROWTH;
             weight *= if shafts.fades { SHAFT_FADE } else { 1.0 };
         }
-        sum
+        shafts.strength * sum
     }
 
     /// Aerial perspective and haze over what a ray came to.
@@ -440,8 +447,8 @@ shader_struct! {
         ray_decay: f32,
         // Of the whole length.
         ray_weight: f32,
+        shaft_strength: f32,
         padding: f32,
-        more_padding: f32,
         end_padding: f32,
     }
 }
@@ -456,6 +463,7 @@ impl AirUniform {
             haze_density: air.haze.map_or(0.0, |haze| haze.density as f32),
             haze_albedo: air.haze.map_or(0.0, |haze| haze.albedo as f32),
             aerial: air.aerial.unwrap_or(0.0) as f32,
+            shaft_strength: air.shafts.map_or(0.0, |shafts| shafts.strength as f32),
             shaft_fade: if air.shafts.is_some_and(|shafts| shafts.fades) { SHAFT_FADE as f32 } else { 1.0 },
             ..Self::zeroed()
         };

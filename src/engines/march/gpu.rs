@@ -193,6 +193,8 @@ pub struct MarchKernel<'a> {
     air: Option<wgpu::Buffer>,
     ground: Option<wgpu::Buffer>,
     cascades: Option<wgpu::Buffer>,
+    /// Where the steps of a ray follow from its distance.
+    levels: Option<RealTimeSettings>,
     /// Steps of one dispatch.
     together: u32,
     /// Samples of rays in the march, all and of one dispatch.
@@ -200,6 +202,15 @@ pub struct MarchKernel<'a> {
     samples_together: u32,
     /// Rays of one dispatch.
     slices: Mutex<Slices>,
+}
+
+/// What some marches know of each ray beside itself.
+#[derive(Default)]
+pub(crate) struct OfRays {
+    /// Of air: the length from the eye, and a sum that goes on from dispatch to dispatch.
+    ways: Option<wgpu::Buffer>,
+    /// The number by which its length is divided, of which the whole steps are done.
+    steps: Option<wgpu::Buffer>,
 }
 
 /// Rays of one dispatch of hardware at most: whole workgroups of 64, as many as an adapter takes along an axis by WebGPU's own limits.
@@ -245,7 +256,7 @@ impl<'a> MarchKernel<'a> {
         };
         let together = match gpu.adapter().is_software() {
             true => parts.steps_together(),
-            false => settings.steps.max(1),
+            false => parts.uniform.steps.max(1),
         };
         let ray_samples = parts.air.map_or(0, |air| air.ray_samples);
         let samples_together = if gpu.adapter().is_software() { parts.samples_together() } else { ray_samples.max(1) };
@@ -266,6 +277,7 @@ impl<'a> MarchKernel<'a> {
             ground: parts
                 .ground
                 .map(|ground| gpu.upload("ground", bytemuck::bytes_of(&ground), wgpu::BufferUsages::UNIFORM)),
+            levels: settings.distance_levels.map(|_| settings.clone()),
             together,
             ray_samples,
             samples_together,
@@ -288,6 +300,10 @@ impl<'a> MarchKernel<'a> {
             Some(_) => inside.iter().map(|ray| if ray.length > 0.0 { ray.parts.start } else { 0.0 }).collect(),
             None => Vec::new(),
         };
+        let steps = self.levels.as_ref().map(|settings| {
+            let steps: Vec<f32> = inside.iter().map(|ray| settings.steps_of(ray.parts.start) as f32).collect();
+            self.gpu.upload("ray steps", bytemuck::cast_slice(&steps), wgpu::BufferUsages::STORAGE)
+        });
         let data: Vec<Ray> = rays
             .iter()
             .zip(inside)
@@ -314,16 +330,16 @@ impl<'a> MarchKernel<'a> {
             self.gpu.upload("ways", bytemuck::cast_slice(&ways), wgpu::BufferUsages::STORAGE)
         });
         let rays = self.gpu.upload("rays", bytemuck::cast_slice(&data), wgpu::BufferUsages::STORAGE);
-        self.march_buffer(&rays, data.len(), &gaps, ways.as_ref())
+        self.march_buffer(&rays, data.len(), &gaps, &OfRays { ways, steps })
     }
 
-    /// Marches the first rays of a buffer that lies on the adapter; gaps are those that rays name, `ways` what air knows of each.
+    /// Marches the first rays of a buffer that lies on the adapter; gaps are those that rays name.
     pub(crate) fn march_buffer(
         &self,
         rays: &wgpu::Buffer,
         count: usize,
         gaps: &[[f32; 2]],
-        ways: Option<&wgpu::Buffer>,
+        of_rays: &OfRays,
     ) -> Result<wgpu::Buffer> {
         let gpu = self.gpu;
         // A buffer cannot be empty.
@@ -351,8 +367,8 @@ impl<'a> MarchKernel<'a> {
             let marches = (0..steps).step_by(self.together as usize).map(|first| [first, self.together]);
             // Behind the steps are numbered the samples of rays in the march.
             let samples = (0..self.ray_samples).step_by(self.samples_together as usize);
-            let of_rays = samples.map(|first| [steps + first, self.samples_together]);
-            for [first_step, together_steps] in marches.chain(of_rays) {
+            let behind = samples.map(|first| [steps + first, self.samples_together]);
+            for [first_step, together_steps] in marches.chain(behind) {
                 let end_step = first_step.saturating_add(together_steps);
                 let uniform = MarchUniform { count: together as u32, first_step, end_step, ..self.uniform };
                 let uniform = gpu.upload("march", bytemuck::bytes_of(&uniform), wgpu::BufferUsages::UNIFORM);
@@ -363,7 +379,10 @@ impl<'a> MarchKernel<'a> {
                 if let Some(maps) = &self.maps {
                     bindings = bindings.bind(0, 6, maps.as_entire_binding());
                 }
-                if let (Some(air), Some(ways)) = (&self.air, ways) {
+                if let Some(steps) = &of_rays.steps {
+                    bindings = bindings.bind(0, 12, part(steps, first, together, size_of::<f32>()));
+                }
+                if let (Some(air), Some(ways)) = (&self.air, &of_rays.ways) {
                     bindings = bindings.bind(0, 8, part(ways, first, together, size_of::<[f32; 2]>()));
                     bindings = bindings.bind(0, 9, air.as_entire_binding());
                 }
@@ -484,10 +503,11 @@ impl MarchParts {
                 "Take suns away.",
             ));
         }
-        if settings.distance_levels.is_some() {
+        let has_levels = settings.distance_levels.is_some();
+        if has_levels && (settings.growth != 1.0 || !matches!(form, Form::Kernel | Form::KernelWithNumbers)) {
             return Err(Error::new(
                 "the march on the adapter",
-                "steps by the distance of each ray",
+                "steps by the distance of each ray, beside steps that grow, or where no program hands rays to it",
                 "one number of steps for all rays",
                 "Render on the CPU, or leave the parameter distance_levels at 0.",
             ));
@@ -532,6 +552,8 @@ impl MarchParts {
         define(marched.columns().is_some() && !light.suns.is_empty(), "COLUMNS");
         define(terms.ground.is_some(), "GROUND");
         define(settings.growth != 1.0, "STEP_GROWTH");
+        define(has_levels, "RAY_STEPS");
+        define(settings.doubled_start, "DOUBLED_START");
         if let Some(air) = marched.air {
             definitions.extend(air.definitions(has_map));
         }
@@ -585,7 +607,7 @@ impl MarchParts {
         };
         let mut uniform = MarchUniform {
             extinction: single(marched.extinction),
-            steps: settings.steps,
+            steps: settings.most_steps(),
             ambient: single(light.ambient),
             shadow_steps: light.shadow.steps,
             low: vector(region.low),

@@ -29,6 +29,7 @@ use crate::engines::domain::{Container, Outline, Parts, unit};
 use crate::engines::light::terms::{Ground, ray_powder};
 use crate::engines::light::{LightModel, LightTerm, Lit, ShadowExtinction, ShadowLength, SourceFactor};
 use crate::engines::march::air::Air;
+use crate::engines::march::distance_levels::DistanceLevels;
 use crate::engines::march::light_volume::ReadVolume;
 use crate::engines::march::shadow_map::ShadowMap;
 use crate::media::averages::Averages;
@@ -73,10 +74,16 @@ pub struct RealTimeSettings {
     /// What becomes of the transmittance that an ended ray has left.
     #[serde(default = "kept")]
     pub leftover: Leftover,
-    /// Where given, rays that meet the domain far away have other steps ([`distance_levels::ray_steps`]); the system's metres in a unit of
-    /// length. On the CPU alone.
+    /// Where given, rays that meet the domain far away have other steps.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub distance_levels: Option<f64>,
+    pub distance_levels: Option<DistanceLevels>,
+    /// Whether a ray's jitter counts twice, so that its first sample lies up to two steps in the domain (defect TK-3).
+    #[serde(default, skip_serializing_if = "is_off")]
+    pub doubled_start: bool,
+}
+
+fn is_off(switch: &bool) -> bool {
+    !*switch
 }
 
 fn equal() -> f64 {
@@ -116,13 +123,23 @@ impl RealTimeSettings {
             least_transmittance: 0.01 * 3.0_f64.sqrt(),
             leftover: Leftover::Kept,
             distance_levels: None,
+            doubled_start: false,
         }
     }
 
     /// The number by which the length of a ray is divided that meets the domain so far away.
-    fn steps_of(&self, start: f64) -> f64 {
-        self.distance_levels
-            .map_or(f64::from(self.steps), |metres| distance_levels::ray_steps(self.steps, start * metres))
+    pub(super) fn steps_of(&self, start: f64) -> f64 {
+        self.distance_levels.map_or(f64::from(self.steps), |levels| levels.steps_of(self.steps, start))
+    }
+
+    /// The most steps of a ray.
+    pub(super) fn most_steps(&self) -> u32 {
+        self.distance_levels.map_or(self.steps, |levels| levels.most_steps(self.steps))
+    }
+
+    /// Part of a step before a ray's first sample.
+    fn start_of(&self, jitter: f64) -> f64 {
+        if self.doubled_start { 2.0 * jitter } else { jitter }
     }
 
     /// Transmittance of an ended ray, as it counts.
@@ -219,7 +236,7 @@ pub struct Inside {
 impl Inside {
     /// The first and the last of so many steps whose samples may lie in a box, with one more on either side; where it is crossed several
     /// times, all.
-    fn steps_within(&self, region: &Region, ladder: &Ladder, jitter: f64) -> [u32; 2] {
+    fn steps_within(&self, region: &Region, ladder: &Ladder, begun_by: f64) -> [u32; 2] {
         if !self.parts.gaps.is_empty() {
             return [0, u32::MAX];
         }
@@ -227,7 +244,7 @@ impl Inside {
         // A sample lies within its step.
         let begun = |distance: f64| ladder.number(distance / self.length);
         match ladder.growth == 0.0 {
-            true => [(begun(enter) - jitter).floor() - 1.0, (begun(leave) - jitter).ceil() + 1.0]
+            true => [(begun(enter) - begun_by).floor() - 1.0, (begun(leave) - begun_by).ceil() + 1.0]
                 .map(|number| number as u32),
             false => [begun(enter).floor() - 2.0, begun(leave).ceil() + 2.0].mapped(|number| number as u32),
         }
@@ -331,6 +348,8 @@ struct Way {
     index: usize,
     inside: Inside,
     jitter: f64,
+    /// Part of a step before its first sample.
+    start: f64,
     /// Of the octaves of the light of each sun, phase functions included.
     weights: Vec<Vec<f64>>,
     /// To each sun.
@@ -707,12 +726,14 @@ impl Way {
     fn new(index: usize, inside: Inside, jitter: f64, marched: &Marched<'_>, settings: &RealTimeSettings) -> Self {
         let light = marched.light;
         let steps = Ladder { steps: settings.steps_of(inside.parts.start), growth: settings.growth.ln() };
-        let [next, last] = inside.steps_within(&marched.density.occupied, &steps, jitter);
+        let start = settings.start_of(jitter);
+        let [next, last] = inside.steps_within(&marched.density.occupied, &steps, start);
         let cosines: Vec<f64> =
             light.suns.iter().map(|sun| inside.direction.dot(sun.towards()).clamp(-1.0, 1.0)).collect();
         let mut way = Self {
             index,
             jitter,
+            start,
             weights: cosines.iter().map(|&cosine| light.weights(cosine)).collect(),
             cosines,
             of_volume: Vec::new(),
@@ -765,12 +786,12 @@ impl Way {
         let [passed, step] = match growth == 0.0 {
             true => {
                 let step = self.inside.length / steps;
-                [(f64::from(number) + self.jitter) * step, step]
+                [(f64::from(number) + self.start) * step, step]
             }
             false => {
                 let [begin, end] =
                     [0.0, 1.0].mapped(|more| self.inside.length * self.steps.begin(f64::from(number) + more));
-                [begin + self.jitter * (end - begin), end - begin]
+                [begin + self.start * (end - begin), end - begin]
             }
         };
         let left = self.inside.length - passed;

@@ -68,9 +68,6 @@ pub struct Cascade {
     pub ends: [f64; 2],
 }
 
-/// Weight of depths that are even in their logarithm.
-const LOGARITHMIC: f64 = 0.6;
-
 /// What a map with layers follows from: the density's program and box, the frame of the domain, the sun, texels and layers.
 type Key = (String, Region, DMat4, f64, DVec3, [u32; 2]);
 
@@ -129,7 +126,7 @@ impl ShadowMap {
         if layers > 0 || settings.cascades > MOST_CASCADES || settings.cascades == 0 {
             return Err(refused("with layers, or none, or more"));
         }
-        let slices = camera.and_then(|camera| slices(marched, camera, settings.cascades, settings.size));
+        let slices = camera.and_then(|camera| slices(marched, camera, &settings));
         let slices = slices.ok_or_else(|| refused("without a camera that looks at a plane"))?;
         let suns = marched.light.suns.iter();
         suns.flat_map(|sun| slices.iter().map(move |slice| Self::of_sun(marched, &settings, sun, Some(slice))))
@@ -289,7 +286,8 @@ struct Slice {
 }
 
 /// The parts of a view; none of a panorama.
-fn slices(marched: &Marched<'_>, camera: &Camera, count: u32, size: u32) -> Option<Vec<Slice>> {
+fn slices(marched: &Marched<'_>, camera: &Camera, settings: &ShadowMapSettings) -> Option<Vec<Slice>> {
+    let count = settings.cascades;
     let to_world = marched.container.to_local.inverse();
     let [width, height] = camera.size();
     let rays = [[0.0, 0.0], [width, 0.0], [0.0, height], [width, height]].map(|[x, y]| camera.ray(DVec2::new(x, y)));
@@ -308,7 +306,7 @@ fn slices(marched: &Marched<'_>, camera: &Camera, count: u32, size: u32) -> Opti
         let part = f64::from(number) / f64::from(count);
         let even = (near + (far - near) * part) / far;
         let logarithmic = near * (far / near).powf(part) / far;
-        even + (logarithmic - even) * LOGARITHMIC
+        even + (logarithmic - even) * settings.split
     };
     let at = |ray: &Ray, depth: f64| ray.origin + ray.direction * (depth / ray.direction.dot(forward));
     let slice = |number: u32| {
@@ -318,7 +316,7 @@ fn slices(marched: &Marched<'_>, camera: &Camera, count: u32, size: u32) -> Opti
         let diagonal = corners[4].distance(corners[7]).max(corners[0].distance(corners[7]));
         // Moving by whole texels takes half of one from each side.
         let width = diagonal + 0.25 * ends[1] * ends[1] * (far - near);
-        let width = width * (1.0 + 1.0 / f64::from(size));
+        let width = width * (1.0 + 1.0 / f64::from(settings.size));
         Slice { cascade: Cascade { view, ends }, corners, width }
     };
     Some((0..count).map(slice).collect())

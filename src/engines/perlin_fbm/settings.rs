@@ -234,6 +234,7 @@ pub fn march(values: &Values, kept: &Defects) -> RealTimeSettings {
         least_transmittance: 0.01,
         leftover: Leftover::Kept,
         distance_levels: None,
+        doubled_start: false,
     }
 }
 

@@ -2,6 +2,13 @@
 
 use crate::engines::defects::Defect;
 
+/// TK-3.
+pub const DOUBLED_START: Defect = Defect {
+    id: "TK-3",
+    about: "the jitter of a view ray's start counts twice: its first sample lies up to two steps in the domain",
+    corrected: "once",
+};
+
 /// TK-7.
 pub const DIAGONAL_FEATURES: Defect = Defect {
     id: "TK-7",
@@ -52,5 +59,13 @@ pub const LEVEL_HAZE: Defect = Defect {
 };
 
 /// All of them.
-pub const DEFECTS: &[Defect] =
-    &[DIAGONAL_FEATURES, HALF_FLOATS, TO_LAST_SAMPLE, FADING_SHAFTS, RESCALED_ALPHA, FRONT_BY_WHAT_IS_LEFT, LEVEL_HAZE];
+pub const DEFECTS: &[Defect] = &[
+    DOUBLED_START,
+    DIAGONAL_FEATURES,
+    HALF_FLOATS,
+    TO_LAST_SAMPLE,
+    FADING_SHAFTS,
+    RESCALED_ALPHA,
+    FRONT_BY_WHAT_IS_LEFT,
+    LEVEL_HAZE,
+];

@@ -11,6 +11,9 @@
 //!
 //! Here the globe is flat: over 30 km its surface falls by 18 m at the sides, and the weather's coordinates, those of the middle of a face of
 //! the cube sphere, differ by less than 1e-5 of their distance. Textures are read at their full resolution at every distance.
+//!
+//! The fog near the ground is the example of the original's manual: a filter of 1 leaves all of it whatever the weather, and a profile e^(0.001 eta), as
+//! eta is a part of the layer, is 1 within a thousandth: it does not thin out upwards as an exponential of metres would.
 
 pub mod defects;
 
@@ -66,6 +69,14 @@ pub const PARAMETERS: &[Parameter] = &[
         "",
         "shadow maps: 1 over the whole cloud, or so many over parts of the view",
     ),
+    parameter(
+        "cascade_split",
+        0.6,
+        UNIT,
+        [0.0, 1.0],
+        "",
+        "where cascades meet: 0 at even depths, 1 at even logarithms",
+    ),
     parameter("shadow_steps", 50.0, Range::Whole(1, 1000), [4.0, 50.0], "", "steps of the shadow map's rays"),
     parameter("shadow_transmittance", 1e-4, Range::Between(0.0, 0.5), [0.0, 0.1], "", "where its rays end"),
     parameter(
@@ -92,6 +103,7 @@ pub const PARAMETERS: &[Parameter] = &[
         "",
         "length of a view step over the one before",
     ),
+    parameter("ground_fog", 0.0, SWITCH, [0.0, 1.0], "", "1: a fourth layer, fog from the ground up to 300 m"),
     parameter("haze", 0.0, Range::NotNegative, [0.0, 3.0], "", "haze over that of the document; 0 is none"),
     parameter(
         "aerial_perspective",
@@ -101,7 +113,7 @@ pub const PARAMETERS: &[Parameter] = &[
         "",
         "air between the camera and the cloud, over that of the earth; 0 is none",
     ),
-    parameter("shafts", 0.0, SWITCH, [0.0, 1.0], "", "1: the cloud's shadow in haze and aerial perspective"),
+    parameter("shafts", 0.0, UNIT, [0.0, 1.0], "", "strength of the cloud's shadow in haze and aerial perspective"),
     parameter("march_steps", 128.0, Range::Whole(1, 100_000), [16.0, 500.0], "", "steps of a view ray"),
 ];
 
@@ -124,6 +136,7 @@ const QUALITIES: &[(&str, &[(&str, f64)])] = &[
     ("ultra", &[("march_steps", 128.0), ("shadow_map", 1024.0)]),
     ("without-shadow-map", &[("shadow_map", 0.0), ("sun_steps", 6.0)]),
     ("with-air", &[("haze", 1.0), ("aerial_perspective", 1.0), ("shafts", 1.0)]),
+    ("with-ground-fog", &[("bottom", 0.0), ("thickness", 2200.0), ("ground_fog", 1.0)]),
     ("with-cirrus", &[("thickness", 7250.0), ("march_steps", 256.0)]),
 ];
 
@@ -144,47 +157,79 @@ pub static MODEL: Model = Model {
 
 /// A layer with its constants.
 struct Layer {
-    weather: &'static str,
+    /// Its channel of the weather map; none where its filter is so wide that the weather leaves all of it.
+    weather: Option<&'static str>,
     altitude: f64,
     height: f64,
     density: f64,
     shape: f64,
     detail: f64,
     filter: f64,
+    /// Exponent of the height in the profile of coverage.
+    bias: f64,
+    profile: Profile,
 }
 
-/// The layers that have a height.
-const LAYERS: [Layer; 3] = [
+/// What the density is multiplied with over the height of a layer, 0 to 1.
+enum Profile {
+    /// 0.75 eta + 0.25.
+    Rising,
+    /// e^(x eta).
+    Exponential(f64),
+}
+
+/// The layers that have a height, and a fog that the original's manual adds to them.
+const LAYERS: [Layer; 4] = [
     Layer {
-        weather: "TAKRAM_WEATHER_R",
+        weather: Some("TAKRAM_WEATHER_R"),
         altitude: 750.0,
         height: 650.0,
         density: 0.2,
         shape: 1.0,
         detail: 1.0,
         filter: 0.6,
+        bias: BIAS,
+        profile: Profile::Rising,
     },
     Layer {
-        weather: "TAKRAM_WEATHER_G",
+        weather: Some("TAKRAM_WEATHER_G"),
         altitude: 1000.0,
         height: 1200.0,
         density: 0.2,
         shape: 1.0,
         detail: 1.0,
         filter: 0.6,
+        bias: BIAS,
+        profile: Profile::Rising,
     },
     Layer {
-        weather: "TAKRAM_WEATHER_B",
+        weather: Some("TAKRAM_WEATHER_B"),
         altitude: 7500.0,
         height: 500.0,
         density: 0.003,
         shape: 0.4,
         detail: 0.0,
         filter: 0.5,
+        bias: BIAS,
+        profile: Profile::Rising,
+    },
+    Layer {
+        weather: None,
+        altitude: 0.0,
+        height: 300.0,
+        density: 0.05,
+        shape: 0.2,
+        detail: 0.0,
+        filter: 1.0,
+        bias: 0.5,
+        profile: Profile::Exponential(1e-3),
     },
 ];
 
-/// Exponent of the height in the profile of coverage.
+/// How many of them are there without the fog.
+const WITHOUT_FOG: usize = 3;
+
+/// The exponent of layers that name none.
 const BIAS: f64 = 0.35;
 
 /// Radius of the globe in metres.
@@ -226,6 +271,7 @@ fn engine(request: &Request<'_>) -> Result<Engine> {
         least_density: if extinction > 0.0 { LEAST_EXTINCTION / extinction } else { 0.0 },
         least_transmittance: values.get("least_transmittance") * 3.0_f64.sqrt(),
         growth,
+        doubled_start: defects.has(&defects::DOUBLED_START),
         leftover: if defects.has(&defects::RESCALED_ALPHA) { Leftover::Rescaled } else { Leftover::Kept },
         ..march
     };
@@ -244,7 +290,7 @@ fn with_air(mut engine: Engine, values: &Values, kept: &Defects, frame: &SlabFra
     let [scattering, absorption] = ["scattering", "absorption"].map(|name| values.get(name));
     let covered = ((values.get("coverage") - 0.2) / 0.2).clamp(0.0, 1.0);
     let [haze, aerial] = ["haze", "aerial_perspective"].map(|name| values.get(name));
-    let (wants_shafts, has_map) = (values.get("shafts") == 1.0, engine.light.shadow.map.is_some());
+    let (wants_shafts, has_map) = (values.get("shafts") > 0.0, engine.light.shadow.map.is_some());
     let air = Air {
         haze: (haze > 0.0).then(|| Haze {
             density: haze * HAZE * covered,
@@ -252,13 +298,19 @@ fn with_air(mut engine: Engine, values: &Values, kept: &Defects, frame: &SlabFra
             is_level: kept.has(&defects::LEVEL_HAZE),
         }),
         aerial: (aerial > 0.0).then_some(aerial),
-        shafts: (wants_shafts && has_map).then(|| Shafts { fades: kept.has(&defects::FADING_SHAFTS) }),
+        shafts: (wants_shafts && has_map)
+            .then(|| Shafts { fades: kept.has(&defects::FADING_SHAFTS), strength: values.get("shafts") }),
         ..frame.air()
     };
     if wants_shafts && !has_map {
-        engine.warnings.push("shafts is 1 and shadow_map 0, which shafts read: there are none".to_owned());
+        engine.warnings.push("shafts is above 0 and shadow_map 0, which shafts read: there are none".to_owned());
     } else if wants_shafts && !air.is_seen() {
-        engine.warnings.push("shafts is 1, and neither haze nor aerial_perspective is there to show them".to_owned());
+        engine
+            .warnings
+            .push("shafts is above 0, and neither haze nor aerial_perspective is there to show them".to_owned());
+    }
+    if values.get("ground_fog") == 1.0 && values.get("bottom") >= LAYERS[WITHOUT_FOG].height {
+        engine.warnings.push("ground_fog is 1, and the domain begins above 300 m: there is none in it".to_owned());
     }
     engine.air = air.is_seen().then_some(air);
     Ok(engine)
@@ -289,17 +341,23 @@ fn density(graph: &mut NodeGraph, frame: &SlabFrame, values: &Values, kept: &Def
     let weather_at = graph.combine([u, v, 0.5.into()]);
     let range = [frame.base, frame.base + get("thickness")];
     let is_inside = |layer: &&Layer| layer.altitude < range[1] && layer.altitude + layer.height > range[0];
-    let layers: Vec<Covered<'_>> = LAYERS
+    let count = if get("ground_fog") == 1.0 { LAYERS.len() } else { WITHOUT_FOG };
+    let layers: Vec<Covered<'_>> = LAYERS[..count]
         .iter()
         .filter(is_inside)
         .map(|layer| {
             let ends = [layer.altitude.into(), (layer.altitude + layer.height).into()];
             let height = graph.remap(&up, ends, [0.0, 1.0], true);
-            let square = graph.off_middle(&height, BIAS);
+            let square = graph.off_middle(&height, layer.bias);
             // 1 - C (1 - square)
             let least = graph.multiply_add(square, get("coverage"), 1.0 - get("coverage"));
-            let weather = graph.cloud_texture(layer.weather, points, &weather_at);
-            let lifted = graph.multiply_add(weather, 1.0 - layer.filter, layer.filter);
+            let lifted = match layer.weather {
+                Some(channel) => {
+                    let weather = graph.cloud_texture(channel, points, &weather_at);
+                    graph.multiply_add(weather, 1.0 - layer.filter, layer.filter)
+                }
+                None => 1.0.into(),
+            };
             let most = graph.add(&least, layer.filter);
             let left = graph.remap(&lifted, [least, most], [0.0, 1.0], true);
             Covered { layer, height, left }
@@ -344,7 +402,14 @@ fn density(graph: &mut NodeGraph, frame: &SlabFrame, values: &Values, kept: &Def
                 graph.multiply_clamped(density, 2.0)
             };
         }
-        let profile = graph.multiply_add(height, 0.75 * layer.density, 0.25 * layer.density);
+        let profile = match layer.profile {
+            Profile::Rising => graph.multiply_add(height, 0.75 * layer.density, 0.25 * layer.density),
+            Profile::Exponential(exponent) => {
+                let power = graph.multiply(height, exponent);
+                let grown = graph.math("EXPONENT", &[power]);
+                graph.multiply(grown, layer.density)
+            }
+        };
         let density = graph.multiply_clamped(density, profile);
         sum = graph.add(sum, density);
     }
@@ -388,6 +453,7 @@ fn light(values: &Values, kept: &Defects, frame: &SlabFrame) -> LightModel {
         _ => {
             let map = ShadowMapSettings {
                 cascades: values.get("cascades") as u32,
+                split: values.get("cascade_split"),
                 least_transmittance: values.get("shadow_transmittance"),
                 tail: 2.0,
                 half_floats: kept.has(&defects::HALF_FLOATS),

@@ -397,6 +397,10 @@ impl Stage<'_> {
             let incident = if lit { self.incident(&samples, &densities, rays)? } else { vec![[0.0; 3]; samples.len()] };
             for ((sample, &density), incident) in samples.iter().zip(&densities).zip(&incident) {
                 let ray = rays[sample.ray].as_mut().expect("samples belong to rays in the medium");
+                // Samples of a batch behind the end of a ray add nothing, as on the adapter, which looks before every step.
+                if ray.is_dark(&self.settings) {
+                    continue;
+                }
                 ray.advance(&self.medium, self.settings.integration, sample.step, f64::from(density), incident);
             }
         }
@@ -595,9 +599,13 @@ impl Stage<'_> {
 
 impl ViewRay {
     fn is_open(&self, settings: &MarchSettings) -> bool {
+        (self.next < self.steps || !self.rest.is_empty()) && !self.is_dark(settings)
+    }
+
+    /// Whether too little is left of its light to go on.
+    fn is_dark(&self, settings: &MarchSettings) -> bool {
         // NaN counts as open: it has to reach the picture.
-        let dark = self.transmittance.iter().all(|&through| through < settings.exit_transmittance);
-        (self.next < self.steps || !self.rest.is_empty()) && !dark
+        self.transmittance.iter().all(|&through| through < settings.exit_transmittance)
     }
 
     /// Cuts the next part of the ray into steps; false where there is none.
@@ -635,10 +643,9 @@ impl ViewRay {
         let slowest = medium.extinction.iter().copied().fold(f64::INFINITY, f64::min) * density * self.step;
         let exit = stage.settings.exit_transmittance;
         if slowest > 0.0 && exit > 0.0 {
-            // The first number of steps after which the most transparent channel is below the exit; it is looked
-            // at before every STEPS steps.
+            // The first number of steps after which the most transparent channel is below the exit.
             let needed = ((-exit.ln() / slowest).floor() + 1.0).clamp(0.0, self.steps as f64);
-            self.steps = self.steps.min((needed as usize).next_multiple_of(STEPS));
+            self.steps = needed as usize;
         }
         let length = self.step * self.steps as f64;
         self.steps = 1;

@@ -144,6 +144,7 @@ impl<'a> Staged<'a> {
                 least_transmittance: 0.0,
                 leftover: Leftover::Kept,
                 distance_levels,
+                doubled_start: false,
             };
         }
         if is_exact(Stage::Filter) {

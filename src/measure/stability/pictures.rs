@@ -440,6 +440,7 @@ pub fn steps(steps: u32, integration: Integration) -> RealTimeSettings {
         least_transmittance: 0.0,
         leftover: Leftover::Kept,
         distance_levels: None,
+        doubled_start: false,
     }
 }
 
