@@ -111,6 +111,16 @@ fn each_defect_shows() {
         let of = |defects: &Defects| picture(&scene, &model.engine(&scene, &values, defects, 0.0).expect("an engine"));
         let corrected = of(&Defects::NONE);
         for defect in model.defects {
+            // Where the camera has eight steps, from 20 km above the base on, the floors of rays are above them.
+            if defect.id == "BO-5" {
+                let mut high = scene.clone();
+                high.camera.matrix_world =
+                    [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 19.7], [0.0, 0.0, 0.0, 1.0]];
+                let [kept, corrected] = [Defects::only(defect), Defects::NONE]
+                    .map(|defects| picture(&high, &model.engine(&high, &values, &defects, 0.0).expect("an engine")));
+                assert!(kept != corrected, "{}", defect.id);
+                continue;
+            }
             assert!(of(&Defects::only(defect)) != corrected, "{}", defect.id);
         }
     }

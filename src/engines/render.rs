@@ -58,7 +58,7 @@ choice! {
     "kebab-case",
     /// Where within its steps a ray takes its samples.
     pub enum EngineJitter {
-        /// In the middle.
+        /// In the middle; with defect TK-3 at the end.
         None,
         /// At a place from the table that the reference pictures of a published engine have, moved by the golden ratio from frame to frame.
         Table,

@@ -163,6 +163,14 @@ impl Maker<'_> {
             Some(known) if known.0 == wanted.changes => known,
             _ => {
                 let (scene, engine) = source.engine(&wanted.changes)?;
+                if engine.march.distance_levels.is_some() {
+                    return Err(Error::new(
+                        "the window",
+                        "steps by the camera's distance from the cloud, which the mouse changes",
+                        "an engine that is the same from everywhere",
+                        "Set distance_levels to 0, or render pictures.",
+                    ));
+                }
                 known.insert((wanted.changes.clone(), scene, Arc::new(engine)))
             }
         };

@@ -70,7 +70,7 @@ pub const RAYS_BY_NUMBER: Defect = Defect {
 pub const STEPS_WITH_REST: Defect = Defect {
     id: "BO-4",
     about: "steps by distance divide a ray by a number with a rest, whose whole steps are done: the end of the ray is not marched",
-    corrected: "by the next whole number",
+    corrected: "by the nearest whole number",
 };
 
 /// BO-5.

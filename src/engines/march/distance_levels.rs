@@ -1,6 +1,7 @@
 //! Fewer steps far away, as boltbestclouds32 has them: by the distance of the camera from the cloud, and by that of the cloud along each ray.
 //!
-//! Distances are the system's own metres. The second rule has floors: below 64 steps it takes *more* steps at 5 to 10 km than near by.
+//! Distances are the system's own metres. The second rule has floors: as published it takes *more* steps
+//! at 5 to 10 km than near by where these are fewer than 32.
 
 use serde::{Deserialize, Serialize};
 
@@ -30,6 +31,11 @@ pub struct DistanceLevels {
 }
 
 impl DistanceLevels {
+    /// The same without defects.
+    pub fn corrected(self) -> Self {
+        Self { with_rest: false, beyond_asked: false, ..self }
+    }
+
     /// The number by which the length of a ray is divided that meets the domain so many units away.
     pub fn steps_of(&self, steps: u32, distance: f64) -> f64 {
         let published = ray_steps(steps, distance * self.metres);

@@ -504,10 +504,12 @@ impl MarchParts {
             ));
         }
         let has_levels = settings.distance_levels.is_some();
-        if has_levels && (settings.growth != 1.0 || !matches!(form, Form::Kernel | Form::KernelWithNumbers)) {
+        let goes_with_levels =
+            settings.growth == 1.0 && !settings.doubled_start && matches!(form, Form::Kernel | Form::KernelWithNumbers);
+        if has_levels && !goes_with_levels {
             return Err(Error::new(
                 "the march on the adapter",
-                "steps by the distance of each ray, beside steps that grow, or where no program hands rays to it",
+                "steps by the distance of each ray, beside steps that grow or defect TK-3, or where no program hands rays to it",
                 "one number of steps for all rays",
                 "Render on the CPU, or leave the parameter distance_levels at 0.",
             ));

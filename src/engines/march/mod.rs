@@ -5,7 +5,7 @@
 //! defects. Arithmetic is f64 but for the density, which is its program's f32; the twin on the adapter is `shaders/engines/march.wgsl`.
 //!
 //! A ray that crosses the domain over a length L (of all parts together, where it crosses it several times) takes `steps` samples at
-//! (i + j) s with s = L / steps and jitter j in [0, 1]. With the density's extinction e and source S at a sample, the transmittance T as
+//! (i + j) s with s = L / steps and jitter j in [0, 1] (2 j with defect TK-3, where they lie on the ray). With the density's extinction e and source S at a sample, the transmittance T as
 //! it was before,
 //!
 //! - plain: C += T S s;
@@ -191,7 +191,7 @@ pub struct RealTimeRay {
     pub direction: DVec3,
     /// Distance along the ray beyond which something opaque hides the cloud; infinite where nothing does.
     pub farthest: f64,
-    /// Part of a step before the first sample, 0 to 1.
+    /// Part of a step before the first sample, 0 to 1; with defect TK-3 half of it.
     pub jitter: f64,
 }
 
@@ -241,7 +241,7 @@ impl Inside {
             return [0, u32::MAX];
         }
         let Some((enter, leave)) = region.segment(self.origin, self.way) else { return [0, 0] };
-        // A sample lies within its step.
+        // A sample lies within its step, or with defect TK-3 within the next.
         let begun = |distance: f64| ladder.number(distance / self.length);
         match ladder.growth == 0.0 {
             true => [(begun(enter) - begun_by).floor() - 1.0, (begun(leave) - begun_by).ceil() + 1.0]
@@ -796,7 +796,9 @@ impl Way {
         };
         let left = self.inside.length - passed;
         let distance = self.inside.parts.distance(passed);
-        let is_beyond = distance > self.inside.farthest || left < 0.0 || number >= steps as u32;
+        // By number: at a start of a whole step the last sample lies at the end of the ray, before or behind it by a rounding.
+        let is_behind = f64::from(number) + self.start > steps;
+        let is_beyond = distance > self.inside.farthest || is_behind || number >= steps as u32;
         (!is_beyond).then_some([left, distance, step])
     }
 

@@ -126,6 +126,14 @@ impl ShadowMap {
         if layers > 0 || settings.cascades > MOST_CASCADES || settings.cascades == 0 {
             return Err(refused("with layers, or none, or more"));
         }
+        if !(0.0..=1.0).contains(&settings.split) {
+            return Err(Error::new(
+                "parameter cascade_split",
+                settings.split.to_string(),
+                "0 to 1",
+                "Take 0 for even depths, 1 for even logarithms, or a number between them.",
+            ));
+        }
         let slices = camera.and_then(|camera| slices(marched, camera, &settings));
         let slices = slices.ok_or_else(|| refused("without a camera that looks at a plane"))?;
         let suns = marched.light.suns.iter();

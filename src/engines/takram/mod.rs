@@ -170,6 +170,13 @@ struct Layer {
     profile: Profile,
 }
 
+impl Layer {
+    /// Whether something of it lies between two heights.
+    fn is_within(&self, [low, high]: [f64; 2]) -> bool {
+        self.altitude < high && self.altitude + self.height > low
+    }
+}
+
 /// What the density is multiplied with over the height of a layer, 0 to 1.
 enum Profile {
     /// 0.75 eta + 0.25.
@@ -279,7 +286,14 @@ fn engine(request: &Request<'_>) -> Result<Engine> {
     let extinction = [extinction * frame.unit; 3];
     let engine =
         request.engine_of_graph(MODEL.id, GraphParts { container, graph, density, extinction, light, march })?;
-    with_air(engine, values, defects, &frame)
+    let mut engine = with_air(engine, values, defects, &frame)?;
+    let fog = &LAYERS[WITHOUT_FOG];
+    if values.get("ground_fog") == 1.0 && !fog.is_within([frame.base, frame.base + values.get("thickness")]) {
+        engine
+            .warnings
+            .push("ground_fog is 1, and the domain has nothing of 0 to 300 m: there is none in it".to_owned());
+    }
+    Ok(engine)
 }
 
 /// Haze per metre at the height 0 where all is covered.
@@ -309,9 +323,6 @@ fn with_air(mut engine: Engine, values: &Values, kept: &Defects, frame: &SlabFra
             .warnings
             .push("shafts is above 0, and neither haze nor aerial_perspective is there to show them".to_owned());
     }
-    if values.get("ground_fog") == 1.0 && values.get("bottom") >= LAYERS[WITHOUT_FOG].height {
-        engine.warnings.push("ground_fog is 1, and the domain begins above 300 m: there is none in it".to_owned());
-    }
     engine.air = air.is_seen().then_some(air);
     Ok(engine)
 }
@@ -340,11 +351,10 @@ fn density(graph: &mut NodeGraph, frame: &SlabFrame, values: &Values, kept: &Def
     let v = graph.multiply_add(&y, per_metre, (0.5 * repeat).fract());
     let weather_at = graph.combine([u, v, 0.5.into()]);
     let range = [frame.base, frame.base + get("thickness")];
-    let is_inside = |layer: &&Layer| layer.altitude < range[1] && layer.altitude + layer.height > range[0];
     let count = if get("ground_fog") == 1.0 { LAYERS.len() } else { WITHOUT_FOG };
     let layers: Vec<Covered<'_>> = LAYERS[..count]
         .iter()
-        .filter(is_inside)
+        .filter(|layer| layer.is_within(range))
         .map(|layer| {
             let ends = [layer.altitude.into(), (layer.altitude + layer.height).into()];
             let height = graph.remap(&up, ends, [0.0, 1.0], true);

@@ -8,6 +8,7 @@ use crate::base::error::{Error, Result};
 use crate::engines::defects::Defects;
 use crate::engines::light::terms::Terms;
 use crate::engines::light::{ShadowExtinction, ShadowLength, ShadowMarch, TwoLobes};
+use crate::engines::march::distance_levels::DistanceLevels;
 use crate::engines::march::{Leftover, RealTimeSettings};
 use crate::engines::passes::compositing::Compositing;
 use crate::engines::render::{EngineJitter, EngineSettings};
@@ -85,7 +86,11 @@ impl<'a> Staged<'a> {
             Stage::Ambient => {
                 scatters_world(self.scene) || !engine.terms.is_empty() || engine.light.terms.ground.is_some()
             }
-            Stage::ViewRay => RealTimeSettings { distance_levels: None, ..engine.march.clone() } != exact.march,
+            Stage::ViewRay => {
+                let levels = engine.march.distance_levels;
+                levels.is_some_and(|levels| levels != levels.corrected())
+                    || RealTimeSettings { distance_levels: None, ..engine.march.clone() } != exact.march
+            }
             // Drawn rays are none of an engine.
             Stage::Filter => true,
             Stage::Compositing => {
@@ -134,7 +139,7 @@ impl<'a> Staged<'a> {
             engine.terms.clear();
         }
         if is_exact(Stage::ViewRay) {
-            let distance_levels = engine.march.distance_levels;
+            let distance_levels = engine.march.distance_levels.map(DistanceLevels::corrected);
             engine.march = RealTimeSettings {
                 steps,
                 integration: Integration::EnergyConserving,
