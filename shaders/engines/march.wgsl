@@ -730,8 +730,8 @@ fn marched(ray: Ray, begun: Pixel, first_step: u32, end_step: u32) -> Pixel {
             }
 #endif
 #ifdef DOUBLED_START
-            // By number: the last sample may lie at the end of the ray, before or behind it by a rounding.
-            if distance > ray.farthest || f32(number) + 2.0 * ray.jitter > f32(march.steps) { break; }
+            // By number, and without one at the very end: twin of `Way::reach`.
+            if distance > ray.farthest || f32(number) + 2.0 * ray.jitter >= f32(march.steps) { break; }
 #else
             if distance > ray.farthest || left < 0.0 { break; }
 #endif

@@ -348,8 +348,9 @@ struct Way {
     index: usize,
     inside: Inside,
     jitter: f64,
-    /// Part of a step before its first sample.
+    /// Part of a step before its first sample, and whether that is twice the jitter.
     start: f64,
+    is_doubled: bool,
     /// Of the octaves of the light of each sun, phase functions included.
     weights: Vec<Vec<f64>>,
     /// To each sun.
@@ -734,6 +735,7 @@ impl Way {
             index,
             jitter,
             start,
+            is_doubled: settings.doubled_start,
             weights: cosines.iter().map(|&cosine| light.weights(cosine)).collect(),
             cosines,
             of_volume: Vec::new(),
@@ -796,8 +798,9 @@ impl Way {
         };
         let left = self.inside.length - passed;
         let distance = self.inside.parts.distance(passed);
-        // By number: at a start of a whole step the last sample lies at the end of the ray, before or behind it by a rounding.
-        let is_behind = f64::from(number) + self.start > steps;
+        // By number, and without one at the very end: at a start of a whole step the last lies on the face where the ray leaves, in the domain or not by a
+        // rounding, and a profile may rise there without bound.
+        let is_behind = if self.is_doubled { f64::from(number) + self.start >= steps } else { left < 0.0 };
         let is_beyond = distance > self.inside.farthest || is_behind || number >= steps as u32;
         (!is_beyond).then_some([left, distance, step])
     }
