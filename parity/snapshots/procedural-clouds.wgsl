@@ -17,6 +17,13 @@ struct noise_texture_1i_Fractal {
     gain: f32,
 }
 
+struct hash_FourHashes {
+    x: vec4<f32>,
+    y: vec4<f32>,
+    z: vec4<f32>,
+    w: vec4<f32>,
+}
+
 struct voronoi_texture_1i_Outputs {
     distance: f32,
 }
@@ -61,6 +68,17 @@ struct voronoi_texture_1i_Axes {
     jitter: f32,
     exponent: f32,
     one: f32,
+}
+
+struct voronoi_texture_1i_FourCells {
+    x: vec4<f32>,
+    y: vec4<f32>,
+    z: vec4<f32>,
+    w: vec4<f32>,
+    key_x: vec4<i32>,
+    key_y: vec4<i32>,
+    key_z: vec4<i32>,
+    key_w: vec4<i32>,
 }
 
 const hash_JENKINS_SEED_ONE: u32 = 3735928576u;
@@ -288,10 +306,10 @@ fn gradient_noise_gradient_4d(hash: u32, x_4: f32, y_1: f32, z_1: f32, w_1: f32)
     let h_1 = (hash & 31u);
     let u_2 = select(y_1, x_4, (h_1 < 24u));
     let v_3 = select(z_1, y_1, (h_1 < 16u));
-    let s_7 = select(w_1, z_1, (h_1 < 8u));
+    let s_9 = select(w_1, z_1, (h_1 < 8u));
     let _e18 = gradient_noise_signed_by(u_2, (h_1 & 1u));
     let _e21 = gradient_noise_signed_by(v_3, (h_1 & 2u));
-    let _e25 = gradient_noise_signed_by(s_7, (h_1 & 4u));
+    let _e25 = gradient_noise_signed_by(s_9, (h_1 & 4u));
     return ((_e18 + _e21) + _e25);
 }
 
@@ -389,65 +407,66 @@ fn math_1i_evaluate(a_3: f32, b_3: f32) -> f32 {
     return _e3;
 }
 
-fn hash_pcg4_rounds(linear: vec4<i32>) -> vec4<f32> {
-    var x_8: i32;
-    var y_4: i32;
-    var z_4: i32;
-    var w_5: i32;
+fn hash_pcg4_rounds_of_four(linear_x: vec4<i32>, linear_y: vec4<i32>, linear_z: vec4<i32>, linear_w: vec4<i32>) -> hash_FourHashes {
+    var x_8: vec4<i32>;
+    var y_4: vec4<i32>;
+    var z_4: vec4<i32>;
+    var w_5: vec4<i32>;
 
-    x_8 = linear.x;
-    y_4 = linear.y;
-    z_4 = linear.z;
-    w_5 = linear.w;
-    let _e9 = x_8;
-    let _e10 = y_4;
-    let _e11 = w_5;
-    x_8 = (_e9 + (_e10 * _e11));
-    let _e14 = y_4;
-    let _e15 = z_4;
-    let _e16 = x_8;
-    y_4 = (_e14 + (_e15 * _e16));
-    let _e19 = z_4;
-    let _e20 = x_8;
-    let _e21 = y_4;
-    z_4 = (_e19 + (_e20 * _e21));
-    let _e24 = w_5;
-    let _e25 = y_4;
-    let _e26 = z_4;
-    w_5 = (_e24 + (_e25 * _e26));
+    x_8 = linear_x;
+    y_4 = linear_y;
+    z_4 = linear_z;
+    w_5 = linear_w;
+    let _e8 = x_8;
+    let _e9 = y_4;
+    let _e10 = w_5;
+    x_8 = (_e8 + (_e9 * _e10));
+    let _e13 = y_4;
+    let _e14 = z_4;
+    let _e15 = x_8;
+    y_4 = (_e13 + (_e14 * _e15));
+    let _e18 = z_4;
+    let _e19 = x_8;
+    let _e20 = y_4;
+    z_4 = (_e18 + (_e19 * _e20));
+    let _e23 = w_5;
+    let _e24 = y_4;
+    let _e25 = z_4;
+    w_5 = (_e23 + (_e24 * _e25));
+    let _e28 = x_8;
     let _e29 = x_8;
-    let _e30 = x_8;
-    x_8 = (_e29 ^ (_e30 >> 16u));
+    x_8 = (_e28 ^ (_e29 >> vec4(16u)));
     let _e34 = y_4;
     let _e35 = y_4;
-    y_4 = (_e34 ^ (_e35 >> 16u));
-    let _e39 = z_4;
+    y_4 = (_e34 ^ (_e35 >> vec4(16u)));
     let _e40 = z_4;
-    z_4 = (_e39 ^ (_e40 >> 16u));
-    let _e44 = w_5;
-    let _e45 = w_5;
-    w_5 = (_e44 ^ (_e45 >> 16u));
-    let _e49 = x_8;
-    let _e50 = y_4;
-    let _e51 = w_5;
-    x_8 = (_e49 + (_e50 * _e51));
-    let _e54 = y_4;
-    let _e55 = z_4;
-    let _e56 = x_8;
-    y_4 = (_e54 + (_e55 * _e56));
-    let _e59 = z_4;
-    let _e60 = x_8;
-    let _e61 = y_4;
-    z_4 = (_e59 + (_e60 * _e61));
-    let _e64 = w_5;
-    let _e65 = y_4;
-    let _e66 = z_4;
-    w_5 = (_e64 + (_e65 * _e66));
-    let _e69 = x_8;
-    let _e70 = y_4;
-    let _e71 = z_4;
-    let _e72 = w_5;
-    return vec4<f32>((vec4<i32>(_e69, _e70, _e71, _e72) & vec4(2147483647i)));
+    let _e41 = z_4;
+    z_4 = (_e40 ^ (_e41 >> vec4(16u)));
+    let _e46 = w_5;
+    let _e47 = w_5;
+    w_5 = (_e46 ^ (_e47 >> vec4(16u)));
+    let _e52 = x_8;
+    let _e53 = y_4;
+    let _e54 = w_5;
+    x_8 = (_e52 + (_e53 * _e54));
+    let _e57 = y_4;
+    let _e58 = z_4;
+    let _e59 = x_8;
+    y_4 = (_e57 + (_e58 * _e59));
+    let _e62 = z_4;
+    let _e63 = x_8;
+    let _e64 = y_4;
+    z_4 = (_e62 + (_e63 * _e64));
+    let _e67 = w_5;
+    let _e68 = y_4;
+    let _e69 = z_4;
+    w_5 = (_e67 + (_e68 * _e69));
+    let mask = vec4(2147483647i);
+    let _e74 = x_8;
+    let _e77 = y_4;
+    let _e80 = z_4;
+    let _e83 = w_5;
+    return hash_FourHashes(vec4<f32>((_e74 & mask)), vec4<f32>((_e77 & mask)), vec4<f32>((_e80 & mask)), vec4<f32>((_e83 & mask)));
 }
 
 fn voronoi_texture_1i_site_of(x_9: vec4<f32>) -> voronoi_texture_1i_Site {
@@ -477,152 +496,249 @@ fn voronoi_texture_1i_jitter(p_6: voronoi_texture_1i_Parameters) -> f32 {
     return (p_6.randomness * hash_PCG_UNIT);
 }
 
-fn voronoi_texture_1i_rounds(linear_1: vec4<i32>) -> vec4<f32> {
-    let _e1 = hash_pcg4_rounds(linear_1);
-    return _e1;
+fn voronoi_texture_1i_next_key(key: i32, step_: i32) -> i32 {
+    return (key + step_);
 }
 
 fn voronoi_texture_1i_join(a_4: f32, b_4: f32) -> f32 {
     return (a_4 + b_4);
 }
 
-fn voronoi_texture_1i_combine(t_2: vec4<f32>, one: f32) -> f32 {
-    let _e3 = voronoi_texture_1i_join(t_2.x, t_2.y);
-    let _e6 = voronoi_texture_1i_join(t_2.z, t_2.w);
-    let _e9 = voronoi_texture_1i_join(_e3, (_e6 * one));
-    return _e9;
+fn voronoi_texture_1i_join_each(a_5: vec4<f32>, b_5: vec4<f32>) -> vec4<f32> {
+    let _e4 = voronoi_texture_1i_join(a_5.x, b_5.x);
+    let _e7 = voronoi_texture_1i_join(a_5.y, b_5.y);
+    let _e10 = voronoi_texture_1i_join(a_5.z, b_5.z);
+    let _e13 = voronoi_texture_1i_join(a_5.w, b_5.w);
+    return vec4<f32>(_e4, _e7, _e10, _e13);
 }
 
-fn voronoi_texture_1i_comparable(measure: f32, exponent_2: f32) -> f32 {
-    return measure;
-}
-
-fn voronoi_texture_1i_visit_nearest(s: ptr<function, voronoi_texture_1i_Search>, measure_1: f32) {
+fn voronoi_texture_1i_visit_nearest(s: ptr<function, voronoi_texture_1i_Search>, measure: f32) {
     let _e4 = (*s).nearest;
-    (*s).nearest = min(_e4, measure_1);
+    (*s).nearest = min(_e4, measure);
     return;
 }
 
-fn voronoi_texture_1i_visit(s_1: ptr<function, voronoi_texture_1i_Search>, a_5: voronoi_texture_1i_Axes, o_1: vec4<f32>, keys: vec4<i32>) {
-    let _e1 = voronoi_texture_1i_rounds(keys);
-    let v_4 = ((o_1 + (_e1 * a_5.jitter)) - a_5.local);
-    let _e10 = voronoi_texture_1i_terms(v_4, a_5.exponent);
-    let _e12 = voronoi_texture_1i_combine(_e10, a_5.one);
-    let _e14 = voronoi_texture_1i_comparable(_e12, a_5.exponent);
-    voronoi_texture_1i_visit_nearest(s_1, _e14);
+fn voronoi_texture_1i_count(s_1: ptr<function, voronoi_texture_1i_Search>, o_1: vec4<f32>, measure_1: f32) {
+    voronoi_texture_1i_visit_nearest(s_1, measure_1);
     return;
 }
 
-fn voronoi_texture_1i_next_key(key: i32, step_: i32) -> i32 {
-    return (key + step_);
+fn voronoi_texture_1i_visit_four(s_2: ptr<function, voronoi_texture_1i_Search>, a_6: voronoi_texture_1i_Axes, c_2: voronoi_texture_1i_FourCells) {
+    let _e5 = hash_pcg4_rounds_of_four(c_2.key_x, c_2.key_y, c_2.key_z, c_2.key_w);
+    let _e17 = voronoi_texture_1i_terms(((c_2.x + (_e5.x * a_6.jitter)) - vec4(a_6.local.x)), a_6.exponent);
+    let _e28 = voronoi_texture_1i_terms(((c_2.y + (_e5.y * a_6.jitter)) - vec4(a_6.local.y)), a_6.exponent);
+    let _e39 = voronoi_texture_1i_terms(((c_2.z + (_e5.z * a_6.jitter)) - vec4(a_6.local.z)), a_6.exponent);
+    let _e50 = voronoi_texture_1i_terms(((c_2.w + (_e5.w * a_6.jitter)) - vec4(a_6.local.w)), a_6.exponent);
+    let _e51 = voronoi_texture_1i_join_each(_e17, _e28);
+    let _e52 = voronoi_texture_1i_join_each(_e39, _e50);
+    let _e55 = voronoi_texture_1i_join_each(_e51, (_e52 * a_6.one));
+    voronoi_texture_1i_count(s_2, vec4<f32>(c_2.x.x, c_2.y.x, c_2.z.x, c_2.w.x), _e55.x);
+    voronoi_texture_1i_count(s_2, vec4<f32>(c_2.x.y, c_2.y.y, c_2.z.y, c_2.w.y), _e55.y);
+    voronoi_texture_1i_count(s_2, vec4<f32>(c_2.x.z, c_2.y.z, c_2.z.z, c_2.w.z), _e55.z);
+    voronoi_texture_1i_count(s_2, vec4<f32>(c_2.x.w, c_2.y.w, c_2.z.w, c_2.w.w), _e55.w);
+    return;
 }
 
-fn voronoi_texture_1i_hopeless(s_2: ptr<function, voronoi_texture_1i_Search>, a_6: voronoi_texture_1i_Axes, bounds: vec4<f32>) -> bool {
-    let _e3 = voronoi_texture_1i_combine(bounds, a_6.one);
-    let _e5 = voronoi_texture_1i_comparable(_e3, a_6.exponent);
-    let _e8 = (*s_2).nearest;
-    return (_e5 >= _e8);
+fn voronoi_texture_1i_visit_near(s_3: ptr<function, voronoi_texture_1i_Search>, a_7: voronoi_texture_1i_Axes) {
+    var c_3: voronoi_texture_1i_FourCells;
+
+    let _e5 = voronoi_texture_1i_next_key(a_7.keys.x, a_7.key_step.x);
+    let _e10 = voronoi_texture_1i_next_key(a_7.keys.y, a_7.key_step.y);
+    let _e15 = voronoi_texture_1i_next_key(a_7.keys.z, a_7.key_step.z);
+    let _e20 = voronoi_texture_1i_next_key(a_7.keys.w, a_7.key_step.w);
+    let near_keys = vec4<i32>(_e5, _e10, _e15, _e20);
+    c_3.x = vec4<f32>(0f, a_7.near.x, 0f, a_7.near.x);
+    c_3.y = vec4<f32>(0f, 0f, a_7.near.y, a_7.near.y);
+    c_3.key_x = vec4<i32>(a_7.keys.x, near_keys.x, a_7.keys.x, near_keys.x);
+    c_3.key_y = vec4<i32>(a_7.keys.yy, near_keys.yy);
+    c_3.w = vec4(0f);
+    c_3.key_w = vec4(a_7.keys.w);
+    c_3.z = vec4(0f);
+    c_3.key_z = vec4(a_7.keys.z);
+    let _e66 = c_3;
+    voronoi_texture_1i_visit_four(s_3, a_7, _e66);
+    c_3.z = vec4(a_7.near.z);
+    c_3.key_z = vec4(near_keys.z);
+    let _e75 = c_3;
+    voronoi_texture_1i_visit_four(s_3, a_7, _e75);
+    c_3.w = vec4(a_7.near.w);
+    c_3.key_w = vec4(near_keys.w);
+    let _e83 = c_3;
+    voronoi_texture_1i_visit_four(s_3, a_7, _e83);
+    c_3.z = vec4(0f);
+    c_3.key_z = vec4(a_7.keys.z);
+    let _e91 = c_3;
+    voronoi_texture_1i_visit_four(s_3, a_7, _e91);
+    return;
 }
 
-fn voronoi_texture_1i_scan_y(s_3: ptr<function, voronoi_texture_1i_Search>, a_7: voronoi_texture_1i_Axes, o_2: vec4<f32>, keys_1: vec4<i32>, bounds_1: vec4<f32>) {
-    var o_y: f32 = 0f;
-    var key_y: i32;
-    var bound_y: f32 = 0f;
-    var place: i32 = 0i;
+fn voronoi_texture_1i_beyond(s_4: ptr<function, voronoi_texture_1i_Search>, bound: f32) -> bool {
+    let _e3 = (*s_4).nearest;
+    return (bound >= _e3);
+}
 
-    key_y = a_7.keys.y;
+fn voronoi_texture_1i_hopeful(s_5: ptr<function, voronoi_texture_1i_Search>, bounds: vec4<f32>) -> u32 {
+    let _e3 = voronoi_texture_1i_beyond(s_5, bounds.x);
+    let _e9 = voronoi_texture_1i_beyond(s_5, bounds.y);
+    let _e16 = voronoi_texture_1i_beyond(s_5, bounds.z);
+    let _e22 = voronoi_texture_1i_beyond(s_5, bounds.w);
+    return ((select(0u, 1u, !(_e3)) | select(0u, 2u, !(_e9))) | (select(0u, 4u, !(_e16)) | select(0u, 8u, !(_e22))));
+}
+
+fn voronoi_texture_1i_keys_at(key_1: i32, step_1: i32, is_near: vec4<bool>, is_far: vec4<bool>) -> vec4<i32> {
+    let _e2 = voronoi_texture_1i_next_key(key_1, step_1);
+    let _e4 = voronoi_texture_1i_next_key(key_1, -(step_1));
+    return vec4<i32>(select(select(key_1, _e2, is_near.x), _e4, is_far.x), select(select(key_1, _e2, is_near.y), _e4, is_far.y), select(select(key_1, _e2, is_near.z), _e4, is_far.z), select(select(key_1, _e2, is_near.w), _e4, is_far.w));
+}
+
+fn voronoi_texture_1i_visit_list(s_6: ptr<function, voronoi_texture_1i_Search>, a_8: voronoi_texture_1i_Axes, list: u32, near_bits: vec4<u32>, far_bits: vec4<u32>) {
+    var left: u32;
+    var bits: vec4<u32>;
+    var c_4: voronoi_texture_1i_FourCells;
+
+    left = list;
     loop {
-        let _e8 = o_y;
-        let _e15 = key_y;
-        voronoi_texture_1i_visit(s_3, a_7, vec4<f32>(0f, _e8, o_2.zw), vec4<i32>(a_7.keys.x, _e15, keys_1.zw));
-        let _e21 = o_y;
-        let _e28 = voronoi_texture_1i_next_key(a_7.keys.x, a_7.key_step.x);
-        let _e29 = key_y;
-        voronoi_texture_1i_visit(s_3, a_7, vec4<f32>(a_7.near.x, _e21, o_2.zw), vec4<i32>(_e28, _e29, keys_1.zw));
-        let _e36 = bound_y;
-        let _e39 = voronoi_texture_1i_hopeless(s_3, a_7, vec4<f32>(a_7.far_bound.x, _e36, bounds_1.zw));
-        if !(_e39) {
-            let _e44 = o_y;
-            let _e52 = voronoi_texture_1i_next_key(a_7.keys.x, -(a_7.key_step.x));
-            let _e53 = key_y;
-            voronoi_texture_1i_visit(s_3, a_7, vec4<f32>(-(a_7.near.x), _e44, o_2.zw), vec4<i32>(_e52, _e53, keys_1.zw));
-        }
+        let _e2 = left;
+        let _e3 = left;
+        bits = vec4<u32>((_e2 & (~(_e3) + 1u)), 0u, 0u, 0u);
+        let _e13 = left;
+        let _e14 = left;
+        left = (_e13 & (_e14 - 1u));
+        let _e19 = left;
+        let _e20 = left;
+        bits.y = (_e19 & (~(_e20) + 1u));
+        let _e25 = left;
+        let _e26 = left;
+        left = (_e25 & (_e26 - 1u));
+        let _e31 = left;
+        let _e32 = left;
+        bits.z = (_e31 & (~(_e32) + 1u));
+        let _e37 = left;
+        let _e38 = left;
+        left = (_e37 & (_e38 - 1u));
+        let _e43 = left;
+        let _e44 = left;
+        bits.w = (_e43 & (~(_e44) + 1u));
+        let _e49 = left;
+        let _e50 = left;
+        left = (_e49 & (_e50 - 1u));
+        c_4 = voronoi_texture_1i_FourCells();
+        let _e57 = bits;
+        let near_x = ((_e57 & vec4(near_bits.x)) != vec4(0u));
+        let _e65 = bits;
+        let far_x = ((_e65 & vec4(~(far_bits.x))) == vec4(0u));
+        c_4.x = select(select(vec4(0f), vec4(a_8.near.x), near_x), vec4(-(a_8.near.x)), far_x);
+        let _e91 = voronoi_texture_1i_keys_at(a_8.keys.x, a_8.key_step.x, near_x, far_x);
+        c_4.key_x = _e91;
+        let _e92 = bits;
+        let near_y = ((_e92 & vec4(near_bits.y)) != vec4(0u));
+        let _e99 = bits;
+        let far_y = ((_e99 & vec4(~(far_bits.y))) == vec4(0u));
+        c_4.y = select(select(vec4(0f), vec4(a_8.near.y), near_y), vec4(-(a_8.near.y)), far_y);
+        let _e124 = voronoi_texture_1i_keys_at(a_8.keys.y, a_8.key_step.y, near_y, far_y);
+        c_4.key_y = _e124;
+        let _e125 = bits;
+        let near_z = ((_e125 & vec4(near_bits.z)) != vec4(0u));
+        let _e132 = bits;
+        let far_z = ((_e132 & vec4(~(far_bits.z))) == vec4(0u));
+        c_4.z = select(select(vec4(0f), vec4(a_8.near.z), near_z), vec4(-(a_8.near.z)), far_z);
+        let _e157 = voronoi_texture_1i_keys_at(a_8.keys.z, a_8.key_step.z, near_z, far_z);
+        c_4.key_z = _e157;
+        c_4.w = vec4(0f);
+        c_4.key_w = vec4(a_8.keys.w);
+        let _e165 = bits;
+        let near_w = ((_e165 & vec4(near_bits.w)) != vec4(0u));
+        let _e172 = bits;
+        let far_w = ((_e172 & vec4(~(far_bits.w))) == vec4(0u));
+        c_4.w = select(select(vec4(0f), vec4(a_8.near.w), near_w), vec4(-(a_8.near.w)), far_w);
+        let _e197 = voronoi_texture_1i_keys_at(a_8.keys.w, a_8.key_step.w, near_w, far_w);
+        c_4.key_w = _e197;
+        let _e198 = c_4;
+        voronoi_texture_1i_visit_four(s_6, a_8, _e198);
         continuing {
-            let _e57 = place;
-            place = (_e57 + 1i);
-            let _e65 = place;
-            o_y = select(-(a_7.near.y), a_7.near.y, (_e65 == 1i));
-            let _e76 = place;
-            let _e80 = voronoi_texture_1i_next_key(a_7.keys.y, select(-(a_7.key_step.y), a_7.key_step.y, (_e76 == 1i)));
-            key_y = _e80;
-            let _e85 = place;
-            bound_y = select(a_7.far_bound.y, a_7.near_bound.y, (_e85 == 1i));
-            let _e89 = place;
-            let _e92 = bound_y;
-            let _e96 = voronoi_texture_1i_hopeless(s_3, a_7, vec4<f32>(0f, _e92, bounds_1.zw));
-            break if ((_e89 > 2i) | _e96);
+            let _e200 = left;
+            break if (_e200 == 0u);
         }
     }
     return;
 }
 
-fn voronoi_texture_1i_scan_z(s_4: ptr<function, voronoi_texture_1i_Search>, a_8: voronoi_texture_1i_Axes, o_3: vec4<f32>, keys_2: vec4<i32>, bounds_2: vec4<f32>) {
-    var o_z: f32 = 0f;
-    var key_z: i32;
-    var bound_z: f32 = 0f;
-    var place_1: i32 = 0i;
+fn voronoi_texture_1i_scan_lists(s_7: ptr<function, voronoi_texture_1i_Search>, a_9: voronoi_texture_1i_Axes) {
+    var list_1: u32;
+    var near_bits_1: vec4<u32> = vec4<u32>(2863329280u, 3435921648u, 4026575530u, 15781068u);
+    var far_bits_1: vec4<u32> = vec4<u32>(255u, 65280u, 16711680u, 4278190080u);
+    var lists: i32 = 1i;
 
-    key_z = a_8.keys.z;
+    voronoi_texture_1i_visit_near(s_7, a_9);
+    let near = a_9.near_bound;
+    let far = a_9.far_bound;
+    let _e19 = voronoi_texture_1i_join(near.x, near.y);
+    let near_xy = vec4<f32>(0f, near.x, near.y, _e19);
+    let _e25 = voronoi_texture_1i_join(far.x, near.y);
+    let _e29 = voronoi_texture_1i_join(near.x, far.y);
+    let far_xy = vec4<f32>(far.x, _e25, far.y, _e29);
+    let _e33 = voronoi_texture_1i_join(far.x, far.y);
+    let both_xy = vec4(_e33);
+    let _e39 = voronoi_texture_1i_join(near.z, near.w);
+    let near_zw = (vec4<f32>(0f, near.z, near.w, _e39) * a_9.one);
+    let _e47 = voronoi_texture_1i_join(far.z, near.w);
+    let _e51 = voronoi_texture_1i_join(near.z, far.w);
+    let far_zw = (vec4<f32>(far.z, _e47, far.w, _e51) * a_9.one);
+    let _e57 = voronoi_texture_1i_join(far.z, far.w);
+    let both_zw = (vec4(_e57) * a_9.one);
+    let _e63 = voronoi_texture_1i_join_each(vec4(far_xy.x), near_zw);
+    let _e64 = voronoi_texture_1i_hopeful(s_7, _e63);
+    let _e67 = voronoi_texture_1i_join_each(vec4(far_xy.y), near_zw);
+    let _e68 = voronoi_texture_1i_hopeful(s_7, _e67);
+    let _e74 = voronoi_texture_1i_join_each(vec4(far_xy.z), near_zw);
+    let _e75 = voronoi_texture_1i_hopeful(s_7, _e74);
+    let _e80 = voronoi_texture_1i_join_each(vec4(far_xy.w), near_zw);
+    let _e81 = voronoi_texture_1i_hopeful(s_7, _e80);
+    let _e88 = voronoi_texture_1i_join_each(near_xy, vec4(far_zw.x));
+    let _e89 = voronoi_texture_1i_hopeful(s_7, _e88);
+    let _e94 = voronoi_texture_1i_join_each(near_xy, vec4(far_zw.y));
+    let _e95 = voronoi_texture_1i_hopeful(s_7, _e94);
+    let _e101 = voronoi_texture_1i_join_each(near_xy, vec4(far_zw.z));
+    let _e102 = voronoi_texture_1i_hopeful(s_7, _e101);
+    let _e107 = voronoi_texture_1i_join_each(near_xy, vec4(far_zw.w));
+    let _e108 = voronoi_texture_1i_hopeful(s_7, _e107);
+    list_1 = (((_e64 | (_e68 << 4u)) | ((_e75 << 8u) | (_e81 << 12u))) | (((_e89 << 16u) | (_e95 << 20u)) | ((_e102 << 24u) | (_e108 << 28u))));
     loop {
-        let _e8 = o_z;
-        let _e16 = key_z;
-        let _e21 = bound_z;
-        voronoi_texture_1i_scan_y(s_4, a_8, vec4<f32>(0f, 0f, _e8, o_3.w), vec4<i32>(a_8.keys.xy, _e16, keys_2.w), vec4<f32>(0f, 0f, _e21, bounds_2.w));
+        let _e117 = list_1;
+        let _e118 = near_bits_1;
+        let _e119 = far_bits_1;
+        voronoi_texture_1i_visit_list(s_7, a_9, _e117, _e118, _e119);
         continuing {
-            let _e28 = place_1;
-            place_1 = (_e28 + 1i);
-            let _e36 = place_1;
-            o_z = select(-(a_8.near.z), a_8.near.z, (_e36 == 1i));
-            let _e47 = place_1;
-            let _e51 = voronoi_texture_1i_next_key(a_8.keys.z, select(-(a_8.key_step.z), a_8.key_step.z, (_e47 == 1i)));
-            key_z = _e51;
-            let _e56 = place_1;
-            bound_z = select(a_8.far_bound.z, a_8.near_bound.z, (_e56 == 1i));
-            let _e60 = place_1;
-            let _e63 = bound_z;
-            let _e68 = voronoi_texture_1i_hopeless(s_4, a_8, vec4<f32>(0f, 0f, _e63, bounds_2.w));
-            break if ((_e60 > 2i) | _e68);
-        }
-    }
-    return;
-}
-
-fn voronoi_texture_1i_scan_w(s_5: ptr<function, voronoi_texture_1i_Search>, a_9: voronoi_texture_1i_Axes) {
-    var o_w: f32 = 0f;
-    var key_w: i32;
-    var bound_w: f32 = 0f;
-    var place_2: i32 = 0i;
-
-    key_w = a_9.keys.w;
-    loop {
-        let _e7 = o_w;
-        let _e14 = key_w;
-        let _e17 = bound_w;
-        voronoi_texture_1i_scan_z(s_5, a_9, vec4<f32>(0f, 0f, 0f, _e7), vec4<i32>(a_9.keys.xyz, _e14), vec4<f32>(0f, 0f, 0f, _e17));
-        continuing {
-            let _e24 = place_2;
-            place_2 = (_e24 + 1i);
-            let _e32 = place_2;
-            o_w = select(-(a_9.near.w), a_9.near.w, (_e32 == 1i));
-            let _e43 = place_2;
-            let _e47 = voronoi_texture_1i_next_key(a_9.keys.w, select(-(a_9.key_step.w), a_9.key_step.w, (_e43 == 1i)));
-            key_w = _e47;
-            let _e52 = place_2;
-            bound_w = select(a_9.far_bound.w, a_9.near_bound.w, (_e52 == 1i));
-            let _e56 = place_2;
-            let _e59 = bound_w;
-            let _e64 = voronoi_texture_1i_hopeless(s_5, a_9, vec4<f32>(0f, 0f, 0f, _e59));
-            break if ((_e56 > 2i) | _e64);
+            let _e120 = voronoi_texture_1i_join_each(both_xy, near_zw);
+            let _e121 = voronoi_texture_1i_hopeful(s_7, _e120);
+            let _e122 = voronoi_texture_1i_join_each(near_xy, both_zw);
+            let _e123 = voronoi_texture_1i_hopeful(s_7, _e122);
+            let _e129 = voronoi_texture_1i_join_each(far_xy, vec4(far_zw.x));
+            let _e130 = voronoi_texture_1i_hopeful(s_7, _e129);
+            let _e135 = voronoi_texture_1i_join_each(far_xy, vec4(far_zw.y));
+            let _e136 = voronoi_texture_1i_hopeful(s_7, _e135);
+            let _e143 = voronoi_texture_1i_join_each(far_xy, vec4(far_zw.z));
+            let _e144 = voronoi_texture_1i_hopeful(s_7, _e143);
+            let _e149 = voronoi_texture_1i_join_each(far_xy, vec4(far_zw.w));
+            let _e150 = voronoi_texture_1i_hopeful(s_7, _e149);
+            let _e154 = voronoi_texture_1i_join_each(both_xy, far_zw);
+            let _e155 = voronoi_texture_1i_hopeful(s_7, _e154);
+            let _e158 = voronoi_texture_1i_join_each(far_xy, both_zw);
+            let _e159 = voronoi_texture_1i_hopeful(s_7, _e158);
+            list_1 = (((_e121 | (_e123 << 4u)) | ((_e130 << 8u) | (_e136 << 12u))) | (((_e144 << 16u) | (_e150 << 20u)) | ((_e155 << 24u) | (_e159 << 28u))));
+            let _e166 = list_1;
+            let _e167 = lists;
+            list_1 = select(0u, _e166, (_e167 == 1i));
+            near_bits_1 = vec4<u32>(2156431520u, 539108032u, 149946378u, 33615884u);
+            far_bits_1 = vec4<u32>(1060320015u, 3486305295u, 4076929008u, 4244570352u);
+            let _e184 = voronoi_texture_1i_join(both_xy.x, both_zw.x);
+            let _e185 = voronoi_texture_1i_beyond(s_7, _e184);
+            let _e186 = lists;
+            let ends = (_e185 | (_e186 == 3i));
+            let _e190 = lists;
+            lists = (_e190 + 1i);
+            let _e193 = list_1;
+            break if ((_e193 == 0u) & ends);
         }
     }
     return;
@@ -630,7 +746,7 @@ fn voronoi_texture_1i_scan_w(s_5: ptr<function, voronoi_texture_1i_Search>, a_9:
 
 fn voronoi_texture_1i_search(site_1: voronoi_texture_1i_Site, p_7: voronoi_texture_1i_Parameters) -> voronoi_texture_1i_Search {
     var a_10: voronoi_texture_1i_Axes;
-    var s_6: voronoi_texture_1i_Search = voronoi_texture_1i_Search(0x1.fffffep+127f, 0f, 0x1.fffffep+127f, 0f);
+    var s_8: voronoi_texture_1i_Search = voronoi_texture_1i_Search(0x1.fffffep+127f, 0f, 0x1.fffffep+127f, 0f);
 
     let upper = (site_1.local >= vec4(0.5f));
     let rest = (vec4(1f) - site_1.local);
@@ -648,8 +764,8 @@ fn voronoi_texture_1i_search(site_1: voronoi_texture_1i_Site, p_7: voronoi_textu
     a_10.exponent = p_7.exponent;
     a_10.one = p_7.one;
     let _e51 = a_10;
-    voronoi_texture_1i_scan_w((&s_6), _e51);
-    let _e53 = s_6;
+    voronoi_texture_1i_scan_lists((&s_8), _e51);
+    let _e53 = s_8;
     return _e53;
 }
 
@@ -658,11 +774,11 @@ fn voronoi_texture_1i_offset_of(rank: f32) -> vec4<i32> {
     return (vec4<i32>(vec4<u32>((r % 3u), ((r / 3u) % 3u), ((r / 9u) % 3u), (r / 27u))) - vec4(1i));
 }
 
-fn voronoi_texture_1i_root(measure_2: f32, exponent_3: f32) -> f32 {
+fn voronoi_texture_1i_root(measure_2: f32, exponent_2: f32) -> f32 {
     return sqrt(measure_2);
 }
 
-fn voronoi_texture_1i_octave_at(site_2: voronoi_texture_1i_Site, o_4: vec4<i32>, distance_: f32, is_found: bool, p_8: voronoi_texture_1i_Parameters) -> voronoi_texture_1i_Octave {
+fn voronoi_texture_1i_octave_at(site_2: voronoi_texture_1i_Site, o_2: vec4<i32>, distance_: f32, is_found: bool, p_8: voronoi_texture_1i_Parameters) -> voronoi_texture_1i_Octave {
     var octave: voronoi_texture_1i_Octave;
 
     octave.distance = distance_;
@@ -683,6 +799,13 @@ fn voronoi_texture_1i_first_feature(x_10: vec4<f32>, p_9: voronoi_texture_1i_Par
 fn voronoi_texture_1i_feature(x_11: vec4<f32>, p_10: voronoi_texture_1i_Parameters) -> voronoi_texture_1i_Octave {
     let _e2 = voronoi_texture_1i_first_feature(x_11, p_10);
     return _e2;
+}
+
+fn voronoi_texture_1i_combine(t_2: vec4<f32>, one: f32) -> f32 {
+    let _e3 = voronoi_texture_1i_join(t_2.x, t_2.y);
+    let _e6 = voronoi_texture_1i_join(t_2.z, t_2.w);
+    let _e9 = voronoi_texture_1i_join(_e3, (_e6 * one));
+    return _e9;
 }
 
 fn voronoi_texture_1i_distance_of(v_2: vec4<f32>, p_11: voronoi_texture_1i_Parameters) -> f32 {
@@ -800,8 +923,8 @@ fn math_2i_finish(x_12: f32) -> f32 {
     return clamp(x_12, 0f, 1f);
 }
 
-fn math_2i_evaluate(a_11: f32, b_5: f32) -> f32 {
-    let _e3 = math_2i_finish((a_11 + b_5));
+fn math_2i_evaluate(a_11: f32, b_6: f32) -> f32 {
+    let _e3 = math_2i_finish((a_11 + b_6));
     return _e3;
 }
 
@@ -809,8 +932,8 @@ fn math_3i_finish(x_13: f32) -> f32 {
     return clamp(x_13, 0f, 1f);
 }
 
-fn math_3i_evaluate(a_12: f32, b_6: f32) -> f32 {
-    let _e3 = math_3i_finish((a_12 - b_6));
+fn math_3i_evaluate(a_12: f32, b_7: f32) -> f32 {
+    let _e3 = math_3i_finish((a_12 - b_7));
     return _e3;
 }
 
@@ -834,8 +957,8 @@ fn math_4i_finish(x_14: f32) -> f32 {
     return x_14;
 }
 
-fn math_4i_evaluate(a_13: f32, b_7: f32) -> f32 {
-    let _e3 = math_4i_finish((a_13 * b_7));
+fn math_4i_evaluate(a_13: f32, b_8: f32) -> f32 {
+    let _e3 = math_4i_finish((a_13 * b_8));
     return _e3;
 }
 

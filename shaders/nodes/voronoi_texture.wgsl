@@ -9,6 +9,7 @@
 // BEFORE_BLENDER_5: the random numbers of a cell in 2D to 4D are hashed from its corner as floats, as in Blender 4.5.
 #import cloudparity::hash::{pcg2_rounds, pcg3_rounds, pcg4_rounds, pcg3, pcg4, hash_float1, hash_float2}
 #import cloudparity::hash::{jenkins2, jenkins3, jenkins4, unit_from_bits}
+#import cloudparity::hash::{FourHashes, pcg3_rounds_of_four, pcg4_rounds_of_four}
 #import cloudparity::hash::{PCG_MULTIPLIER, PCG_INCREMENT, PCG_UNIT}
 #import cloudparity::numeric::{exp_of, safe_pow, to_int, LARGEST, SMALLEST_NORMAL}
 
@@ -351,9 +352,7 @@ fn visit_two(s: ptr<function, Search>, r: f32, measure: f32) {
     (*s).nearest = min((*s).nearest, measure);
 }
 
-fn visit(s: ptr<function, Search>, a: Axes, o: vec4f, keys: vec4i) {
-    let v = (o + rounds(keys) * a.jitter) - a.local;
-    let measure = comparable(combine(terms(v, a.exponent), a.one), a.exponent);
+fn count(s: ptr<function, Search>, o: vec4f, measure: f32) {
 #ifdef FEATURE_F2
     visit_two(s, rank(o), measure);
 #else ifdef FEATURE_DISTANCE_TO_EDGE
@@ -371,15 +370,13 @@ fn visit(s: ptr<function, Search>, a: Axes, o: vec4f, keys: vec4i) {
 #endif
 }
 
+fn visit(s: ptr<function, Search>, a: Axes, o: vec4f, keys: vec4i) {
+    let v = (o + rounds(keys) * a.jitter) - a.local;
+    count(s, o, comparable(combine(terms(v, a.exponent), a.one), a.exponent));
+}
+
 // Where the cell matters, an equal measure may still win by its rank.
-fn hopeless(s: ptr<function, Search>, a: Axes, bounds: vec4f) -> bool {
-#ifdef FEATURE_F2
-#ifdef DISTANCE_MINKOWSKI
-    // Powers and their root round within a few ulp, not monotonically, and fall where the exponent is below 0.
-    return false;
-#endif
-#endif
-    let bound = comparable(combine(bounds, a.one), a.exponent);
+fn beyond(s: ptr<function, Search>, bound: f32) -> bool {
 #ifdef FEATURE_F2
     return bound > (*s).second;
 #else ifdef FEATURE_DISTANCE_TO_EDGE
@@ -395,6 +392,16 @@ fn hopeless(s: ptr<function, Search>, a: Axes, bounds: vec4f) -> bool {
 #else
     return bound >= (*s).nearest;
 #endif
+}
+
+fn hopeless(s: ptr<function, Search>, a: Axes, bounds: vec4f) -> bool {
+#ifdef FEATURE_F2
+#ifdef DISTANCE_MINKOWSKI
+    // Powers and their root round within a few ulp, not monotonically, and fall where the exponent is below 0.
+    return false;
+#endif
+#endif
+    return beyond(s, comparable(combine(bounds, a.one), a.exponent));
 }
 
 // The loops test at their end: the own cell of an axis is never in doubt, and a wave leaves once all its lanes do.
@@ -471,6 +478,204 @@ fn scan_w(s: ptr<function, Search>, a: Axes) {
 }
 #endif
 
+#ifndef VORONOI_DIMENSIONS_2D
+fn scan_rows(s: ptr<function, Search>, a: Axes) {
+#ifdef VORONOI_DIMENSIONS_3D
+    scan_z(s, a, vec4f(0.0), a.keys, vec4f(0.0));
+#else
+    scan_w(s, a);
+#endif
+}
+#endif
+
+#ifndef VORONOI_DIMENSIONS_2D
+// Lists of cells
+//
+// A wave takes as many turns of a loop as the lane that needs most, and what one lane lets in all lanes wait for: rows of
+// cells that eight lanes need together are some 60 cells in 4D, of which each lane needs 18. So the own cell and the
+// nearer neighbours, nearly all of which are needed, are visited without a test, and of the others each lane makes a list,
+// a bit for each cell that its bound does not leave out, and goes through its own. Cells are visited four at a time, and
+// where a list ends within four, the cell that is far along all axes is visited for the rest: a cell more does not change
+// which is nearest. It may be visited twice, which F2 does not bear: its second would be the same cell.
+
+// Four cells, a component of all four in a vector.
+struct FourCells {
+    x: vec4f,
+    y: vec4f,
+    z: vec4f,
+    w: vec4f,
+    key_x: vec4i,
+    key_y: vec4i,
+    key_z: vec4i,
+    key_w: vec4i,
+}
+
+fn join_each(a: vec4f, b: vec4f) -> vec4f {
+    return vec4f(join(a.x, b.x), join(a.y, b.y), join(a.z, b.z), join(a.w, b.w));
+}
+
+fn visit_four(s: ptr<function, Search>, a: Axes, c: FourCells) {
+#ifdef VORONOI_DIMENSIONS_3D
+    let hash = pcg3_rounds_of_four(c.key_x, c.key_y, c.key_z);
+#else
+    let hash = pcg4_rounds_of_four(c.key_x, c.key_y, c.key_z, c.key_w);
+#endif
+    let x = terms((c.x + hash.x * a.jitter) - a.local.x, a.exponent);
+    let y = terms((c.y + hash.y * a.jitter) - a.local.y, a.exponent);
+    let z = terms((c.z + hash.z * a.jitter) - a.local.z, a.exponent);
+#ifdef VORONOI_DIMENSIONS_3D
+    let measures = join_each(join_each(x, y), z);
+#else
+    let w = terms((c.w + hash.w * a.jitter) - a.local.w, a.exponent);
+    let measures = join_each(join_each(x, y), join_each(z, w) * a.one);
+#endif
+    count(s, vec4f(c.x.x, c.y.x, c.z.x, c.w.x), measures.x);
+    count(s, vec4f(c.x.y, c.y.y, c.z.y, c.w.y), measures.y);
+    count(s, vec4f(c.x.z, c.y.z, c.z.z, c.w.z), measures.z);
+    count(s, vec4f(c.x.w, c.y.w, c.z.w, c.w.w), measures.w);
+}
+
+// The own cell and the nearer neighbours: four of x and y for each of z and w.
+fn visit_near(s: ptr<function, Search>, a: Axes) {
+    let near_keys = vec4i(
+        next_key(a.keys.x, a.key_step.x),
+        next_key(a.keys.y, a.key_step.y),
+        next_key(a.keys.z, a.key_step.z),
+        next_key(a.keys.w, a.key_step.w)
+    );
+    var c: FourCells;
+    c.x = vec4f(0.0, a.near.x, 0.0, a.near.x);
+    c.y = vec4f(0.0, 0.0, a.near.y, a.near.y);
+    c.key_x = vec4i(a.keys.x, near_keys.x, a.keys.x, near_keys.x);
+    c.key_y = vec4i(a.keys.yy, near_keys.yy);
+    c.w = vec4f(0.0);
+    c.key_w = vec4i(a.keys.w);
+    c.z = vec4f(0.0);
+    c.key_z = vec4i(a.keys.z);
+    visit_four(s, a, c);
+    c.z = vec4f(a.near.z);
+    c.key_z = vec4i(near_keys.z);
+    visit_four(s, a, c);
+#ifdef VORONOI_DIMENSIONS_4D
+    c.w = vec4f(a.near.w);
+    c.key_w = vec4i(near_keys.w);
+    visit_four(s, a, c);
+    c.z = vec4f(0.0);
+    c.key_z = vec4i(a.keys.z);
+    visit_four(s, a, c);
+#endif
+}
+
+// Keys of four cells along an axis.
+fn keys_at(key: i32, step: i32, is_near: vec4<bool>, is_far: vec4<bool>) -> vec4i {
+    let near = next_key(key, step);
+    let far = next_key(key, -step);
+    // GLSL ES selects no integers by a vector.
+    return vec4i(
+        select(select(key, near, is_near.x), far, is_far.x),
+        select(select(key, near, is_near.y), far, is_far.y),
+        select(select(key, near, is_near.z), far, is_far.z),
+        select(select(key, near, is_near.w), far, is_far.w)
+    );
+}
+
+// Visits the cells of a list. Per axis, which bits stand for cells on the near side and which for those on the far side. No
+// bit at all stands for the cell that is far along all axes.
+fn visit_list(s: ptr<function, Search>, a: Axes, list: u32, near_bits: vec4u, far_bits: vec4u) {
+    var left = list;
+    loop {
+        var bits = vec4u(left & (~left + 1u), 0u, 0u, 0u);
+        left &= left - 1u;
+        bits.y = left & (~left + 1u);
+        left &= left - 1u;
+        bits.z = left & (~left + 1u);
+        left &= left - 1u;
+        bits.w = left & (~left + 1u);
+        left &= left - 1u;
+        var c: FourCells;
+        let near_x = (bits & vec4u(near_bits.x)) != vec4u(0u);
+        let far_x = (bits & vec4u(~far_bits.x)) == vec4u(0u);
+        c.x = select(select(vec4f(0.0), vec4f(a.near.x), near_x), vec4f(-a.near.x), far_x);
+        c.key_x = keys_at(a.keys.x, a.key_step.x, near_x, far_x);
+        let near_y = (bits & vec4u(near_bits.y)) != vec4u(0u);
+        let far_y = (bits & vec4u(~far_bits.y)) == vec4u(0u);
+        c.y = select(select(vec4f(0.0), vec4f(a.near.y), near_y), vec4f(-a.near.y), far_y);
+        c.key_y = keys_at(a.keys.y, a.key_step.y, near_y, far_y);
+        let near_z = (bits & vec4u(near_bits.z)) != vec4u(0u);
+        let far_z = (bits & vec4u(~far_bits.z)) == vec4u(0u);
+        c.z = select(select(vec4f(0.0), vec4f(a.near.z), near_z), vec4f(-a.near.z), far_z);
+        c.key_z = keys_at(a.keys.z, a.key_step.z, near_z, far_z);
+        c.w = vec4f(0.0);
+        c.key_w = vec4i(a.keys.w);
+#ifdef VORONOI_DIMENSIONS_4D
+        let near_w = (bits & vec4u(near_bits.w)) != vec4u(0u);
+        let far_w = (bits & vec4u(~far_bits.w)) == vec4u(0u);
+        c.w = select(select(vec4f(0.0), vec4f(a.near.w), near_w), vec4f(-a.near.w), far_w);
+        c.key_w = keys_at(a.keys.w, a.key_step.w, near_w, far_w);
+#endif
+        visit_four(s, a, c);
+        continuing {
+            break if left == 0u;
+        }
+    }
+}
+
+// A bit for each of four bounds that leaves no cell out.
+fn hopeful(s: ptr<function, Search>, bounds: vec4f) -> u32 {
+    return (select(0u, 1u, !beyond(s, bounds.x)) | select(0u, 2u, !beyond(s, bounds.y)))
+        | (select(0u, 4u, !beyond(s, bounds.z)) | select(0u, 8u, !beyond(s, bounds.w)));
+}
+
+fn scan_lists(s: ptr<function, Search>, a: Axes) {
+    visit_near(s, a);
+    let near = a.near_bound;
+    let far = a.far_bound;
+    // Of x and y: neither far (bit 0: x is near, bit 1: y is); one far (x and y own, x and y near, y and x own, y and x near); both.
+    let near_xy = vec4f(0.0, near.x, near.y, join(near.x, near.y));
+    let far_xy = vec4f(far.x, join(far.x, near.y), far.y, join(near.x, far.y));
+    let both_xy = vec4f(join(far.x, far.y));
+#ifdef VORONOI_DIMENSIONS_3D
+    let list = hopeful(s, far_xy)
+        | (hopeful(s, join_each(far_xy, vec4f(near.z))) << 4u)
+        | (hopeful(s, join_each(near_xy, vec4f(far.z))) << 8u)
+        | (hopeful(s, join_each(far_xy, vec4f(far.z))) << 12u)
+        | ((hopeful(s, join_each(both_xy, vec4f(0.0, near.z, far.z, far.z))) & 7u) << 16u);
+    let near_bits = vec4u(0x08a88u, 0x02c22u, 0x200f0u, 0u);
+    let far_bits = vec4u(0x73033u, 0x7c0ccu, 0x4ff00u, 0u);
+    visit_list(s, a, list, near_bits, far_bits);
+#else
+    // Likewise of z and w, with the factor of combine().
+    let near_zw = vec4f(0.0, near.z, near.w, join(near.z, near.w)) * a.one;
+    let far_zw = vec4f(far.z, join(far.z, near.w), far.w, join(near.z, far.w)) * a.one;
+    let both_zw = vec4f(join(far.z, far.w)) * a.one;
+    // Far along one axis.
+    var list = ((hopeful(s, join_each(vec4f(far_xy.x), near_zw)) | (hopeful(s, join_each(vec4f(far_xy.y), near_zw)) << 4u))
+        | ((hopeful(s, join_each(vec4f(far_xy.z), near_zw)) << 8u) | (hopeful(s, join_each(vec4f(far_xy.w), near_zw)) << 12u)))
+        | (((hopeful(s, join_each(near_xy, vec4f(far_zw.x))) << 16u) | (hopeful(s, join_each(near_xy, vec4f(far_zw.y))) << 20u))
+        | ((hopeful(s, join_each(near_xy, vec4f(far_zw.z))) << 24u) | (hopeful(s, join_each(near_xy, vec4f(far_zw.w))) << 28u)));
+    var near_bits = vec4u(0xaaaaf000u, 0xcccc00f0u, 0xf000aaaau, 0x00f0ccccu);
+    var far_bits = vec4u(0x000000ffu, 0x0000ff00u, 0x00ff0000u, 0xff000000u);
+    var lists = 1;
+    loop {
+        visit_list(s, a, list, near_bits, far_bits);
+        continuing {
+            // Far along two or three axes; then along all four, which no bit stands for. Few waves come so far.
+            list = ((hopeful(s, join_each(both_xy, near_zw)) | (hopeful(s, join_each(near_xy, both_zw)) << 4u))
+                | ((hopeful(s, join_each(far_xy, vec4f(far_zw.x))) << 8u) | (hopeful(s, join_each(far_xy, vec4f(far_zw.y))) << 12u)))
+                | (((hopeful(s, join_each(far_xy, vec4f(far_zw.z))) << 16u) | (hopeful(s, join_each(far_xy, vec4f(far_zw.w))) << 20u))
+                | ((hopeful(s, join_each(both_xy, far_zw)) << 24u) | (hopeful(s, join_each(far_xy, both_zw)) << 28u)));
+            list = select(0u, list, lists == 1);
+            near_bits = vec4u(0x808888a0u, 0x202222c0u, 0x08f0000au, 0x0200f00cu);
+            far_bits = vec4u(0x3f33330fu, 0xcfcccc0fu, 0xf300fff0u, 0xfcff00f0u);
+            let ends = beyond(s, join(both_xy.x, both_zw.x)) | (lists == 3);
+            lists += 1;
+            break if (list == 0u) & ends;
+        }
+    }
+#endif
+}
+#endif
+
 // Lower bounds of the terms at a distance along each axis.
 fn bound_terms(axis_distance: vec4f, exponent: f32) -> vec4f {
 #ifdef FEATURE_DISTANCE_TO_EDGE
@@ -510,10 +715,14 @@ fn search(site: Site, p: Parameters) -> Search {
 #else
     scan_all(&s, a);
 #endif
-#else ifdef VORONOI_DIMENSIONS_3D
-    scan_z(&s, a, vec4f(0.0), a.keys, vec4f(0.0));
+#else ifdef FEATURE_F2
+    scan_rows(&s, a);
+#else ifdef DISTANCE_MINKOWSKI
+    scan_rows(&s, a);
+#else ifdef BEFORE_BLENDER_5
+    scan_rows(&s, a);
 #else
-    scan_w(&s, a);
+    scan_lists(&s, a);
 #endif
     return s;
 }

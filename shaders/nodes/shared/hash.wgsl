@@ -152,6 +152,53 @@ fn pcg4_rounds(linear: vec4i) -> vec4f {
     return vec4f(vec4i(x, y, z, w) & vec4i(PCG_MASK));
 }
 
+// Hashes of four cells, a component of all four in a vector. A hash is a chain of products that wait for each other: four
+// take turns.
+struct FourHashes {
+    x: vec4f,
+    y: vec4f,
+    z: vec4f,
+    w: vec4f,
+}
+
+fn pcg3_rounds_of_four(linear_x: vec4i, linear_y: vec4i, linear_z: vec4i) -> FourHashes {
+    var x = linear_x;
+    var y = linear_y;
+    var z = linear_z;
+    x += y * z;
+    y += z * x;
+    z += x * y;
+    x ^= x >> vec4u(16u);
+    y ^= y >> vec4u(16u);
+    z ^= z >> vec4u(16u);
+    x += y * z;
+    y += z * x;
+    z += x * y;
+    let mask = vec4i(PCG_MASK);
+    return FourHashes(vec4f(x & mask), vec4f(y & mask), vec4f(z & mask), vec4f(0.0));
+}
+
+fn pcg4_rounds_of_four(linear_x: vec4i, linear_y: vec4i, linear_z: vec4i, linear_w: vec4i) -> FourHashes {
+    var x = linear_x;
+    var y = linear_y;
+    var z = linear_z;
+    var w = linear_w;
+    x += y * w;
+    y += z * x;
+    z += x * y;
+    w += y * z;
+    x ^= x >> vec4u(16u);
+    y ^= y >> vec4u(16u);
+    z ^= z >> vec4u(16u);
+    w ^= w >> vec4u(16u);
+    x += y * w;
+    y += z * x;
+    z += x * y;
+    w += y * z;
+    let mask = vec4i(PCG_MASK);
+    return FourHashes(vec4f(x & mask), vec4f(y & mask), vec4f(z & mask), vec4f(w & mask));
+}
+
 fn pcg3(cell: vec3i) -> vec3f {
     return pcg3_rounds(cell * PCG_MULTIPLIER + PCG_INCREMENT) * PCG_UNIT;
 }

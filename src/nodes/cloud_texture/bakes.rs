@@ -90,8 +90,13 @@ pub fn texture(texture: CloudTexture, points: FeaturePoints) -> TextureHandle {
         | CloudTexture::TakramTurbulenceZ => FeaturePoints::Even,
         _ => points,
     };
-    let mut made = MADE.lock().unwrap_or_else(PoisonError::into_inner);
-    made.entry((texture, points)).or_insert_with(|| bake(texture, points)).clone()
+    let made = || MADE.lock().unwrap_or_else(PoisonError::into_inner);
+    if let Some(known) = made().get(&(texture, points)) {
+        return known.clone();
+    }
+    // Not under the lock: a bake runs on the thread pool, whose threads may wait for this very lock. Two that ask at once may both bake it.
+    let baked = bake(texture, points);
+    made().entry((texture, points)).or_insert(baked).clone()
 }
 
 fn bake(texture: CloudTexture, points: FeaturePoints) -> TextureHandle {
