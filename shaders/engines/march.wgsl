@@ -696,6 +696,7 @@ fn marched(ray: Ray, begun: Pixel, first_step: u32, end_step: u32) -> Pixel {
 #ifdef STEP_GROWTH
         // The first step's over k - 1.
         let first_length = ray.length / grown(march.steps);
+        let first_step_length = first_length * grown(1u);
 #else ifdef RAY_STEPS
         let step = ray.length / own_steps;
 #else
@@ -721,7 +722,7 @@ fn marched(ray: Ray, begun: Pixel, first_step: u32, end_step: u32) -> Pixel {
 #ifdef STEP_GROWTH
             let gained = grown(number);
             let begin = first_length * gained;
-            let step = first_length * grown(1u) * (gained + 1.0);
+            let step = first_step_length * (gained + 1.0);
 #ifdef DOUBLED_START
             let passed = begin + 2.0 * ray.jitter * step;
 #else
