@@ -51,8 +51,8 @@ bench: build ## speed of the evaluators and of path tracing against Cycles, as r
 	$(PROGRAM) bench-bake
 	$(PROGRAM) time-to-error -o out/time-to-error
 
-# Files side by side: what a file makes once, it makes once; each process has bpy in it.
-PYTEST := .venv/bin/python -m pytest --quiet --numprocesses auto --maxprocesses 4 --dist loadfile
+# Files side by side: what a file makes once, it makes once; each process has bpy in it. Threads of a metric that have nothing to do sleep.
+PYTEST := OMP_WAIT_POLICY=passive .venv/bin/python -m pytest --quiet --numprocesses auto --maxprocesses 4 --dist loadfile
 
 test: setup ## lints, all tests of Rust and Python, doc tests
 	@$(MAKE) --no-print-directory lint

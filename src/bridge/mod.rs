@@ -115,6 +115,9 @@ pub fn interpreter() -> PathBuf {
     interpreter::choose().path
 }
 
+/// How threads of OpenMP wait for work: at work (the default of GCC's library) or asleep.
+const OPENMP_WAITING: &str = "OMP_WAIT_POLICY";
+
 /// A command that runs the interpreter apart from its surroundings: no module comes from the working folder, from the folder of the user or
 /// from variables of the environment (`-I`), nothing is written beside modules (`-B`), and text is UTF-8 everywhere.
 fn isolated(path: &Path) -> Command {
@@ -124,6 +127,10 @@ fn isolated(path: &Path) -> Command {
     let is_folder = |name: &str| name.starts_with("BLENDER_USER_") || name.starts_with("BLENDER_SYSTEM_");
     for (name, _) in std::env::vars_os().filter(|(name, _)| name.to_str().is_some_and(is_folder)) {
         command.env_remove(name);
+    }
+    // Threads of a metric that have nothing to do would keep the cores busy, which this program and other scripts wait for.
+    if std::env::var_os(OPENMP_WAITING).is_none() {
+        command.env(OPENMP_WAITING, "passive");
     }
     command
 }

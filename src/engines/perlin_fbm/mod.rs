@@ -5,6 +5,7 @@ pub mod gpu;
 pub mod settings;
 
 use crate::base::error::Result;
+use crate::base::recent::Recent;
 use crate::engines::domain::{Container, Domain, DomainKind, Outline};
 use crate::engines::{Engine, Model, Request};
 use crate::graph::Program;
@@ -31,16 +32,21 @@ pub static MODEL: Model = Model {
     build: engine,
 };
 
+/// The last cloud: the next one often has its textures, which take a second and more.
+static LAST: Recent<(), Cloud> = Recent::new(1);
+
 fn engine(request: &Request<'_>) -> Result<Engine> {
     let Request { values, defects, .. } = *request;
     let container = request.domain_or(Domain::Object)?;
     let (parameters, warnings) = settings::parameters(values, defects, request.seconds)?;
     let opacity = settings::opacity(values)?;
+    let cloud = Cloud::new_after(parameters, LAST.get(&()).as_ref())?;
+    LAST.keep((), cloud.clone());
     Ok(Engine {
         model: MODEL.id,
         defects: defects.clone(),
         values: values.clone(),
-        density: density(Cloud::new(parameters)?, &container)?,
+        density: density(cloud, &container)?,
         container,
         extinction: TINT.map(|tint| tint * opacity),
         light: settings::light(values, defects),

@@ -259,7 +259,7 @@ pub fn render<'a>(
 ) -> Result<Image> {
     let subject = subject.into();
     let prepared = Prepared::new(subject, settings, backend, progress)?;
-    let image = prepared.render(subject, settings, state, progress)?;
+    let image = prepared.render(subject, settings, &prepared.engine()?, state, progress)?;
     if let Some(State { path, .. }) = state {
         match std::fs::remove_file(path) {
             Err(cause) if cause.kind() != std::io::ErrorKind::NotFound => {
@@ -298,10 +298,13 @@ pub fn render_each<'a>(
 ) -> Result<()> {
     let subject = subject.into();
     let prepared = Prepared::new(subject, settings, backend, progress)?;
+    // A kernel takes longer to compile than a small picture to trace.
+    let engine = prepared.engine()?;
     let count = seeds.len() as f64;
     for (number, &seed) in seeds.iter().enumerate() {
         let report = |done: f64, what: &str| progress((number as f64 + done) / count, what);
-        receive(seed, prepared.render(subject, &PathSettings { seed, ..settings.clone() }, None, &report)?)?;
+        let settings = PathSettings { seed, ..settings.clone() };
+        receive(seed, prepared.render(subject, &settings, &engine, None, &report)?)?;
     }
     Ok(())
 }
@@ -326,16 +329,21 @@ impl Prepared {
         Ok(Self { tracer, gpu, seconds: begin.elapsed().as_secs_f64() })
     }
 
+    /// What traces the paths of all pictures.
+    fn engine(&self) -> Result<Engine<'_>> {
+        Engine::new(&self.tracer, self.gpu.as_ref())
+    }
+
     /// One picture, from its state if there is one.
     fn render(
         &self,
         subject: Subject<'_>,
         settings: &PathSettings,
+        engine: &Engine<'_>,
         state: Option<&State<'_>>,
         progress: Report<'_>,
     ) -> Result<Image> {
-        let engine = Engine::new(&self.tracer, self.gpu.as_ref())?;
-        self.tracer.render(subject, settings, &engine, state, self.seconds, progress)
+        self.tracer.render(subject, settings, engine, state, self.seconds, progress)
     }
 }
 

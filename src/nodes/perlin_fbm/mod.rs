@@ -161,8 +161,8 @@ pub enum Evaluation {
     Exact,
 }
 
-/// The cloud with its textures.
-#[derive(Debug)]
+/// The cloud with its textures, which copies share.
+#[derive(Debug, Clone)]
 pub struct Cloud {
     parameters: Parameters,
     table: random::Permutation,
