@@ -3,6 +3,7 @@
 mod support;
 
 use assert_cmd::cargo::cargo_bin_cmd;
+use cloudparity::base::texture::TextureHandle;
 use cloudparity::engines;
 use cloudparity::engines::Engine;
 use cloudparity::engines::defects::Defects;
@@ -11,6 +12,7 @@ use cloudparity::engines::light::models;
 use cloudparity::engines::light::models::{LIGHTS, OWN};
 use cloudparity::engines::render::{EngineJitter, EngineRenderer, EngineSettings, RayMaker, render};
 use cloudparity::gpu::{Backend, Gpu};
+use cloudparity::graph::wgsl::Linker;
 use cloudparity::integrators::MarchSettings;
 use cloudparity::nodes::texture_lookup;
 use cloudparity::scene::image::Image;
@@ -48,6 +50,30 @@ fn with_sun_from(mut scene: Scene, towards: DVec3) -> Scene {
 
 fn camera_place(scene: &Scene) -> DVec3 {
     DVec3::from([0, 1, 2].map(|row| f64::from(scene.camera.matrix_world[row][3])))
+}
+
+/// The textures that a density reads.
+fn textures(engine: &Engine) -> Vec<TextureHandle> {
+    Linker::new(engine.density.program()).expect("it links").textures().to_vec()
+}
+
+#[test]
+fn what_a_density_reads_is_made_once() {
+    let of_graph = |changes: &[&str]| {
+        let model = engines::find("graph").expect("it is there");
+        let changes: Vec<String> = changes.iter().map(|&text| text.into()).collect();
+        let values = model.values(None, &changes).expect("in range");
+        model.engine(&support::scene("linear-ramp"), &values, &Defects::NONE, 0.0).expect("in range")
+    };
+    for [first, again, other] in [
+        [engine(&Defects::NONE, &[]), engine(&Defects::NONE, &["opacity=2"]), engine(&Defects::NONE, &["octaves=2"])],
+        [of_graph(&["cache_cells=8"]), of_graph(&["cache_cells=8", "light_steps=2"]), of_graph(&["cache_cells=9"])],
+    ] {
+        let [first, again, other] = [first, again, other].map(|engine| textures(&engine));
+        assert!(!first.is_empty() && first.len() == again.len());
+        assert!(first.iter().zip(&again).all(|(one, two)| std::ptr::eq(one.texels(), two.texels())));
+        assert_ne!(first, other, "they would read another");
+    }
 }
 
 #[test]

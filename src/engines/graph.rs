@@ -3,6 +3,7 @@
 //! material shows.
 
 use crate::base::error::{Error, Result};
+use crate::base::recent::Recent;
 use crate::engines::defects::Defects;
 use crate::engines::domain::{Domain, DomainKind};
 use crate::engines::light::terms::Terms;
@@ -17,8 +18,10 @@ use crate::engines::{Engine, Model, Request};
 use crate::media::density::Density;
 use crate::media::density_cache::{CacheFilter, CacheFormat, DensityCache, Samples};
 use crate::media::medium::Medium;
+use crate::media::region::Region;
 use crate::media::transfer::Integration;
 use crate::scene::Scene;
+use glam::DMat4;
 use std::sync::Arc;
 
 /// What group inputs and Value nodes are called whose number is the time of an animation, in seconds.
@@ -126,6 +129,25 @@ pub static MODEL: Model = Model {
     build: engine,
 };
 
+/// Which cache it is: the density's program and where it is not empty, the object's frame, cells and format.
+type CacheKey = (String, Region, DMat4, u32, CacheFormat);
+
+/// The last caches: who changes the light, or looks from another place, has the same density again.
+static CACHES: Recent<CacheKey, Density> = Recent::new(2);
+
+/// A medium's density, read from a cache.
+fn cached(medium: &Medium, cells: u32, format: CacheFormat) -> Result<Density> {
+    let Medium { density, to_object, .. } = medium;
+    let key = (density.program().content_hash(), density.occupied, *to_object, cells, format);
+    if let Some(density) = CACHES.get(&key) {
+        return Ok(density);
+    }
+    let samples = Samples::bake(density, to_object, cells, format, &|_| ())?;
+    let cached = DensityCache::new(&samples, format, CacheFilter::Trilinear)?.density;
+    CACHES.keep(key, cached.clone());
+    Ok(cached)
+}
+
 /// The engine of a scene's own material.
 fn engine(request: &Request<'_>) -> Result<Engine> {
     let values = request.values;
@@ -153,9 +175,7 @@ fn engine(request: &Request<'_>) -> Result<Engine> {
         }
         Density::filling(Arc::clone(medium.density.program()), container.outline.region())
     } else if cells > 0 && !medium.density.occupied.is_empty() {
-        let format = FORMATS[values.get("cache_format") as usize];
-        let samples = Samples::bake(&medium.density, &medium.to_object, cells, format, &|_| ())?;
-        DensityCache::new(&samples, format, CacheFilter::Trilinear)?.density
+        cached(&medium, cells, FORMATS[values.get("cache_format") as usize])?
     } else {
         medium.density.clone()
     };

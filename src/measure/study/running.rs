@@ -4,6 +4,7 @@ use crate::base::error::{Error, Result};
 use crate::base::identity::Identity;
 use crate::base::ledger::{Found, Purpose};
 use crate::base::progress::Progress;
+use crate::base::recent;
 use crate::engines::Engine;
 use crate::engines::render::EngineRenderer;
 use crate::gpu::Gpu;
@@ -154,6 +155,8 @@ impl Running<'_> {
     fn measure(&mut self, combination: &Combination, desk: &Desk<'_>) -> Result<Found<Record>> {
         let study = self.study;
         let scene = study.scene(&combination.scene);
+        // A run's preparation is its own, whatever ran before it.
+        recent::forget_all();
         let (engine, engine_seconds): (Engine, f64) = match study.engine(scene, combination) {
             Ok(found) => found,
             Err(error) => return Ok(Found::LeftOut(error.to_string())),
