@@ -23,11 +23,15 @@ const SETTINGS: EngineSettings =
     EngineSettings { jitter: EngineJitter::BlueNoise, frame: 3, sub_pixels: 1, god_rays: false };
 
 fn engine(defects: &Defects, changes: &[&str]) -> Engine {
-    let model = engines::find("perlin-fbm").expect("it is there");
-    let changes: Vec<String> =
-        ["texture_size=32", "octaves=3"].iter().chain(changes).map(|&text| text.into()).collect();
+    engine_of("perlin-fbm", &[&["texture_size=32", "octaves=3"], changes].concat(), defects, 2.0)
+}
+
+/// An engine of the ramp, from its lowest quality on.
+fn engine_of(model: &str, changes: &[&str], defects: &Defects, seconds: f64) -> Engine {
+    let model = engines::find(model).expect("it is there");
+    let changes: Vec<String> = changes.iter().map(|&text| text.into()).collect();
     let values = model.values(Some("low"), &changes).expect("in range");
-    model.engine(&support::scene("linear-ramp"), &values, defects, 2.0).expect("in range")
+    model.engine(&support::scene("linear-ramp"), &values, defects, seconds).expect("in range")
 }
 
 fn scene() -> Scene {
@@ -59,12 +63,7 @@ fn textures(engine: &Engine) -> Vec<TextureHandle> {
 
 #[test]
 fn what_a_density_reads_is_made_once() {
-    let of_graph = |changes: &[&str]| {
-        let model = engines::find("graph").expect("it is there");
-        let changes: Vec<String> = changes.iter().map(|&text| text.into()).collect();
-        let values = model.values(None, &changes).expect("in range");
-        model.engine(&support::scene("linear-ramp"), &values, &Defects::NONE, 0.0).expect("in range")
-    };
+    let of_graph = |changes: &[&str]| engine_of("graph", changes, &Defects::NONE, 0.0);
     for [first, again, other] in [
         [engine(&Defects::NONE, &[]), engine(&Defects::NONE, &["opacity=2"]), engine(&Defects::NONE, &["octaves=2"])],
         [of_graph(&["cache_cells=8"]), of_graph(&["cache_cells=8", "light_steps=2"]), of_graph(&["cache_cells=9"])],

@@ -579,11 +579,11 @@ fn published_systems_are_the_same_on_the_adapter() {
         let is_whole = std::env::var_os("CLOUDPARITY_EVERY_PRESET").is_some();
         for (number, quality) in (if is_whole { &every } else { qualities }).iter().enumerate() {
             // Maps of shadows that are as good a test and not made in half a minute, seven times a comparison.
-            let own = model.values(Some(quality), &[]).expect("in range");
-            let has_large_map = model.has_parameter("shadow_map") && own.get("shadow_map") > 96.0;
-            let changes: Vec<String> = [("march_steps", 12), ("light_steps", 2), ("shadow_map", 96)]
+            let map = (!is_whole).then_some(("shadow_map", 96));
+            let changes: Vec<String> = [("march_steps", 12), ("light_steps", 2)]
                 .into_iter()
-                .filter(|&(name, _)| model.has_parameter(name) && (name != "shadow_map" || has_large_map && !is_whole))
+                .chain(map)
+                .filter(|(name, _)| model.has_parameter(name))
                 .map(|(name, value)| format!("{name}={value}"))
                 .collect();
             let values = model.values(Some(quality), &changes).expect("in range");
