@@ -103,24 +103,99 @@ fn rays_of_the_adapter_are_those_of_the_processor() {
     let mut parallel = perspective.clone();
     parallel.camera.projection = Projection::Orthographic;
     parallel.camera.ortho_scale = 3.0;
-    for scene in [&perspective, &parallel] {
+    // With all that a frame holds, and a pass over it.
+    let mut transparent = perspective.clone();
+    transparent.film.transparent = true;
+    for (scene, god_rays) in [(&perspective, false), (&parallel, false), (&transparent, true)] {
         let pictures = |jitter: EngineJitter| {
-            let settings = EngineSettings { jitter, ..SETTINGS };
+            let settings = EngineSettings { jitter, god_rays, ..SETTINGS };
             [RayMaker::Processor, RayMaker::Adapter].map(|maker| {
-                let renderer = gpu.block_on(EngineRenderer::on_adapter(scene, &engine, &gpu, maker));
-                let renderer = renderer.expect("it runs").expect("a renderer");
-                renderer.picture(&settings, &|_, _| ()).expect("a picture").pixels
+                let renderer = EngineRenderer::on_adapter(scene, &engine, &gpu, maker).expect("a renderer");
+                let picture = renderer.picture(&settings, &|_, _| ()).expect("a picture");
+                assert_eq!(picture.transmittance.is_some(), scene.film.transparent);
+                let through = picture.transmittance.unwrap_or_default();
+                [picture.pixels.as_flattened(), through.as_flattened()].concat()
             })
         };
         let [ours, theirs] = pictures(EngineJitter::None);
-        let differences = ours.as_flattened().iter().zip(theirs.as_flattened()).map(|(a, b)| (a - b).abs());
-        let largest = differences.fold(0.0, f32::max);
+        let largest = ours.iter().zip(&theirs).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
         // A place moves by 2^-22 of the distance to the camera, some 1e-6 of the box; half a pixel would move it by 1e-2.
-        assert!(largest < 6e-4, "{largest}");
-        assert!(ours.iter().any(|pixel| pixel[0] > 0.1), "a cloud is seen");
+        assert!(ours.len() == theirs.len() && largest < 6e-4, "{largest}");
+        assert!(ours.chunks(4).any(|pixel| pixel[0] > 0.1), "a cloud is seen");
         // Rays with jitter are the processor's, whoever is asked.
         let [ours, theirs] = pictures(EngineJitter::BlueNoise);
         assert_eq!(ours, theirs);
+    }
+}
+
+#[test]
+fn software_has_the_rays_of_a_far_camera_from_the_processor() {
+    if !support::require("vulkan") {
+        return;
+    }
+    let (gpu, engine) = (Gpu::open().expect("an adapter"), engine(&Defects::NONE, &[]));
+    let settings = EngineSettings { jitter: EngineJitter::None, ..SETTINGS };
+    for factor in [1.0, 100.0] {
+        let mut scene = scene();
+        scene.camera.focal_length *= factor;
+        scene.camera.clip_end *= factor;
+        (0..3).for_each(|row| scene.camera.matrix_world[row][3] *= factor);
+        let picture = |maker: Option<RayMaker>| {
+            let renderer = match maker {
+                Some(maker) => EngineRenderer::on_adapter(&scene, &engine, &gpu, maker),
+                None => EngineRenderer::new(&scene, &engine, Some(&gpu)),
+            };
+            renderer.expect("a renderer").picture(&settings, &|_, _| ()).expect("a picture").pixels
+        };
+        let is_far = factor > 1.0 && gpu.adapter().is_software();
+        let [by_choice, expected, other] = [None, Some(is_far), Some(!is_far)].map(|by_processor| {
+            picture(by_processor.map(|is_so| if is_so { RayMaker::Processor } else { RayMaker::Adapter }))
+        });
+        assert_eq!(by_choice, expected, "{factor}");
+        assert_ne!(by_choice, other, "{factor}: it makes a difference");
+        assert!(by_choice.iter().any(|pixel| pixel[0] > 0.1), "{factor}: a cloud is seen");
+    }
+}
+
+#[test]
+fn a_renderer_makes_any_picture_after_any_other() {
+    if !support::require("vulkan") {
+        return;
+    }
+    let gpu = Gpu::open().expect("an adapter");
+    let plain = EngineSettings { jitter: EngineJitter::None, ..SETTINGS };
+    let all = [
+        plain.clone(),
+        EngineSettings { god_rays: true, ..plain.clone() },
+        plain.clone(),
+        SETTINGS,
+        EngineSettings { sub_pixels: 2, ..plain.clone() },
+        EngineSettings { god_rays: true, ..SETTINGS },
+        plain,
+    ];
+    // One has a picture behind the cloud, which is read along the rays.
+    for name in ["linear-ramp", "environment-image"] {
+        let mut scene = support::scene(name);
+        scene.film.resolution = [32, 18];
+        scene.lights = support::scene("linear-ramp").lights;
+        // Before the camera, so that god rays are seen.
+        let scene = with_sun_from(scene.clone(), -camera_place(&scene));
+        let engine = engine(&Defects::NONE, &["opacity=0.2"]);
+        for gpu in [Some(&gpu), None] {
+            let renderer = || EngineRenderer::new(&scene, &engine, gpu).expect("a renderer");
+            let one = renderer();
+            let mut pictures = Vec::new();
+            for settings in &all {
+                let [again, new] = [&one, &renderer()]
+                    .map(|renderer| renderer.picture(settings, &|_, _| ()).expect("a picture").pixels);
+                assert_eq!(again, new, "{name}: {settings:?}");
+                pictures.push(again);
+            }
+            assert_eq!(pictures[0], pictures[2]);
+            for other in [1, 3, 4, 5] {
+                assert_ne!(pictures[0], pictures[other], "{name}: {:?}", all[other]);
+            }
+        }
     }
 }
 

@@ -429,11 +429,14 @@ fn every_mode_and_every_file_links_and_validates() {
         validate(&name, &module);
         names.extend(declared_names(&module));
     };
-    // A fragment has no entry but its own, which is linked below.
-    const IN_FRAGMENT: &str = "IN_FRAGMENT";
-    const PICTURE: &str = "engines/picture.wgsl";
-    let check_picture = |definitions: &[&str]| {
-        let name = format!("{PICTURE} {definitions:?}");
+    // What makes a whole picture, a fragment or a kernel, has no entry but its own, which is linked below.
+    const PARTS: [&str; 3] = ["IN_PICTURE", "IN_FRAGMENT", "IN_FRAME"];
+    const PICTURE: (&str, &[&str], naga::ShaderStage) =
+        ("engines/picture.wgsl", &["IN_PICTURE", "IN_FRAGMENT"], naga::ShaderStage::Fragment);
+    const FRAME: (&str, &[&str], naga::ShaderStage) =
+        ("engines/frame.wgsl", &["IN_PICTURE", "IN_FRAME"], naga::ShaderStage::Compute);
+    let check_picture = |(path, own, stage): (&str, &[&str], naga::ShaderStage), definitions: &[&str]| {
+        let name = format!("{path} {definitions:?}");
         for program in &programs {
             let linked = linker(program).and_then(|mut linker| {
                 let data = "#define_import_path cloudparity::engines::data\n\
@@ -442,34 +445,47 @@ fn every_mode_and_every_file_links_and_validates() {
                 for path in ["engines/march.wgsl", "engines/camera.wgsl", "engines/passes/compositing.wgsl"] {
                     linker.add(path, &all[path].text);
                 }
-                linker.link_with(PICTURE, &all[PICTURE].text, &[definitions, &[IN_FRAGMENT]].concat())
+                linker.link_with(path, &all[path].text, &[definitions, own].concat())
             });
             let module = linked.unwrap_or_else(|cause| panic!("{name}: {cause}"));
             let entries: Vec<_> = module.entry_points.iter().map(|entry| entry.stage).collect();
-            assert_eq!(entries, [naga::ShaderStage::Fragment], "{name}");
+            assert_eq!(entries, [stage], "{name}");
             validate(&name, &module);
         }
     };
-    for shader in all.values().filter(|shader| shader.is_entry && shader.path != PICTURE) {
+    for shader in all.values().filter(|shader| shader.is_entry && ![PICTURE.0, FRAME.0].contains(&&*shader.path)) {
         let reads_program = shader.text.contains("#import cloudparity::graph");
         for program in &programs[..if reads_program { programs.len() } else { 1 }] {
             check(program, &shader.path, &[]);
         }
         // Each definition alone.
-        for definition in definitions(&shader.text).into_iter().filter(|definition| definition != IN_FRAGMENT) {
+        for definition in definitions(&shader.text).into_iter().filter(|definition| !PARTS.contains(&&**definition)) {
             check(&programs[1], &shader.path, &[&definition]);
         }
         used.insert(shader.path.clone());
     }
     let march = &all["engines/march.wgsl"];
-    // Rays that a kernel makes have one interval, so neither they nor a fragment's are in a mesh; nor have fragments air, light from below, or parts of a view.
-    let is_for_pictures = |definition: &str| {
-        ![IN_FRAGMENT, "MESH", "GROUND", "SHADOW_CASCADES"].contains(&definition) && !definition.starts_with("AIR")
+    // Rays that a kernel or a fragment makes have one interval, so they are in no mesh; nor have they air, or steps of their own. Fragments have no light from
+    // below, nor parts of a view.
+    let is_for_frames = |definition: &str| {
+        !PARTS.contains(&definition) && !["MESH", "RAY_STEPS"].contains(&definition) && !definition.starts_with("AIR")
     };
-    for definition in definitions(&march.text).into_iter().filter(|definition| is_for_pictures(definition)) {
-        check_picture(&[&definition]);
+    let is_for_fragments =
+        |definition: &str| is_for_frames(definition) && !["GROUND", "SHADOW_CASCADES"].contains(&definition);
+    for definition in definitions(&march.text).into_iter().filter(|definition| is_for_frames(definition)) {
+        check_picture(FRAME, &[&definition]);
+        if is_for_fragments(&definition) {
+            check_picture(PICTURE, &[&definition]);
+        }
     }
-    check_picture(&["BACKGROUND"]);
+    check_picture(PICTURE, &["BACKGROUND"]);
+    let of_compositing = definitions(&all["engines/passes/compositing.wgsl"].text);
+    for definition in of_compositing.into_iter().filter(|definition| definition != "PER_PIXEL") {
+        if is_for_frames(&definition) {
+            check_picture(FRAME, &["BACKGROUND", &definition]);
+            check_picture(FRAME, &[&definition]);
+        }
+    }
     // The march of engines with all terms, in a box, in a shell and in a mesh, with one sun and with several.
     let terms = [
         "OCTAVES",
@@ -515,17 +531,20 @@ fn every_mode_and_every_file_links_and_validates() {
     ] {
         let definitions = [&terms, more].concat();
         check(&programs[2], "engines/march.wgsl", &definitions);
-        if definitions.iter().all(|definition| is_for_pictures(definition)) {
-            check_picture(&definitions);
+        if definitions.iter().all(|definition| is_for_frames(definition)) {
+            check_picture(FRAME, &definitions);
+        }
+        if definitions.iter().all(|definition| is_for_fragments(definition)) {
+            check_picture(PICTURE, &definitions);
         }
     }
-    used.insert(PICTURE.into());
+    used.extend([PICTURE.0, FRAME.0].map(str::to_owned));
     let conditions: Vec<(&str, usize)> =
         ["engines/march.wgsl", "integrators/march/march.wgsl", "engines/passes/compositing.wgsl"]
             .map(|path| (path, definitions(&all[path].text).len()))
             .to_vec();
     // Conditions that the search finds: were it blind, nothing would be tried.
-    assert_eq!(conditions.iter().map(|(_, count)| *count).collect::<Vec<_>>(), [47, 7, 6], "{conditions:?}");
+    assert_eq!(conditions.iter().map(|(_, count)| *count).collect::<Vec<_>>(), [48, 7, 8], "{conditions:?}");
     // Constants in a buffer, which has no function of its own: the kernel has its binding, and programs that differ in a number have one text.
     let linked = |program: &Program| {
         let source = "#import cloudparity::graph\n@group(0) @binding(0) var<storage, read_write> found: f32;\n\

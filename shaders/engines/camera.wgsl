@@ -1,4 +1,6 @@
 // Rays of a camera through a box, for a picture whose camera moves: twin of src/engines/march/camera.rs, one invocation per pixel.
+//
+// Conditions: IN_PICTURE (a part of a kernel or shader that makes a whole picture; else a kernel), IN_FRAME (of frame.wgsl).
 #define_import_path cloudparity::camera
 #import cloudparity::camera::constants
 #import cloudparity::rays::Ray
@@ -34,8 +36,12 @@ struct View {
     end_padding: f32,
 }
 
+#ifdef IN_FRAME
+@group(2) @binding(0) var<uniform> view: View;
+#else
 @group(0) @binding(0) var<uniform> view: View;
-#ifndef IN_FRAGMENT
+#endif
+#ifndef IN_PICTURE
 @group(0) @binding(1) var<storage, read_write> rays: array<Ray>;
 #endif
 
@@ -93,13 +99,17 @@ fn line_through(raster: vec2f) -> Line {
     return Line(origin, view.farthest * stretch, way, direction / stretch);
 }
 
-#ifndef IN_FRAGMENT
+// The ray through the middle of a pixel.
+fn ray_of(pixel: u32) -> Ray {
+    let raster = vec2f(f32(pixel % view.width) + 0.5, f32(view.height - 1u - pixel / view.width) + 0.5);
+    let line = line_through(raster);
+    return ray_from(line.origin, line.way, line.direction, line.farthest);
+}
+
+#ifndef IN_PICTURE
 @compute @workgroup_size(64)
 fn main(@builtin(global_invocation_id) invocation: vec3u) {
     if invocation.x >= view.count { return; }
-    let pixel = view.first + invocation.x;
-    let raster = vec2f(f32(pixel % view.width) + 0.5, f32(view.height - 1u - pixel / view.width) + 0.5);
-    let line = line_through(raster);
-    rays[invocation.x] = ray_from(line.origin, line.way, line.direction, line.farthest);
+    rays[invocation.x] = ray_of(view.first + invocation.x);
 }
 #endif

@@ -1,6 +1,6 @@
 // The march of a real-time engine: twin of src/engines/march/mod.rs, one invocation per ray.
 //
-// Conditions: IN_FRAGMENT (a part of picture.wgsl, which has all data in a texture; else a kernel), PLAIN (else energy-conserving), EXIT_FADE, SHADOW_TO_EXIT (else of fixed length), SHADOW_VIEW (dimmed as the view
+// Conditions: IN_PICTURE (a part of what makes a whole picture; else a kernel), IN_FRAGMENT (of picture.wgsl, which has all data in a texture), PLAIN (else energy-conserving), EXIT_FADE, SHADOW_TO_EXIT (else of fixed length), SHADOW_VIEW (dimmed as the view
 // ray, else by the density), SOURCE_DENSITY (else extinction times albedo), EMPTY_CELLS (the table of what is provably empty is read),
 // SHADOW_AT_MOST (but not beyond a length), SHADOW_GROWTH (steps that grow), SHADOW_BY_ANGLE, DRAINE (else Henyey and Greenstein's),
 // OWN_PHASE (a gain and a rim), PHASE_TWICE (lobes once more), LEFTOVER_DROPPED and LEFTOVER_RESCALED (what an ended ray has left),
@@ -1002,7 +1002,7 @@ fn through_air(ray: Ray, start: f32, found: Pixel) -> Pixel {
 }
 #endif
 
-#ifndef IN_FRAGMENT
+#ifndef IN_PICTURE
 @compute @workgroup_size(64)
 fn main(@builtin(global_invocation_id) invocation: vec3u) {
     if invocation.x >= march.count { return; }

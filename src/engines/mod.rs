@@ -12,6 +12,7 @@ pub mod clusters;
 pub mod defects;
 pub mod domain;
 pub mod frame;
+mod frame_kernel;
 pub mod graph;
 pub mod light;
 pub mod march;

@@ -12,15 +12,17 @@ use crate::base::identity;
 use crate::base::identity::Identity;
 use crate::base::progress::Progress;
 use crate::engines::Engine;
+use crate::engines::domain::Container;
+use crate::engines::frame_kernel::{FrameKernel, Look};
 use crate::engines::light::{LightModel, Sun};
 use crate::engines::march::camera::{CameraKernel, ViewUniform};
-use crate::engines::march::gpu::{Form, MarchKernel, MarchParts, OfRays};
+use crate::engines::march::gpu::{Form, MarchKernel, MarchParts, OfRays, goes_at_once};
 use crate::engines::march::shadow_map::ShadowMap;
-use crate::engines::march::{Marched, RealTimePixel, RealTimeRay};
+use crate::engines::march::{Marched, ReadyMarch, RealTimePixel, RealTimeRay};
 use crate::engines::passes::compositing::{self, CompositeKernel, Part, mean_transmittance};
 use crate::engines::passes::frame::Frame;
 use crate::engines::passes::god_rays::GodRayPass;
-use crate::engines::passes::{Channels, Pass, View};
+use crate::engines::passes::{Channels, Pass, PassKernel, View};
 use crate::engines::reconstruction::Shot;
 use crate::gpu::Gpu;
 use crate::gpu::{Backend, worker};
@@ -31,19 +33,20 @@ use crate::view::environment::Environment;
 use crate::view::film::Warp;
 use crate::view::lights::{suns, world_radiance};
 use crate::view::sampler::Sampler;
-use crate::view::{blue_noise, film, jitter_table, memory};
+use crate::view::{blue_noise, jitter_table, memory};
 use glam::DVec2;
+use rayon::iter::Either;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::ops::Range;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Instant;
 
 /// Pixels that are marched between two reports.
 const PIXELS: usize = 1 << 14;
 
-/// The same where hardware makes the rays itself: 64 MiB of them.
-const PIXELS_OF_HARDWARE: usize = 1 << 20;
+/// The same where the adapter makes the rays itself: 64 MiB of them.
+const PIXELS_OF_ADAPTER: usize = 1 << 20;
 
 /// Part of a pixel that is no distance: the filter's middle is found by a table.
 const MIDDLE: f64 = 1e-6;
@@ -116,6 +119,8 @@ pub struct EngineRenderer<'a> {
     light: LightModel,
     background: Background,
     camera: Camera,
+    /// Where in a pixel its rays pass.
+    warp: Warp,
     /// Shadow maps of the suns, where the light reads them.
     maps: Vec<ShadowMap>,
     adapter: Option<OnAdapter<'a>>,
@@ -124,9 +129,44 @@ pub struct EngineRenderer<'a> {
 /// What an engine is on an adapter.
 struct OnAdapter<'a> {
     gpu: &'a Gpu,
-    march: MarchKernel<'a>,
-    /// The rays of pixels that have one each, in the middle; none where the processor makes them.
-    camera: Option<CameraKernel<'a>>,
+    /// How it makes rays of pixels that have one each, in the middle; none where the processor makes them.
+    view: Option<ViewUniform>,
+    /// Those of the last frame.
+    kernels: Mutex<Option<Kernels<'a>>>,
+}
+
+/// The kernels of a frame.
+struct Kernels<'a> {
+    kind: FrameKind,
+    stages: Stages<'a>,
+    passes: Vec<Box<dyn PassKernel + 'a>>,
+}
+
+/// What decides which kernels a frame needs.
+#[derive(Clone, Copy, PartialEq, Eq)]
+struct FrameKind {
+    god_rays: bool,
+    /// Whether the adapter makes the rays.
+    own_rays: bool,
+}
+
+/// How pixels are made.
+enum Stages<'a> {
+    /// All in one.
+    One(FrameKernel<'a>),
+    /// Rays, where the adapter makes them, march and compositing.
+    Several { camera: Option<CameraKernel<'a>>, march: MarchKernel<'a>, composite: CompositeKernel<'a> },
+}
+
+impl<'a> OnAdapter<'a> {
+    /// The kernels of the last frame, which are no longer here then.
+    fn last(&self) -> Option<Kernels<'a>> {
+        self.kernels.lock().unwrap_or_else(PoisonError::into_inner).take()
+    }
+
+    fn keep(&self, kernels: Kernels<'a>) {
+        *self.kernels.lock().unwrap_or_else(PoisonError::into_inner) = Some(kernels);
+    }
 }
 
 choice! {
@@ -142,9 +182,9 @@ choice! {
 }
 
 impl RayMaker {
-    /// Hardware would wait for the processor; software is the processor.
-    pub fn of(gpu: &Gpu) -> Self {
-        if gpu.adapter().is_software() { Self::Processor } else { Self::Adapter }
+    /// Hardware would wait for the processor. Software is the processor: there rays are the adapter's where f32 does not show.
+    fn of(gpu: &Gpu, view: &ViewUniform, container: &Container) -> Self {
+        if !gpu.adapter().is_software() || view.is_near(container) { Self::Adapter } else { Self::Processor }
     }
 }
 
@@ -206,31 +246,103 @@ struct Plan {
 impl<'a> EngineRenderer<'a> {
     /// On the adapter where one is given, else on all cores.
     pub fn new(scene: &'a Scene, engine: &'a Engine, gpu: Option<&'a Gpu>) -> Result<Self> {
-        match gpu {
-            Some(gpu) => gpu.block_on(Self::on_adapter(scene, engine, gpu, RayMaker::of(gpu)))?,
-            None => Self::prepared(scene, engine),
-        }
+        Self::by_maker(scene, engine, gpu, None)
     }
 
-    /// On an adapter, asynchronous as a browser asks for it.
-    pub async fn on_adapter(scene: &'a Scene, engine: &'a Engine, gpu: &'a Gpu, ray_maker: RayMaker) -> Result<Self> {
+    /// On an adapter, whose rays this one makes where it can.
+    pub fn on_adapter(scene: &'a Scene, engine: &'a Engine, gpu: &'a Gpu, ray_maker: RayMaker) -> Result<Self> {
+        Self::by_maker(scene, engine, Some(gpu), Some(ray_maker))
+    }
+
+    fn by_maker(
+        scene: &'a Scene,
+        engine: &'a Engine,
+        gpu: Option<&'a Gpu>,
+        ray_maker: Option<RayMaker>,
+    ) -> Result<Self> {
         let mut renderer = Self::prepared(scene, engine)?;
-        let march = MarchKernel::new_async(gpu, &renderer.marched()?, &engine.march).await?;
+        let Some(gpu) = gpu else { return Ok(renderer) };
         // A panorama and another domain have no such view; a picture behind the cloud needs the rays, air and levels of distance where they begin.
-        let view = match (ray_maker, &renderer.background) {
-            (RayMaker::Adapter, Background::Constant(_))
-                if engine.air.is_none() && engine.march.distance_levels.is_none() =>
-            {
-                ViewUniform::new(&renderer.camera, &engine.container, scene.image_size()).ok()
-            }
-            _ => None,
-        };
-        let camera = match view {
-            Some(view) => Some(CameraKernel::new_async(gpu, view).await?),
-            None => None,
-        };
-        renderer.adapter = Some(OnAdapter { gpu, march, camera });
+        let is_plain = matches!(renderer.background, Background::Constant(_))
+            && engine.air.is_none()
+            && engine.march.distance_levels.is_none();
+        let view = is_plain.then(|| ViewUniform::new(&renderer.camera, &engine.container, scene.image_size()).ok());
+        let view = view.flatten().filter(|view| {
+            ray_maker.unwrap_or_else(|| RayMaker::of(gpu, view, &engine.container)) == RayMaker::Adapter
+        });
+        renderer.adapter = Some(OnAdapter { gpu, view, kernels: Mutex::new(None) });
         Ok(renderer)
+    }
+
+    /// Compiles what pictures under these settings need on an adapter, which the first of them does otherwise.
+    pub fn compile(&self, settings: &EngineSettings) -> Result<()> {
+        let Some(adapter) = &self.adapter else { return Ok(()) };
+        let kernels = adapter.gpu.block_on(self.kernels_async(adapter, settings, &self.plan(settings)))??;
+        adapter.keep(kernels);
+        Ok(())
+    }
+
+    /// The kernels of a frame: those of the last one, if it was alike.
+    async fn kernels_async(
+        &self,
+        adapter: &OnAdapter<'a>,
+        settings: &EngineSettings,
+        plan: &Plan,
+    ) -> Result<Kernels<'a>> {
+        let OnAdapter { gpu, view, .. } = *adapter;
+        // The adapter's rays are those in the middle of pixels.
+        let is_middle = plan.offsets.len() == 1 && plan.offsets[0].abs() < MIDDLE;
+        let view = view.filter(|_| is_middle && settings.jitter == EngineJitter::None);
+        let kind = FrameKind { god_rays: settings.god_rays, own_rays: view.is_some() };
+        if let Some(last) = adapter.last().filter(|last| last.kind == kind) {
+            return Ok(last);
+        }
+        let march = &self.engine.march;
+        let marched = self.marched()?;
+        let look = Look {
+            compositing: self.engine.compositing,
+            background: self.behind_frames(plan, settings, gpu),
+            channels: plan.channels,
+            exposure: f64::from(self.scene.film.exposure),
+        };
+        let stages = match view {
+            Some(view) if goes_at_once(gpu, &marched, march) => {
+                Stages::One(FrameKernel::new_async(gpu, &marched, march, view, &look).await?)
+            }
+            _ => Stages::Several {
+                camera: match view {
+                    Some(view) => Some(CameraKernel::new_async(gpu, view).await?),
+                    None => None,
+                },
+                march: MarchKernel::new_async(gpu, &marched, march).await?,
+                composite: CompositeKernel::new_async(gpu, look.compositing, look.background, look.channels).await?,
+            },
+        };
+        let mut passes = Vec::with_capacity(plan.passes.len());
+        for pass in &plan.passes {
+            passes.push(pass.compile(gpu).await?);
+        }
+        Ok(Kernels { kind, stages, passes })
+    }
+
+    /// What stands behind the cloud on the adapter. A picture is read along the rays of these settings.
+    fn behind_frames(&self, plan: &Plan, settings: &EngineSettings, gpu: &Gpu) -> compositing::Background {
+        match &self.background {
+            _ if self.scene.film.transparent => compositing::Background::None,
+            Background::Constant(radiance) => compositing::Background::Constant(*radiance),
+            Background::Picture(_) => {
+                let [width, height] = self.scene.image_size().map(|side| side as usize);
+                let total = width * height;
+                let mut radiance: Vec<f32> = Vec::with_capacity(3 * total);
+                for first in (0..total).step_by(PIXELS) {
+                    let rays = self.rays(plan, settings, first..total.min(first + PIXELS));
+                    let of_pixels = rays.chunks_exact(plan.offsets.len().pow(2));
+                    radiance.extend(of_pixels.flat_map(|rays| self.background.behind(rays).map(|value| value as f32)));
+                }
+                let buffer = gpu.upload("background", bytemuck::cast_slice(&radiance), wgpu::BufferUsages::STORAGE);
+                compositing::Background::PerPixel(buffer)
+            }
+        }
     }
 
     fn prepared(scene: &'a Scene, engine: &'a Engine) -> Result<Self> {
@@ -242,7 +354,8 @@ impl<'a> EngineRenderer<'a> {
         }
         let camera = Camera::new(scene, scene.image_size())?;
         let maps = ShadowMap::of(&engine.marched(&light)?, Some(&camera))?;
-        let renderer = Self { scene, engine, light, background, camera, maps, adapter: None };
+        let warp = Warp::new(scene.film.pixel_filter, f64::from(scene.film.filter_width));
+        let renderer = Self { scene, engine, light, background, camera, warp, maps, adapter: None };
         renderer.marched()?.check()?;
         Ok(renderer)
     }
@@ -260,9 +373,7 @@ impl<'a> EngineRenderer<'a> {
         }
         let keeps_transmittance = engine.compositing.keeps_transmittance(scene.film.transparent);
         let channels = Channels { transmittance: keeps_transmittance }.and(Channels::of(&passes));
-        let film = &scene.film;
-        let strata = settings.sub_pixels as usize;
-        let offsets = film::offsets(film.pixel_filter, f64::from(film.filter_width), strata);
+        let offsets = self.warp.strata(settings.sub_pixels as usize);
         Plan { passes, channels, keeps_transmittance, offsets }
     }
 
@@ -273,36 +384,37 @@ impl<'a> EngineRenderer<'a> {
         (self.engine.container.ray(start, ray.direction, ray.far - ray.near, jitter), ray.near)
     }
 
-    /// The rays of some pixels, those of each one behind the other.
-    fn rays(&self, plan: &Plan, settings: &EngineSettings, pixels: Range<usize>) -> Vec<RealTimeRay> {
+    /// The ray of a number, where those of each pixel lie one behind the other.
+    fn ray_of(&self, plan: &Plan, settings: &EngineSettings, number: usize) -> RealTimeRay {
         let [width, height] = self.scene.image_size().map(|side| side as usize);
         let strata = plan.offsets.len();
-        let ray = |number: usize| {
-            let (pixel, part) = (number / strata.pow(2), number % strata.pow(2));
-            let (column, line) = (pixel % width, height - 1 - pixel / width);
-            let raster = DVec2::new(
-                column as f64 + 0.5 + plan.offsets[part % strata],
-                line as f64 + 0.5 + plan.offsets[part / strata],
-            );
-            let fragment = [column * strata + part % strata, line * strata + part / strata];
-            self.ray(raster, settings.jitter.value(fragment, settings.frame)).0
+        // Quotients take as long as a square root; most pictures have one ray a pixel.
+        let (pixel, [across, up]) = match strata {
+            1 => (number, [0, 0]),
+            _ => (number / strata.pow(2), [number % strata, number % strata.pow(2) / strata]),
         };
-        (pixels.start * strata.pow(2)..pixels.end * strata.pow(2)).into_par_iter().map(ray).collect()
+        let (column, line) = (pixel % width, height - 1 - pixel / width);
+        let raster = DVec2::new(column as f64 + 0.5 + plan.offsets[across], line as f64 + 0.5 + plan.offsets[up]);
+        let fragment = [column * strata + across, line * strata + up];
+        self.ray(raster, settings.jitter.value(fragment, settings.frame)).0
     }
 
-    /// Rays that the pixel filter draws.
-    fn drawn_rays(&self, drawn: Drawn, pixels: Range<usize>) -> Vec<RealTimeRay> {
+    /// The rays of some pixels, those of each one behind the other.
+    fn rays(&self, plan: &Plan, settings: &EngineSettings, pixels: Range<usize>) -> Vec<RealTimeRay> {
+        let per_pixel = plan.offsets.len().pow(2);
+        let numbers = pixels.start * per_pixel..pixels.end * per_pixel;
+        numbers.into_par_iter().map(|number| self.ray_of(plan, settings, number)).collect()
+    }
+
+    /// A ray that the pixel filter draws, by its number.
+    fn drawn_ray(&self, drawn: Drawn, number: usize) -> RealTimeRay {
         let [width, height] = self.scene.image_size().map(|side| side as usize);
-        let warp = Warp::new(self.scene.film.pixel_filter, f64::from(self.scene.film.filter_width));
-        let per_pixel = drawn.rays as usize;
-        let ray = |(pixel, part): (usize, usize)| {
-            let (column, line) = (pixel % width, height - 1 - pixel / width);
-            // Path tracing takes the third for its first flight.
-            let [across, up, _, jitter] = Sampler::new(pixel as u32, part as u32, drawn.seed).camera();
-            let at = |place: usize, quantile: f64| place as f64 + 0.5 + warp.offset(quantile);
-            self.ray(DVec2::new(at(column, across), at(line, up)), jitter).0
-        };
-        pixels.flat_map(|pixel| (0..per_pixel).map(move |part| (pixel, part))).map(ray).collect()
+        let (pixel, part) = (number / drawn.rays as usize, number % drawn.rays as usize);
+        let (column, line) = (pixel % width, height - 1 - pixel / width);
+        // Path tracing takes the third for its first flight.
+        let [across, up, _, jitter] = Sampler::new(pixel as u32, part as u32, drawn.seed).camera();
+        let at = |place: usize, quantile: f64| place as f64 + 0.5 + self.warp.offset(quantile);
+        self.ray(DVec2::new(at(column, across), at(line, up)), jitter).0
     }
 
     /// What passes know.
@@ -356,22 +468,47 @@ impl<'a> EngineRenderer<'a> {
         image.transmittance = plan.channels.transmittance.then(|| vec![[1.0; 3]; width * height]);
         let per_pixel = drawn.map_or_else(|| plan.offsets.len().pow(2), |drawn| drawn.rays as usize);
         let exposure = f64::from(scene.film.exposure);
+        let ready = marched.ready(&engine.march)?;
+        let ray_of = |number| match drawn {
+            Some(drawn) => self.drawn_ray(drawn, number),
+            None => self.ray_of(plan, settings, number),
+        };
+        let total = image.pixels.len();
+        // Between two reports. A task has whole pixels, and composes them.
         let together = (MOST_RAYS / per_pixel).clamp(1, PIXELS);
-        for first in (0..image.pixels.len()).step_by(together) {
-            let pixels = first..image.pixels.len().min(first + together);
-            let rays = match drawn {
-                Some(drawn) => self.drawn_rays(drawn, pixels.clone()),
-                None => self.rays(plan, settings, pixels.clone()),
+        let of_task = ReadyMarch::rays_of_task(together * per_pixel).div_ceil(per_pixel);
+        for first in (0..total).step_by(together) {
+            let pixels = first..total.min(first + together);
+            let tasks = pixels.len().div_ceil(of_task);
+            let through = match &mut image.transmittance {
+                Some(through) => Either::Left(through[pixels.clone()].par_chunks_mut(of_task).map(Some)),
+                None => Either::Right((0..tasks).into_par_iter().map(|_| None)),
             };
-            let found = marched.march(&engine.march, &rays)?;
-            for ((pixel, parts), rays) in pixels.zip(found.chunks_exact(per_pixel)).zip(rays.chunks_exact(per_pixel)) {
-                let behind = (!scene.film.transparent).then(|| background.behind(rays));
-                image.pixels[pixel] = engine.compositing.compose(parts, behind, exposure);
-                if let Some(transmittance) = &mut image.transmittance {
-                    transmittance[pixel] = mean_transmittance(parts);
-                }
-            }
-            progress((first + together).min(image.pixels.len()) as f64 / image.pixels.len() as f64, "view rays");
+            let shown = image.pixels[pixels.clone()].par_chunks_mut(of_task);
+            shown.zip(through).enumerate().try_for_each_init(
+                || None,
+                |desk, (task, (shown, mut through))| -> Result<()> {
+                    let (marcher, rays, found) = match desk {
+                        Some(desk) => desk,
+                        None => desk.insert((ready.marcher()?, Vec::new(), Vec::new())),
+                    };
+                    let begin = (first + task * of_task) * per_pixel;
+                    rays.clear();
+                    rays.extend((begin..begin + shown.len() * per_pixel).map(ray_of));
+                    found.resize(rays.len(), RealTimePixel::NOTHING);
+                    marcher.march(rays, found)?;
+                    let of_pixels = rays.chunks_exact(per_pixel).zip(found.chunks_exact(per_pixel));
+                    for (index, (rays, parts)) in of_pixels.enumerate() {
+                        let behind = (!scene.film.transparent).then(|| background.behind(rays));
+                        shown[index] = engine.compositing.compose(parts, behind, exposure);
+                        if let Some(through) = &mut through {
+                            through[index] = mean_transmittance(parts);
+                        }
+                    }
+                    Ok(())
+                },
+            )?;
+            progress(pixels.end as f64 / total as f64, "view rays");
         }
         Ok(image)
     }
@@ -441,63 +578,54 @@ impl<'a> EngineRenderer<'a> {
     /// A picture that stays on the adapter: marched, composed and post-processed there. An error where the engine was not compiled for an
     /// adapter.
     pub async fn frame_async(&self, settings: &EngineSettings, progress: Progress<'_>) -> Result<Frame> {
-        let Some(OnAdapter { gpu, march, camera }) = &self.adapter else {
+        let Some(adapter) = &self.adapter else {
             return Err(Error::new(
                 "a frame on the adapter",
                 "an engine that was prepared for the CPU",
-                "one that was compiled for an adapter",
+                "one that was prepared for an adapter",
                 "Prepare it with an adapter.",
             ));
         };
         let plan = self.plan(settings);
-        let size = self.scene.image_size();
-        let frame = Frame::new(gpu, size, plan.channels)?;
+        let gpu = adapter.gpu;
+        let frame = Frame::new(gpu, self.scene.image_size(), plan.channels)?;
         let total = frame.pixels() as usize;
-        let per_pixel = plan.offsets.len().pow(2);
-        let transparent = self.scene.film.transparent;
-        let behind = |pixels: &[RealTimeRay]| -> Vec<f32> {
-            pixels
-                .chunks_exact(per_pixel)
-                .flat_map(|rays| self.background.behind(rays).map(|value| value as f32))
-                .collect()
-        };
-        let background = match &self.background {
-            _ if transparent => compositing::Background::None,
-            Background::Constant(radiance) => compositing::Background::Constant(*radiance),
-            Background::Picture(_) => {
-                let mut radiance: Vec<f32> = Vec::with_capacity(3 * total);
-                for first in (0..total).step_by(PIXELS) {
-                    radiance.extend(behind(&self.rays(&plan, settings, first..total.min(first + PIXELS))));
+        let mut kernels = self.kernels_async(adapter, settings, &plan).await?;
+        match &mut kernels.stages {
+            Stages::One(kernel) => kernel.run(&frame)?,
+            Stages::Several { camera, march, composite } => {
+                if matches!(self.background, Background::Picture(_)) {
+                    // Along the rays of this frame.
+                    composite.set_background(self.behind_frames(&plan, settings, gpu))?;
                 }
-                let buffer = gpu.upload("background", bytemuck::cast_slice(&radiance), wgpu::BufferUsages::STORAGE);
-                compositing::Background::PerPixel(buffer)
+                let per_pixel = plan.offsets.len().pow(2);
+                let exposure = f64::from(self.scene.film.exposure);
+                let together = if camera.is_some() { PIXELS_OF_ADAPTER } else { PIXELS };
+                for first in (0..total).step_by(together) {
+                    let pixels = first..total.min(first + together);
+                    let marched = match camera {
+                        Some(camera) => {
+                            let rays = camera.rays(first as u32, pixels.len() as u32)?;
+                            march.march_buffer(&rays, pixels.len(), &[], &OfRays::default())?
+                        }
+                        None => {
+                            let begin = pixels.start * per_pixel;
+                            march.march_made(pixels.len() * per_pixel, |number| {
+                                self.ray_of(&plan, settings, begin + number)
+                            })?
+                        }
+                    };
+                    let part = Part { first: first as u32, count: pixels.len() as u32, rays: per_pixel as u32 };
+                    composite.run(&frame, &marched, part, exposure)?;
+                    // So that what is reported is done, and buffers of rays do not pile up.
+                    gpu.wait_async().await?;
+                    progress(pixels.end as f64 / total as f64, "view rays");
+                }
             }
-        };
-        let composite = CompositeKernel::new_async(gpu, self.engine.compositing, background, plan.channels).await?;
-        let exposure = f64::from(self.scene.film.exposure);
-        // The adapter's rays are those in the middle of pixels.
-        let is_middle = plan.offsets.len() == 1 && plan.offsets[0].abs() < MIDDLE;
-        let camera = camera.as_ref().filter(|_| is_middle && settings.jitter == EngineJitter::None);
-        let together = if camera.is_some() { PIXELS_OF_HARDWARE } else { PIXELS };
-        for first in (0..total).step_by(together) {
-            let pixels = first..total.min(first + together);
-            let marched = match camera {
-                Some(camera) => {
-                    let rays = camera.rays(first as u32, pixels.len() as u32)?;
-                    march.march_buffer(&rays, pixels.len(), &[], &OfRays::default())?
-                }
-                None => march.march_on_adapter(&self.rays(&plan, settings, pixels.clone()))?,
-            };
-            let part = Part { first: first as u32, count: pixels.len() as u32, rays: per_pixel as u32 };
-            composite.run(&frame, &marched, part, exposure)?;
-            // So that what is reported is done, and buffers of rays do not pile up.
-            gpu.wait_async().await?;
-            progress(pixels.end as f64 / total as f64, "view rays");
         }
         let view = self.view();
-        for pass in &plan.passes {
-            pass.compile(gpu).await?.run(&frame, &view)?;
-        }
+        kernels.passes.iter().try_for_each(|pass| pass.run(&frame, &view))?;
+        adapter.keep(kernels);
         Ok(frame)
     }
 

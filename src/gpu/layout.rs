@@ -107,6 +107,11 @@ impl Layout {
         Self { name: T::NAME, shape: Some((size_of::<T>(), T::FIELDS)) }
     }
 
+    /// The same where the struct's module is imported, which puts the module's name before its own.
+    pub const fn imported(self, name: &'static str) -> Self {
+        Self { name, ..self }
+    }
+
     /// Of a struct that only the kernel knows, such as a state between dispatches.
     pub const fn unread(name: &'static str) -> Self {
         Self { name, shape: None }

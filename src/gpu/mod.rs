@@ -17,6 +17,7 @@ mod field;
 pub mod layout;
 mod slices;
 mod textures;
+mod uniforms;
 
 pub use clock::{KernelTime, KernelTimes};
 pub use dispatch::{Bindings, ComputeKernel};
@@ -275,15 +276,7 @@ impl Gpu {
     fn module(&self, label: &str, module: &naga::Module) -> wgpu::ShaderModule {
         let mut module = module.clone();
         if self.adapter.compiles_uniforms() {
-            // The layout of a storage buffer may be that of a uniform one. Tables, which are read at places that are computed, are no constants for the
-            // driver; it reads them from uniforms in half the time.
-            let types = &module.types;
-            for (_, variable) in module.global_variables.iter_mut() {
-                let is_table = matches!(types[variable.ty].inner, naga::TypeInner::Array { .. });
-                if variable.space == naga::AddressSpace::Uniform && !is_table {
-                    variable.space = naga::AddressSpace::Storage { access: naga::StorageAccess::LOAD };
-                }
-            }
+            uniforms::copied_at_the_start(&mut module);
         }
         let source = wgpu::ShaderSource::Naga(std::borrow::Cow::Owned(module));
         trusted_module(&self.device, wgpu::ShaderModuleDescriptor { label: Some(label), source })

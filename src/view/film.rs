@@ -70,6 +70,11 @@ impl Warp {
         -self.support + (index as f64 + part) * (2.0 * self.support / TABLE as f64)
     }
 
+    /// Offsets from the pixel centre, in pixels, at the middle of so many parts of equal probability.
+    pub fn strata(&self, strata: usize) -> Vec<f64> {
+        (0..strata).map(|stratum| self.offset((stratum as f64 + 0.5) / strata as f64)).collect()
+    }
+
     /// The first cell whose end reaches the mass `wanted`, the part `quantile` of all.
     fn cell(&self, quantile: f64, wanted: f64) -> usize {
         let part = ((quantile * TABLE as f64) as usize).min(TABLE - 1);
@@ -78,10 +83,9 @@ impl Warp {
     }
 }
 
-/// Offsets from the pixel centre, in pixels, at the middle of `strata` parts of equal probability.
+/// [`Warp::strata`] of a filter.
 pub fn offsets(filter: PixelFilter, width: f64, strata: usize) -> Vec<f64> {
-    let warp = Warp::new(filter, width);
-    (0..strata).map(|stratum| warp.offset((stratum as f64 + 0.5) / strata as f64)).collect()
+    Warp::new(filter, width).strata(strata)
 }
 
 #[cfg(test)]

@@ -183,6 +183,7 @@ impl Maker<'_> {
             god_rays: false,
         };
         let renderer = EngineRenderer::new(&scene, engine, gpu)?;
+        renderer.compile(&settings)?;
         let preparation_milliseconds = begin.elapsed().as_secs_f64() * 1e3;
         let begin = Instant::now();
         let make = || renderer.picture(&settings, &|_, _| ());

@@ -1,7 +1,7 @@
 // Rays of a march over a background, averaged into pixels: twin of Compositing::compose in src/engines/passes/compositing.rs, one
 // invocation per pixel.
 //
-// Conditions: IN_FRAGMENT (a part of picture.wgsl; else a kernel), BACKGROUND (else the frame gets an alpha), PER_PIXEL (each pixel has its own), ALPHA_OF_RED (all channels let through what
+// Conditions: IN_PICTURE (a part of what makes a whole picture; else a kernel), IN_FRAGMENT (of picture.wgsl), IN_FRAME (of frame.wgsl), BACKGROUND (else the frame gets an alpha), PER_PIXEL (each pixel has its own), ALPHA_OF_RED (all channels let through what
 // red does), ALPHA_TWICE (radiance is multiplied by alpha), TRANSMITTANCE (the frame keeps what each channel lets through).
 #define_import_path cloudparity::compositing
 #import cloudparity::rays::Pixel
@@ -9,7 +9,8 @@
 struct Composite {
     background: vec3f,
     exposure: f32,
-    // Pixels of this dispatch: the first one's number in the frame, how many, rays of each, and pixels before them in `marched`.
+    // Pixels of this dispatch: the first one's number in the frame, how many, rays of each, and pixels before them in `marched`. In a picture
+    // they are the camera's.
     first: u32,
     count: u32,
     rays: u32,
@@ -18,6 +19,12 @@ struct Composite {
 
 #ifdef IN_FRAGMENT
 @group(0) @binding(2) var<uniform> composite: Composite;
+#else ifdef IN_FRAME
+@group(2) @binding(1) var<uniform> composite: Composite;
+@group(2) @binding(2) var<storage, read_write> colour: array<vec4f>;
+#ifdef TRANSMITTANCE
+@group(2) @binding(3) var<storage, read_write> frame_transmittance: array<f32>;
+#endif
 #else
 @group(0) @binding(0) var<uniform> composite: Composite;
 // The rays of a pixel lie one behind the other.
@@ -61,6 +68,18 @@ fn alpha_of(transmittance: vec3f) -> f32 {
 }
 
 #ifndef IN_FRAGMENT
+// Puts a pixel into the frame: what is shown of it, exposure included, and the mean transmittance of its rays.
+fn put(pixel: u32, shown: vec3f, transmittance: vec3f) {
+    colour[pixel] = vec4f(shown, alpha_of(transmittance));
+#ifdef TRANSMITTANCE
+    frame_transmittance[3u * pixel] = transmittance.x;
+    frame_transmittance[3u * pixel + 1u] = transmittance.y;
+    frame_transmittance[3u * pixel + 2u] = transmittance.z;
+#endif
+}
+#endif
+
+#ifndef IN_PICTURE
 @compute @workgroup_size(64)
 fn main(@builtin(global_invocation_id) invocation: vec3u) {
     if invocation.x >= composite.count { return; }
@@ -79,12 +98,6 @@ fn main(@builtin(global_invocation_id) invocation: vec3u) {
         transmittance += ray.transmittance;
     }
     let share = 1.0 / f32(composite.rays);
-    transmittance *= share;
-    colour[pixel] = vec4f(radiance * (share * composite.exposure), alpha_of(transmittance));
-#ifdef TRANSMITTANCE
-    frame_transmittance[3u * pixel] = transmittance.x;
-    frame_transmittance[3u * pixel + 1u] = transmittance.y;
-    frame_transmittance[3u * pixel + 2u] = transmittance.z;
-#endif
+    put(pixel, radiance * (share * composite.exposure), transmittance * share);
 }
 #endif

@@ -111,7 +111,7 @@ impl Bundle {
         for (name, text) in HOSTS {
             files.insert(name.into(), text.into());
         }
-        let steps_together = march.steps_together();
+        let steps_together = march.together;
         let manifest = Manifest {
             format: FORMAT.into(),
             origin: Origin::of(scene, engine, &renderer),

@@ -1,6 +1,5 @@
-//! Rays of a camera, made on the adapter (`shaders/engines/camera.wgsl`): for pictures whose camera moves while one looks, and for frames on
-//! hardware, which would wait for the processor's rays longer than it marches. Pictures of several rays a pixel or with jitter, and those of software
-//! adapters, have their rays in f64 ([`crate::engines::render`]).
+//! Rays of a camera, made on the adapter (`shaders/engines/camera.wgsl`): for pictures whose camera moves while one looks, and for frames of
+//! one ray a pixel without jitter; others have their rays in f64 ([`crate::engines::render`]).
 //!
 //! A place is that of f64 but for f32's rounding of the distance from the frame's origin to the camera: some 2^-22 of it.
 
@@ -51,6 +50,18 @@ shader_struct! {
 }
 
 impl ViewUniform {
+    /// The same of so many pixels from one on, row by row from the top.
+    pub(crate) fn of_pixels(self, first: u32, count: u32) -> Self {
+        Self { first, count, ..self }
+    }
+
+    /// Whether rays begin so near to the box that f32's rounding of their places stays within 2^-20 of its side: within four of them.
+    pub(crate) fn is_near(&self, container: &Container) -> bool {
+        let region = container.outline.region();
+        let side = (region.high - region.low).max_element();
+        DVec3::from(self.start.map(f64::from)).abs().max_element() <= 4.0 * side
+    }
+
     /// A camera's view of a container, samples in the middle of their steps. An error where rays are no plane, and where the container is
     /// no box.
     pub(crate) fn new(camera: &Camera, container: &Container, [width, height]: [u32; 2]) -> Result<Self> {
@@ -125,7 +136,7 @@ impl<'a> CameraKernel<'a> {
             usage: wgpu::BufferUsages::STORAGE,
             mapped_at_creation: false,
         });
-        let view = ViewUniform { first, count, ..self.view };
+        let view = self.view.of_pixels(first, count);
         let view = gpu.upload("view", bytemuck::bytes_of(&view), wgpu::BufferUsages::UNIFORM);
         gpu.dispatch(&self.kernel, &Bindings::new().group(0, [&view, &rays]), [count, 1, 1])?;
         Ok(rays)

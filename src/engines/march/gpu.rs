@@ -7,7 +7,7 @@ use crate::engines::light::{MOST_SUNS, ShadowExtinction, ShadowLength, SourceFac
 use crate::engines::march::air::AirUniform;
 use crate::engines::march::light_volume::ReadVolume;
 use crate::engines::march::shadow_map::{Cascade, ShadowMap};
-use crate::engines::march::{Leftover, Marched, RealTimePixel, RealTimeRay, RealTimeSettings};
+use crate::engines::march::{Inside, Leftover, Marched, RealTimePixel, RealTimeRay, RealTimeSettings};
 use crate::gpu::{Bindings, ComputeKernel, Gpu, Layout, SOFTWARE_LOOPS, Slices};
 use crate::graph::Program;
 use crate::graph::constants::{SharedConstants, SharedNumber};
@@ -213,6 +213,40 @@ pub(crate) struct OfRays {
     steps: Option<wgpu::Buffer>,
 }
 
+/// What lies beside the rays of a buffer.
+#[derive(Default)]
+struct BesideRays {
+    /// Gaps behind the first, those of a ray one behind the other.
+    gaps: Vec<[f32; 2]>,
+    /// As [`OfRays`] has them.
+    ways: Vec<[f32; 2]>,
+    steps: Vec<f32>,
+}
+
+impl BesideRays {
+    /// A ray as the kernel knows it, with its further gaps put here.
+    fn packed(&mut self, ray: &RealTimeRay, inside: &Inside) -> Ray {
+        let gap = inside.parts.gaps.first();
+        let further = self.gaps.len() as u32;
+        self.gaps.extend(inside.parts.gaps.iter().skip(1).map(|gap| [gap.passed as f32, gap.outside as f32]));
+        Ray {
+            origin: inside.origin.as_vec3().to_array(),
+            length: inside.length as f32,
+            way: inside.way.as_vec3().to_array(),
+            jitter: ray.jitter as f32,
+            direction: inside.direction.as_vec3().to_array(),
+            farthest: inside.farthest as f32,
+            first: gap.map_or(inside.length, |gap| gap.passed) as f32,
+            gap: gap.map_or(0.0, |gap| gap.outside) as f32,
+            further,
+            further_end: self.gaps.len() as u32,
+        }
+    }
+}
+
+/// Rays that a core makes for the adapter at a time.
+const PACKED_TOGETHER: usize = 512;
+
 /// Rays of one dispatch of hardware at most: whole workgroups of 64, as many as an adapter takes along an axis by WebGPU's own limits.
 const MOST_RAYS_TOGETHER: usize = 65_535 * 64;
 
@@ -229,6 +263,27 @@ fn iterations(program: &Program) -> u32 {
 /// Searches of a ray towards a sun through a mesh, each of which may look at all of its tree: for two faces, twice each, once for lengths and
 /// once for samples. More faces are met by rays that look at less of it.
 const SEARCHES: u32 = 8;
+
+/// Whether a software adapter marches a ray in one dispatch, as hardware does, without anything that is kept of it between two.
+pub(crate) fn goes_at_once(gpu: &Gpu, marched: &Marched<'_>, settings: &RealTimeSettings) -> bool {
+    let is_short = !gpu.adapter().is_software() || settings.most_steps() <= steps_at_once(marched);
+    is_short && marched.air.is_none() && settings.distance_levels.is_none()
+}
+
+/// Steps of one dispatch that end within the loops of a software adapter ([`SOFTWARE_LOOPS`]).
+fn steps_at_once(marched: &Marched<'_>) -> u32 {
+    let light = marched.light;
+    let iterations = iterations(marched.density.program());
+    // A read of a light volume goes through eight vertices.
+    let volume = marched.light_volume.as_ref().map_or(0, |read| 8 * read.volume.settings().coefficients() as u32);
+    let down = light.terms.ground.map_or(0, |ground| ground.steps.saturating_mul(1 + iterations));
+    let density = iterations.saturating_add(volume).saturating_add(down);
+    let visits = match &marched.container.outline {
+        Outline::Mesh(mesh) => u32::try_from(mesh.mesh().nodes()).unwrap_or(u32::MAX).saturating_mul(SEARCHES),
+        Outline::Box(_) | Outline::Shell { .. } => 0,
+    };
+    steps_together(density, light.shadow.steps, light.suns.len() as u32, light.terms.octaves.count, visits)
+}
 
 /// Steps of one dispatch of a software adapter, whose loops end early otherwise ([`SOFTWARE_LOOPS`]): a step goes through the density, the
 /// samples towards the suns with the density at each, the three axes of a crossing and the octaves.
@@ -248,14 +303,25 @@ impl<'a> MarchKernel<'a> {
     /// Compiles it: what the settings do not ask for is left out.
     pub async fn new_async(gpu: &'a Gpu, marched: &Marched<'_>, settings: &RealTimeSettings) -> Result<Self> {
         let form = if gpu.keeps_kernels() { Form::KernelWithNumbers } else { Form::Kernel };
-        let parts = MarchParts::new(marched, settings, &form)?;
+        Self::in_form(gpu, marched, settings, &form, &MarchParts::LAYOUTS).await
+    }
+
+    /// Compiles it in a form of a kernel, with the structs of all its buffers.
+    pub(crate) async fn in_form(
+        gpu: &'a Gpu,
+        marched: &Marched<'_>,
+        settings: &RealTimeSettings,
+        form: &Form<'_>,
+        layouts: &[Layout],
+    ) -> Result<Self> {
+        let parts = MarchParts::new(marched, settings, form)?;
         let textures = gpu.upload_textures(&parts.textures)?;
         let mesh = match &parts.outline {
             Outline::Mesh(mesh) => Some(mesh.mesh().upload(gpu, DVec3::ZERO, DVec3::ONE)?),
             Outline::Box(_) | Outline::Shell { .. } => None,
         };
         let together = match gpu.adapter().is_software() {
-            true => parts.steps_together(),
+            true => parts.together,
             false => parts.uniform.steps.max(1),
         };
         let ray_samples = parts.air.map_or(0, |air| air.ray_samples);
@@ -263,7 +329,7 @@ impl<'a> MarchKernel<'a> {
         let upload = |label, contents: &[u8]| gpu.upload(label, contents, wgpu::BufferUsages::STORAGE);
         Ok(Self {
             gpu,
-            kernel: gpu.kernel_async("engine_march", &parts.module, &MarchParts::LAYOUTS).await?,
+            kernel: gpu.kernel_async("engine_march", &parts.module, layouts).await?,
             suns: upload("suns", bytemuck::cast_slice(&parts.suns)),
             cells: upload("cells", bytemuck::cast_slice(&parts.cells)),
             textures,
@@ -293,44 +359,51 @@ impl<'a> MarchKernel<'a> {
 
     /// Marches rays, as many as fit a buffer; their [`Pixel`]s stay on the adapter, in their order.
     pub fn march_on_adapter(&self, rays: &[RealTimeRay]) -> Result<wgpu::Buffer> {
-        let mut gaps: Vec<[f32; 2]> = Vec::new();
-        let inside: Vec<_> = rays.par_iter().map(|ray| ray.inside(&self.outline)).collect();
-        // From the eye to where a ray enters; one that misses begins at the eye.
-        let starts: Vec<f64> = match &self.air {
-            Some(_) => inside.iter().map(|ray| if ray.length > 0.0 { ray.parts.start } else { 0.0 }).collect(),
-            None => Vec::new(),
-        };
-        let steps = self.levels.as_ref().map(|settings| {
-            let steps: Vec<f32> = inside.iter().map(|ray| settings.steps_of(ray.parts.start) as f32).collect();
-            self.gpu.upload("ray steps", bytemuck::cast_slice(&steps), wgpu::BufferUsages::STORAGE)
-        });
-        let data: Vec<Ray> = rays
-            .iter()
-            .zip(inside)
-            .map(|(ray, inside)| {
-                let gap = inside.parts.gaps.first();
-                let further = gaps.len() as u32;
-                gaps.extend(inside.parts.gaps.iter().skip(1).map(|gap| [gap.passed as f32, gap.outside as f32]));
-                Ray {
-                    origin: inside.origin.as_vec3().to_array(),
-                    length: inside.length as f32,
-                    way: inside.way.as_vec3().to_array(),
-                    jitter: ray.jitter as f32,
-                    direction: inside.direction.as_vec3().to_array(),
-                    farthest: inside.farthest as f32,
-                    first: gap.map_or(inside.length, |gap| gap.passed) as f32,
-                    gap: gap.map_or(0.0, |gap| gap.outside) as f32,
-                    further,
-                    further_end: gaps.len() as u32,
+        self.march_made(rays.len(), |number| rays[number])
+    }
+
+    /// [`Self::march_on_adapter`] of rays that are made where they are needed, by their number.
+    pub(crate) fn march_made(&self, count: usize, ray: impl Fn(usize) -> RealTimeRay + Sync) -> Result<wgpu::Buffer> {
+        let mut data = vec![Ray::zeroed(); count];
+        let beside = |(task, data): (usize, &mut [Ray])| {
+            let mut beside = BesideRays::default();
+            for (index, data) in data.iter_mut().enumerate() {
+                let ray = ray(task * PACKED_TOGETHER + index);
+                let inside = ray.inside(&self.outline);
+                if self.air.is_some() {
+                    // From the eye to where a ray enters; one that misses begins at the eye.
+                    let start = if inside.length > 0.0 { inside.parts.start } else { 0.0 };
+                    beside.ways.push([start as f32, 0.0]);
                 }
-            })
-            .collect();
-        let ways = self.air.as_ref().map(|_| {
-            let ways: Vec<[f32; 2]> = starts.into_iter().map(|start| [start as f32, 0.0]).collect();
-            self.gpu.upload("ways", bytemuck::cast_slice(&ways), wgpu::BufferUsages::STORAGE)
-        });
-        let rays = self.gpu.upload("rays", bytemuck::cast_slice(&data), wgpu::BufferUsages::STORAGE);
-        self.march_buffer(&rays, data.len(), &gaps, &OfRays { ways, steps })
+                if let Some(settings) = &self.levels {
+                    beside.steps.push(settings.steps_of(inside.parts.start) as f32);
+                }
+                *data = beside.packed(&ray, &inside);
+            }
+            beside
+        };
+        let mut all = BesideRays::default();
+        let tasks = data.par_chunks_mut(PACKED_TOGETHER).enumerate();
+        let tasks: Vec<BesideRays> = tasks.map(beside).collect();
+        for (task, data) in tasks.into_iter().zip(data.chunks_mut(PACKED_TOGETHER)) {
+            let before = all.gaps.len() as u32;
+            if before > 0 {
+                data.iter_mut().for_each(|ray| {
+                    ray.further += before;
+                    ray.further_end += before;
+                });
+            }
+            all.gaps.extend(task.gaps);
+            all.ways.extend(task.ways);
+            all.steps.extend(task.steps);
+        }
+        let upload = |label, contents: &[u8]| self.gpu.upload(label, contents, wgpu::BufferUsages::STORAGE);
+        let of_rays = OfRays {
+            ways: self.air.is_some().then(|| upload("ways", bytemuck::cast_slice(&all.ways))),
+            steps: self.levels.is_some().then(|| upload("ray steps", bytemuck::cast_slice(&all.steps))),
+        };
+        let rays = upload("rays", bytemuck::cast_slice(&data));
+        self.march_buffer(&rays, count, &all.gaps, &of_rays)
     }
 
     /// Marches the first rays of a buffer that lies on the adapter; gaps are those that rays name.
@@ -372,13 +445,7 @@ impl<'a> MarchKernel<'a> {
                 let end_step = first_step.saturating_add(together_steps);
                 let uniform = MarchUniform { count: together as u32, first_step, end_step, ..self.uniform };
                 let uniform = gpu.upload("march", bytemuck::bytes_of(&uniform), wgpu::BufferUsages::UNIFORM);
-                let mut bindings = Bindings::new();
-                if let Some(mesh) = &self.mesh {
-                    bindings = bindings.bind(0, 7, mesh.as_entire_binding());
-                }
-                if let Some(maps) = &self.maps {
-                    bindings = bindings.bind(0, 6, maps.as_entire_binding());
-                }
+                let mut bindings = self.bindings();
                 if let Some(steps) = &of_rays.steps {
                     bindings = bindings.bind(0, 12, part(steps, first, together, size_of::<f32>()));
                 }
@@ -386,23 +453,11 @@ impl<'a> MarchKernel<'a> {
                     bindings = bindings.bind(0, 8, part(ways, first, together, size_of::<[f32; 2]>()));
                     bindings = bindings.bind(0, 9, air.as_entire_binding());
                 }
-                if let Some(cascades) = &self.cascades {
-                    bindings = bindings.bind(0, 11, cascades.as_entire_binding());
-                }
-                if let Some(ground) = &self.ground {
-                    bindings = bindings.bind(0, 10, ground.as_entire_binding());
-                }
-                if let Some(numbers) = &self.numbers {
-                    bindings = bindings.bind(1, 1, numbers.as_entire_binding());
-                }
                 let bindings = bindings
                     .bind(0, 0, uniform.as_entire_binding())
                     .bind(0, 1, part(rays, first, together, size_of::<Ray>()))
                     .bind(0, 2, part(&output, first, together, size_of::<Pixel>()))
-                    .bind(0, 3, self.suns.as_entire_binding())
-                    .bind(0, 4, self.cells.as_entire_binding())
-                    .bind(0, 5, gaps.as_entire_binding())
-                    .group(1, &self.textures);
+                    .bind(0, 5, gaps.as_entire_binding());
                 gpu.dispatch(&self.kernel, &bindings, [together as u32, 1, 1])?;
             }
             if !gpu.adapter().is_software() {
@@ -412,6 +467,53 @@ impl<'a> MarchKernel<'a> {
             first += together;
         }
         Ok(output)
+    }
+
+    /// What the kernel reads that no ray changes, but its uniforms.
+    fn bindings(&self) -> Bindings<'_> {
+        let held = [
+            (0, 3, Some(&self.suns)),
+            (0, 4, Some(&self.cells)),
+            (0, 6, self.maps.as_ref()),
+            (0, 7, self.mesh.as_ref()),
+            (0, 10, self.ground.as_ref()),
+            (0, 11, self.cascades.as_ref()),
+            (1, 1, self.numbers.as_ref()),
+        ];
+        let held = held.into_iter().filter_map(|(group, binding, buffer)| Some((group, binding, buffer?)));
+        held.fold(Bindings::new().group(1, &self.textures), |bindings, (group, binding, buffer)| {
+            bindings.bind(group, binding, buffer.as_entire_binding())
+        })
+    }
+
+    /// Runs a kernel of [`Form::Frame`] over so many pixels, a slice after the other; `around` gives what the modules around the march read, by the
+    /// first pixel of a slice and their number.
+    pub(crate) fn run_frame(
+        &self,
+        pixels: u32,
+        around: impl Fn(u32, u32) -> Vec<((u32, u32), wgpu::Buffer)>,
+    ) -> Result<()> {
+        let gpu = self.gpu;
+        let uniform = MarchUniform { count: pixels, end_step: self.uniform.steps, ..self.uniform };
+        let uniform = gpu.upload("march", bytemuck::bytes_of(&uniform), wgpu::BufferUsages::UNIFORM);
+        let mut first = 0;
+        while first < pixels {
+            let together =
+                self.slices.lock().unwrap_or_else(PoisonError::into_inner).size().min((pixels - first) as usize);
+            let begin = Instant::now();
+            let around = around(first, together as u32);
+            let bindings = self.bindings().bind(0, 0, uniform.as_entire_binding());
+            let bindings = around.iter().fold(bindings, |bindings, ((group, binding), buffer)| {
+                bindings.bind(*group, *binding, buffer.as_entire_binding())
+            });
+            gpu.dispatch(&self.kernel, &bindings, [together as u32, 1, 1])?;
+            if !gpu.adapter().is_software() {
+                gpu.wait()?;
+                self.slices.lock().unwrap_or_else(PoisonError::into_inner).adapt(begin.elapsed());
+            }
+            first += together as u32;
+        }
+        Ok(())
     }
 
     /// Marches rays; pixels in their order.
@@ -441,6 +543,17 @@ pub(crate) enum Form<'a> {
     KernelWithNumbers,
     /// A kernel whose programs compute theirs from parameters in a uniform.
     KernelWithParameters(&'a ProgramParameters),
+    /// A part of a kernel that makes a frame, in which a ray is done at once ([`goes_at_once`]).
+    Frame {
+        /// Whether programs have their constants in a buffer.
+        has_numbers: bool,
+        /// Modules beside the march, in dependency order: path and text.
+        around: &'a [(&'a str, &'a str)],
+        /// Path and text of the entry.
+        entry: (&'a str, &'a str),
+        /// Definitions of the modules around it.
+        definitions: &'a [&'static str],
+    },
     /// A part of a fragment shader that has all its data in one texture ([`MarchParts::words`]).
     Fragment {
         /// Modules beside the march, and constants of theirs, in dependency order: path and text.
@@ -475,7 +588,8 @@ pub(crate) struct MarchParts {
     /// Parts of the view, where there are several.
     cascades: Option<CascadesUniform>,
     iterations: u32,
-    visits: u32,
+    /// Steps of one dispatch of a software adapter.
+    pub(crate) together: u32,
 }
 
 impl MarchParts {
@@ -488,6 +602,15 @@ impl MarchParts {
         Layout::of::<Ray>(),
         Layout::of::<Pixel>(),
         Layout::of::<Sun>(),
+        Layout::unread(ProgramParameters::STRUCT),
+    ];
+
+    /// The same where a frame imports the march.
+    pub(crate) const LAYOUTS_IN_FRAME: [Layout; 5] = [
+        Layout::of::<CascadesUniform>().imported("march_Cascades"),
+        Layout::of::<GroundUniform>().imported("march_Ground"),
+        Layout::of::<MarchUniform>().imported("march_March"),
+        Layout::of::<Sun>().imported("march_Sun"),
         Layout::unread(ProgramParameters::STRUCT),
     ];
 
@@ -560,11 +683,13 @@ impl MarchParts {
             definitions.extend(air.definitions(has_map));
         }
         let mut linker = match form {
-            Form::KernelWithNumbers => Linker::with_numbers(density.program())?,
+            Form::KernelWithNumbers | Form::Frame { has_numbers: true, .. } => Linker::with_numbers(density.program())?,
             Form::KernelWithParameters(parameters) | Form::Fragment { parameters: Some(parameters), .. } => {
                 Linker::with_parameters(density.program(), parameters)?
             }
-            Form::Kernel | Form::Fragment { parameters: None, .. } => Linker::new(density.program())?,
+            Form::Kernel | Form::Frame { .. } | Form::Fragment { parameters: None, .. } => {
+                Linker::new(density.program())?
+            }
         };
         linker.add_constants(&CONSTANTS);
         match marched.averages {
@@ -664,10 +789,6 @@ impl MarchParts {
             },
             ..MarchUniform::zeroed()
         };
-        let visits = match &container.outline {
-            Outline::Mesh(mesh) => u32::try_from(mesh.mesh().nodes()).unwrap_or(u32::MAX).saturating_mul(SEARCHES),
-            Outline::Box(_) | Outline::Shell { .. } => 0,
-        };
         let mut maps: Vec<[f32; 4]> = marched
             .maps
             .iter()
@@ -700,21 +821,24 @@ impl MarchParts {
             Form::Kernel | Form::KernelWithNumbers | Form::KernelWithParameters(_) => {
                 linker.link_with(SOURCE.0, SOURCE.1, &definitions)?
             }
+            Form::Frame { around, entry, definitions: own, .. } => {
+                // A module is known with all that it may import.
+                linker.add(DATA, &data_module(0, 0, suns.len()));
+                linker.add(SOURCE.0, SOURCE.1);
+                around.iter().for_each(|(path, source)| linker.add(path, source));
+                definitions.extend(own);
+                definitions.extend(["IN_PICTURE", "IN_FRAME"]);
+                linker.link_with(entry.0, entry.1, &definitions)?
+            }
             Form::Fragment { around, entry, definitions: own, .. } => {
                 // Behind the textures lie a bit per cell, and the shadow maps.
                 let first: usize = textures.iter().map(|texture| texture.texels().word_count()).sum();
                 let maps = first + cells.len().div_ceil(32);
-                let mut text = String::from("#define_import_path cloudparity::engines::data\n");
-                for (name, value) in [("CELLS", first), ("MAPS", maps), ("SUNS", suns.len())] {
-                    writeln!(text, "const {name}: u32 = {value}u;").expect("writing to a string cannot fail");
-                }
-                linker.add("generated/data.wgsl", &text);
+                linker.add(DATA, &data_module(first, maps, suns.len()));
                 linker.add(SOURCE.0, SOURCE.1);
-                for (path, source) in around {
-                    linker.add(path, source);
-                }
+                around.iter().for_each(|(path, source)| linker.add(path, source));
                 definitions.extend(own);
-                definitions.push("IN_FRAGMENT");
+                definitions.extend(["IN_PICTURE", "IN_FRAGMENT"]);
                 linker.link_with(entry.0, entry.1, &definitions)?
             }
         };
@@ -738,7 +862,7 @@ impl MarchParts {
                 ..GroundUniform::zeroed()
             }),
             iterations: iterations(density.program()),
-            visits,
+            together: steps_at_once(marched),
         })
     }
 
@@ -751,15 +875,6 @@ impl MarchParts {
         }
         words.extend(bytemuck::cast_slice::<_, u8>(&self.maps));
         words
-    }
-
-    /// Steps of one dispatch that end within the loops of a software adapter ([`SOFTWARE_LOOPS`]).
-    pub(crate) fn steps_together(&self) -> u32 {
-        let MarchUniform { shadow_steps, suns, octaves, volume_coefficients, .. } = self.uniform;
-        // A read of a light volume goes through eight vertices.
-        let down = self.ground.map_or(0, |ground| ground.steps.saturating_mul(1 + self.iterations));
-        let density = self.iterations.saturating_add(8 * volume_coefficients).saturating_add(down);
-        steps_together(density, shadow_steps, suns, octaves, self.visits)
     }
 
     /// The same of samples of rays in the march, of which each goes through the samples towards all suns.
@@ -800,6 +915,18 @@ fn cascades_of(maps: &[ShadowMap]) -> Option<CascadesUniform> {
 /// Import paths of the averages.
 const ALONG: &str = "cloudparity::averages::along";
 const AROUND: &str = "cloudparity::averages::around";
+
+/// Path of [`data_module`].
+const DATA: &str = "generated/data.wgsl";
+
+/// Where cells and maps begin in the data of a fragment, in words, and the number of suns.
+fn data_module(cells: usize, maps: usize, suns: usize) -> String {
+    let mut text = String::from("#define_import_path cloudparity::engines::data\n");
+    for (name, value) in [("CELLS", cells), ("MAPS", maps), ("SUNS", suns)] {
+        writeln!(text, "const {name}: u32 = {value}u;").expect("writing to a string cannot fail");
+    }
+    text
+}
 
 /// The sum of a system's own terms as a module; 0 without any.
 fn terms_module(marched: &Marched<'_>) -> String {

@@ -40,12 +40,14 @@ use crate::media::transfer::{Integration, smooth, step_weight, transmittance};
 use glam::DVec3;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
+use std::cell::OnceCell;
 use std::sync::Arc;
 
 /// A crossing shorter than this, in units of length, is left out.
 pub(crate) const SHORTEST: f64 = 1e-3;
 
-/// Rays of a task, at least and at most: densities are read in batches, and what a batch costs beside its places should be little.
+/// Rays that are marched together, at least and at most: densities are read in batches, and what a batch costs beside its places should be
+/// little.
 const FEWEST_RAYS: usize = 64;
 const MOST_RAYS: usize = 512;
 
@@ -213,7 +215,8 @@ pub struct RealTimePixel {
 
 impl RealTimePixel {
     /// Of a ray that meets nothing.
-    const NOTHING: Self = Self { radiance: [0.0; 3], transmittance: [1.0; 3], samples: 0, dense: 0, distance: None };
+    pub(crate) const NOTHING: Self =
+        Self { radiance: [0.0; 3], transmittance: [1.0; 3], samples: 0, dense: 0, distance: None };
 }
 
 /// The parts of a ray that lie in the domain.
@@ -351,12 +354,8 @@ struct Way {
     /// Part of a step before its first sample, and whether that is twice the jitter.
     start: f64,
     is_doubled: bool,
-    /// Of the octaves of the light of each sun, phase functions included.
-    weights: Vec<Vec<f64>>,
-    /// To each sun.
-    cosines: Vec<f64>,
-    /// Of the coefficients of a light volume.
-    of_volume: Vec<f32>,
+    /// What light comes along it, once a sample asks: most rays meet nothing.
+    lit: OnceCell<LitWay>,
     /// Sums of what was taken away, and of it times its distance.
     taken: [f64; 2],
     steps: Ladder,
@@ -369,6 +368,105 @@ struct Way {
     /// What is behind is no longer seen.
     has_ended: bool,
     pixel: RealTimePixel,
+}
+
+/// What a light model knows of a ray's direction.
+struct LitWay {
+    /// Of the octaves of the light of each sun, phase functions included.
+    weights: Vec<Vec<f64>>,
+    /// To each sun.
+    cosines: Vec<f64>,
+    /// Of the coefficients of a light volume.
+    of_volume: Vec<f32>,
+}
+
+impl LitWay {
+    fn new(marched: &Marched<'_>, direction: DVec3) -> Self {
+        let suns = &marched.light.suns;
+        let cosines: Vec<f64> = suns.iter().map(|sun| direction.dot(sun.towards()).clamp(-1.0, 1.0)).collect();
+        Self {
+            weights: cosines.iter().map(|&cosine| marched.light.weights(cosine)).collect(),
+            cosines,
+            of_volume: marched.light_volume.as_ref().map_or_else(Vec::new, |volume| volume.weights(direction)),
+        }
+    }
+}
+
+/// A march whose light has what it reads; tasks share it.
+pub(crate) struct ReadyMarch<'a> {
+    marched: &'a Marched<'a>,
+    settings: &'a RealTimeSettings,
+    averages: [Option<Density>; 2],
+}
+
+/// What one task needs at a time to march rays.
+pub(crate) struct Marcher<'a> {
+    ready: &'a ReadyMarch<'a>,
+    read: Read<'a>,
+    ways: Vec<Way>,
+    samples: Vec<Sample>,
+    places: Vec<DVec3>,
+}
+
+impl ReadyMarch<'_> {
+    /// For a task.
+    pub fn marcher(&self) -> Result<Marcher<'_>> {
+        let read = Read::new(self.marched, &self.averages)?;
+        Ok(Marcher { ready: self, read, ways: Vec::new(), samples: Vec::new(), places: Vec::new() })
+    }
+
+    /// Rays of a task, where there are so many in all.
+    pub fn rays_of_task(rays: usize) -> usize {
+        (rays / (TASKS_OF_A_CORE * rayon::current_num_threads())).clamp(FEWEST_RAYS, MOST_RAYS)
+    }
+}
+
+impl Marcher<'_> {
+    /// Marches rays on this core; pixels in their order, whatever they held.
+    pub fn march(&mut self, rays: &[RealTimeRay], pixels: &mut [RealTimePixel]) -> Result<()> {
+        pixels.fill(RealTimePixel::NOTHING);
+        for (rays, pixels) in rays.chunks(MOST_RAYS).zip(pixels.chunks_mut(MOST_RAYS)) {
+            self.march_together(rays, pixels);
+            self.ready.marched.air.map_or(Ok(()), |air| air.apply(self.ready.marched, rays, pixels))?;
+        }
+        Ok(())
+    }
+
+    /// Marches rays together, a few samples of each at a time, so that the density gets batches; `pixels` are those of rays that meet nothing.
+    fn march_together(&mut self, rays: &[RealTimeRay], pixels: &mut [RealTimePixel]) {
+        let Self { ready, read, ways, samples, places } = self;
+        let ReadyMarch { marched, settings, .. } = *ready;
+        let crossing = |(index, ray): (usize, &RealTimeRay)| {
+            let inside = ray.inside(&marched.container.outline);
+            (inside.length > 0.0).then(|| Way::new(index, inside, ray.jitter, marched, settings))
+        };
+        ways.clear();
+        ways.extend(rays.iter().enumerate().filter_map(crossing));
+        while ways.iter().any(|way| !way.is_done) {
+            samples.clear();
+            for (index, way) in ways.iter_mut().enumerate().filter(|(_, way)| !way.is_done) {
+                way.ask(index, marched.density, samples);
+            }
+            places.clear();
+            places.extend(samples.iter().map(|sample| sample.place));
+            for (sample, density) in samples.iter_mut().zip(read.density.values_of_held(places.iter().copied())) {
+                sample.density = density;
+            }
+            // Light is asked for where some of it still arrives, and only there.
+            samples.retain_mut(|sample| ways[sample.index].pass(sample, settings, marched.extinction));
+            if !samples.is_empty() {
+                marched.light_up(settings, ways, samples, read);
+            }
+        }
+        for way in ways.iter() {
+            let [taken, distances] = way.taken;
+            pixels[way.index] = RealTimePixel {
+                transmittance: settings.ended(way.pixel.transmittance),
+                distance: (taken > 0.0).then(|| way.inside.parts.start + distances / taken),
+                ..way.pixel
+            };
+        }
+    }
 }
 
 /// What is read while rays are marched: the density, averages around a place and along the way to a sun where the light asks for them.
@@ -462,61 +560,27 @@ impl Marched<'_> {
 
     /// Marches rays on all cores; pixels in the order of the rays. An error where the light reads averages that are not there.
     pub fn march(&self, settings: &RealTimeSettings, rays: &[RealTimeRay]) -> Result<Vec<RealTimePixel>> {
-        self.check()?;
-        let together = (rays.len() / (TASKS_OF_A_CORE * rayon::current_num_threads())).clamp(FEWEST_RAYS, MOST_RAYS);
+        let ready = self.ready(settings)?;
+        let together = ReadyMarch::rays_of_task(rays.len());
         let mut pixels = vec![RealTimePixel::NOTHING; rays.len()];
         let tasks = rays.par_chunks(together).zip(pixels.par_chunks_mut(together));
-        tasks.try_for_each(|(rays, pixels)| {
-            self.march_together(settings, rays, pixels)?;
-            self.air.map_or(Ok(()), |air| air.apply(self, rays, pixels))
-        })?;
+        tasks.try_for_each_init(
+            || None,
+            |marcher, (rays, pixels)| {
+                let marcher = match marcher {
+                    Some(marcher) => marcher,
+                    None => marcher.insert(ready.marcher()?),
+                };
+                marcher.march(rays, pixels)
+            },
+        )?;
         Ok(pixels)
     }
 
-    /// Marches rays together, a few samples of each at a time, so that the density gets batches; `pixels` are those of rays that meet nothing.
-    fn march_together(
-        &self,
-        settings: &RealTimeSettings,
-        rays: &[RealTimeRay],
-        pixels: &mut [RealTimePixel],
-    ) -> Result<()> {
-        let outline = &self.container.outline;
-        let crossing = |(index, ray): (usize, &RealTimeRay)| {
-            let inside = ray.inside(outline);
-            (inside.length > 0.0).then(|| Way::new(index, inside, ray.jitter, self, settings))
-        };
-        let mut ways: Vec<Way> = rays.iter().enumerate().filter_map(crossing).collect();
-        if ways.is_empty() {
-            return Ok(());
-        }
-        if let Some(volume) = &self.light_volume {
-            ways.iter_mut().for_each(|way| way.of_volume = volume.weights(way.inside.direction));
-        }
-        let averages = self.averages_read();
-        let mut read = Read::new(self, &averages)?;
-        let mut samples = Vec::new();
-        while ways.iter().any(|way| !way.is_done) {
-            samples.clear();
-            for (index, way) in ways.iter_mut().enumerate().filter(|(_, way)| !way.is_done) {
-                way.ask(index, self.density, &mut samples);
-            }
-            let densities: Vec<f64> = read.density.values_of_held(samples.iter().map(|sample| sample.place)).collect();
-            for (sample, density) in samples.iter_mut().zip(densities) {
-                sample.density = density;
-            }
-            // Light is asked for where some of it still arrives, and only there.
-            samples.retain_mut(|sample| ways[sample.index].pass(sample, settings, self.extinction));
-            self.light_up(settings, &mut ways, &samples, &mut read);
-        }
-        for way in ways {
-            let [taken, distances] = way.taken;
-            pixels[way.index] = RealTimePixel {
-                transmittance: settings.ended(way.pixel.transmittance),
-                distance: (taken > 0.0).then(|| way.inside.parts.start + distances / taken),
-                ..way.pixel
-            };
-        }
-        Ok(())
+    /// A march that tasks of the caller do ray by ray. An error where the light reads averages that are not there.
+    pub(crate) fn ready<'a>(&'a self, settings: &'a RealTimeSettings) -> Result<ReadyMarch<'a>> {
+        self.check()?;
+        Ok(ReadyMarch { marched: self, settings, averages: self.averages_read() })
     }
 
     /// Averages around a place and along the way to a sun, where the light reads them.
@@ -539,7 +603,8 @@ impl Marched<'_> {
         let jitters: Vec<f64> = samples.iter().map(|sample| ways[sample.index].jitter).collect();
         let depths: Vec<Vec<[f64; 3]>> = (0..light.suns.len())
             .map(|sun| {
-                let cosines: Vec<f64> = samples.iter().map(|sample| ways[sample.index].cosines[sun]).collect();
+                let cosines: Vec<f64> =
+                    samples.iter().map(|sample| ways[sample.index].lit(self).cosines[sun]).collect();
                 let to_sun = read.ways_to_suns[sun];
                 let density = read.along.as_mut().unwrap_or(&mut read.density);
                 self.shadow_depths(density, (sun, to_sun), &places, &cosines, &jitters)
@@ -550,7 +615,8 @@ impl Marched<'_> {
         for (order, sample) in samples.iter().enumerate() {
             let &Sample { index, place, step, left, density, before, .. } = sample;
             let fade = if settings.exit_fade { smooth(0.0, 2.0 * step, left) } else { 1.0 };
-            let way = &mut ways[index];
+            let Way { lit, inside, pixel, .. } = &mut ways[index];
+            let lit = lit.get_or_init(|| LitWay::new(self, inside.direction));
             let powder = light.terms.powder.factor(density * mean_extinction);
             let share = light.terms.powder.ambient;
             let body =
@@ -560,7 +626,7 @@ impl Marched<'_> {
             let ambient_factor = fade * light.ambient_factor(height) * (1.0 + (powder - 1.0) * share);
             let ground_factor = fade * (1.0 + (powder - 1.0) * share);
             let boost = &light.terms.boost;
-            let cosine = way.cosines.first().copied().unwrap_or(0.0);
+            let cosine = lit.cosines.first().copied().unwrap_or(0.0);
             let [boosted, added] = match boost.is_on() {
                 true => boost.factors(density * mean_extinction, cosine),
                 false => [1.0, 0.0],
@@ -568,7 +634,7 @@ impl Marched<'_> {
             let at_place = Lit { place, height, extinction: density * mean_extinction };
             let mut further = [0.0; 3];
             if let Some(volume) = &self.light_volume {
-                let found = volume.volume.read(place, &way.of_volume);
+                let found = volume.volume.read(place, &lit.of_volume);
                 (0..3).for_each(|channel| further[channel] += fade * found[channel]);
             }
             for term in self.terms {
@@ -582,11 +648,11 @@ impl Marched<'_> {
                     SourceFactor::Albedo(albedo) => albedo[channel] * extinct,
                 };
                 let mut from_suns = 0.0;
-                for (number, (sun, weights)) in light.suns.iter().zip(&way.weights).enumerate() {
+                for (number, (sun, weights)) in light.suns.iter().zip(&lit.weights).enumerate() {
                     let depth = depths[number][order][channel];
                     let mut scattered = light.terms.octaves.sum(weights, depth);
                     if light.terms.ray_powder {
-                        scattered = ray_powder(scattered, depth, way.cosines[number]);
+                        scattered = ray_powder(scattered, depth, lit.cosines[number]);
                     }
                     from_suns += sun.irradiance[channel] * scattered * sun_factor;
                 }
@@ -598,7 +664,7 @@ impl Marched<'_> {
                 }
                 let source = factor * all;
                 let weight = step_weight(settings.integration, extinct, step);
-                way.pixel.radiance[channel] += before[channel] * source * weight;
+                pixel.radiance[channel] += before[channel] * source * weight;
             }
         }
     }
@@ -725,20 +791,15 @@ impl Marched<'_> {
 
 impl Way {
     fn new(index: usize, inside: Inside, jitter: f64, marched: &Marched<'_>, settings: &RealTimeSettings) -> Self {
-        let light = marched.light;
         let steps = Ladder { steps: settings.steps_of(inside.parts.start), growth: settings.growth.ln() };
         let start = settings.start_of(jitter);
         let [next, last] = inside.steps_within(&marched.density.occupied, &steps, start);
-        let cosines: Vec<f64> =
-            light.suns.iter().map(|sun| inside.direction.dot(sun.towards()).clamp(-1.0, 1.0)).collect();
         let mut way = Self {
             index,
             jitter,
             start,
             is_doubled: settings.doubled_start,
-            weights: cosines.iter().map(|&cosine| light.weights(cosine)).collect(),
-            cosines,
-            of_volume: Vec::new(),
+            lit: OnceCell::new(),
             is_done: false,
             has_ended: false,
             steps,
@@ -753,6 +814,10 @@ impl Way {
             way.next = 0;
         }
         way
+    }
+
+    fn lit(&self, marched: &Marched<'_>) -> &LitWay {
+        self.lit.get_or_init(|| LitWay::new(marched, self.inside.direction))
     }
 
     /// Adds the next samples that may hold something; where the ray has no more, it is done.

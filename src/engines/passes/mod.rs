@@ -137,7 +137,7 @@ pub trait Pass: Send + Sync {
 pub type Compiling<'a> = Pin<Box<dyn Future<Output = Result<Box<dyn PassKernel + 'a>>> + 'a>>;
 
 /// A pass on the adapter.
-pub trait PassKernel {
+pub trait PassKernel: Send + Sync {
     /// Submits the work that changes a frame, which holds what the pass needs; waits for nothing.
     fn run(&self, frame: &Frame, view: &View<'_>) -> Result<()>;
 }

@@ -209,12 +209,12 @@ struct Running {
 }
 
 /// An engine's renderer that shoots the rays of a frame.
-struct Rays<'a> {
-    renderer: &'a EngineRenderer<'a>,
+struct Rays<'a, 's> {
+    renderer: &'a EngineRenderer<'s>,
     settings: EngineSettings,
 }
 
-impl Shooter for Rays<'_> {
+impl Shooter for Rays<'_, '_> {
     fn shoot(&self, rasters: &[DVec2]) -> Result<Vec<Shot>> {
         self.renderer.shots(rasters, &self.settings)
     }

@@ -137,7 +137,9 @@ impl Running<'_> {
             Ok(engine) => engine,
             Err(error) => return Some(error),
         };
-        self.gpu.as_ref().and_then(|gpu| EngineRenderer::new(scene, &engine, Some(gpu)).err())
+        let settings = combination.picture_settings();
+        let compiled = |gpu| EngineRenderer::new(scene, &engine, Some(gpu))?.compile(&settings);
+        self.gpu.as_ref().and_then(|gpu| compiled(gpu).err())
     }
 
     /// The truth of a combination, by rays that pass so.
@@ -163,14 +165,15 @@ impl Running<'_> {
         };
         let begin = ProcessTime::now();
         let gpu = self.gpu.as_ref();
-        let renderer = match EngineRenderer::new(scene, &engine, gpu) {
+        let settings = combination.picture_settings();
+        let renderer = EngineRenderer::new(scene, &engine, gpu);
+        let renderer = match renderer.and_then(|renderer| renderer.compile(&settings).map(|()| renderer)) {
             Ok(renderer) => renderer,
             Err(error) => return Ok(Found::LeftOut(error.to_string())),
         };
         let prepare_seconds = engine_seconds + begin.elapsed().as_secs_f64();
         let truth = self.truth(combination, study.rays(), desk)?;
         let replicas = keep_replicas(&mut self.truths, &truth, desk)?;
-        let settings = combination.picture_settings();
         let render = || renderer.picture(&settings, &|_, _| ());
         // The first does not count: memory and caches are cold.
         let image = render()?;
