@@ -5,6 +5,7 @@
 //! the three kernels hand to each other takes longer than a march through a cached density.
 
 use crate::base::error::Result;
+use crate::base::progress::Progress;
 use crate::engines::march::camera::{self, ViewUniform};
 use crate::engines::march::gpu::{Form, MarchKernel, MarchParts};
 use crate::engines::march::{Marched, RealTimeSettings};
@@ -62,14 +63,15 @@ impl<'a> FrameKernel<'a> {
     }
 
     /// Submits the work that makes a frame.
-    pub fn run(&self, frame: &Frame) -> Result<()> {
+    pub fn run(&self, frame: &Frame, progress: Progress<'_>) -> Result<()> {
         let upload = |label, bytes: &[u8]| self.gpu.upload(label, bytes, BufferUsages::UNIFORM);
         let composite = upload("composite", bytemuck::bytes_of(&self.composite));
-        self.march.run_frame(frame.pixels(), |first, count| {
+        let around = |first, count| {
             let view = upload("view", bytemuck::bytes_of(&self.view.of_pixels(first, count)));
             let buffers =
                 [Some(view), Some(composite.clone()), Some(frame.colour.clone()), frame.transmittance.clone()];
             (0..).zip(buffers).filter_map(|(binding, buffer)| Some(((2, binding), buffer?))).collect()
-        })
+        };
+        self.march.run_frame(frame.pixels(), around, progress)
     }
 }

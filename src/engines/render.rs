@@ -45,8 +45,8 @@ use std::time::Instant;
 /// Pixels that are marched between two reports.
 const PIXELS: usize = 1 << 14;
 
-/// The same where the adapter makes the rays itself: 64 MiB of them.
-const PIXELS_OF_ADAPTER: usize = 1 << 20;
+/// The same where hardware makes the rays itself: 64 MiB of them.
+const PIXELS_OF_HARDWARE: usize = 1 << 20;
 
 /// Part of a pixel that is no distance: the filter's middle is found by a table.
 const MIDDLE: f64 = 1e-6;
@@ -301,7 +301,8 @@ impl<'a> EngineRenderer<'a> {
         let marched = self.marched()?;
         let look = Look {
             compositing: self.engine.compositing,
-            background: self.behind_frames(plan, settings, gpu),
+            // A picture is read for each frame.
+            background: self.behind_frames(gpu, &[0.0; 3]),
             channels: plan.channels,
             exposure: f64::from(self.scene.film.exposure),
         };
@@ -325,24 +326,30 @@ impl<'a> EngineRenderer<'a> {
         Ok(Kernels { kind, stages, passes })
     }
 
-    /// What stands behind the cloud on the adapter. A picture is read along the rays of these settings.
-    fn behind_frames(&self, plan: &Plan, settings: &EngineSettings, gpu: &Gpu) -> compositing::Background {
+    /// What stands behind the cloud on the adapter; of a picture the radiance of each pixel, three numbers.
+    fn behind_frames(&self, gpu: &Gpu, of_picture: &[f32]) -> compositing::Background {
         match &self.background {
             _ if self.scene.film.transparent => compositing::Background::None,
             Background::Constant(radiance) => compositing::Background::Constant(*radiance),
-            Background::Picture(_) => {
-                let [width, height] = self.scene.image_size().map(|side| side as usize);
-                let total = width * height;
-                let mut radiance: Vec<f32> = Vec::with_capacity(3 * total);
-                for first in (0..total).step_by(PIXELS) {
-                    let rays = self.rays(plan, settings, first..total.min(first + PIXELS));
-                    let of_pixels = rays.chunks_exact(plan.offsets.len().pow(2));
-                    radiance.extend(of_pixels.flat_map(|rays| self.background.behind(rays).map(|value| value as f32)));
-                }
-                let buffer = gpu.upload("background", bytemuck::cast_slice(&radiance), wgpu::BufferUsages::STORAGE);
-                compositing::Background::PerPixel(buffer)
-            }
+            Background::Picture(_) => compositing::Background::PerPixel(gpu.upload(
+                "background",
+                bytemuck::cast_slice(of_picture),
+                wgpu::BufferUsages::STORAGE,
+            )),
         }
+    }
+
+    /// Radiance behind each pixel, three numbers, along the rays of these settings.
+    fn radiance_behind(&self, plan: &Plan, settings: &EngineSettings) -> Vec<f32> {
+        let [width, height] = self.scene.image_size().map(|side| side as usize);
+        let total = width * height;
+        let mut radiance: Vec<f32> = Vec::with_capacity(3 * total);
+        for first in (0..total).step_by(PIXELS) {
+            let rays = self.rays(plan, settings, first..total.min(first + PIXELS));
+            let of_pixels = rays.chunks_exact(plan.offsets.len().pow(2));
+            radiance.extend(of_pixels.flat_map(|rays| self.background.behind(rays).map(|value| value as f32)));
+        }
+        radiance
     }
 
     fn prepared(scene: &'a Scene, engine: &'a Engine) -> Result<Self> {
@@ -476,7 +483,7 @@ impl<'a> EngineRenderer<'a> {
         let total = image.pixels.len();
         // Between two reports. A task has whole pixels, and composes them.
         let together = (MOST_RAYS / per_pixel).clamp(1, PIXELS);
-        let of_task = ReadyMarch::rays_of_task(together * per_pixel).div_ceil(per_pixel);
+        let of_task = ReadyMarch::rays_of_task(together.min(total) * per_pixel).div_ceil(per_pixel);
         for first in (0..total).step_by(together) {
             let pixels = first..total.min(first + together);
             let tasks = pixels.len().div_ceil(of_task);
@@ -592,15 +599,18 @@ impl<'a> EngineRenderer<'a> {
         let total = frame.pixels() as usize;
         let mut kernels = self.kernels_async(adapter, settings, &plan).await?;
         match &mut kernels.stages {
-            Stages::One(kernel) => kernel.run(&frame)?,
+            Stages::One(kernel) => kernel.run(&frame, progress)?,
             Stages::Several { camera, march, composite } => {
-                if matches!(self.background, Background::Picture(_)) {
-                    // Along the rays of this frame.
-                    composite.set_background(self.behind_frames(&plan, settings, gpu))?;
+                if matches!(self.background, Background::Picture(_)) && !self.scene.film.transparent {
+                    let radiance = self.radiance_behind(&plan, settings);
+                    composite.set_background(self.behind_frames(gpu, &radiance))?;
                 }
                 let per_pixel = plan.offsets.len().pow(2);
                 let exposure = f64::from(self.scene.film.exposure);
-                let together = if camera.is_some() { PIXELS_OF_ADAPTER } else { PIXELS };
+                let together = match camera {
+                    Some(_) if !gpu.adapter().is_software() => PIXELS_OF_HARDWARE,
+                    _ => PIXELS,
+                };
                 for first in (0..total).step_by(together) {
                     let pixels = first..total.min(first + together);
                     let marched = match camera {

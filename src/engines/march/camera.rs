@@ -55,11 +55,12 @@ impl ViewUniform {
         Self { first, count, ..self }
     }
 
-    /// Whether rays begin so near to the box that f32's rounding of their places stays within 2^-20 of its side: within four of them.
+    /// Whether rays begin so near to the box that f32's roundings of a place, four of up to 2^-24 of its distance, stay within 2^-20 of the box's side
+    /// along each axis: within four sides. Of what has no end some rays come from far away.
     pub(crate) fn is_near(&self, container: &Container) -> bool {
         let region = container.outline.region();
-        let side = (region.high - region.low).max_element();
-        DVec3::from(self.start.map(f64::from)).abs().max_element() <= 4.0 * side
+        let start = DVec3::from(self.start.map(f64::from));
+        !container.outline.is_endless() && start.abs().cmple(4.0 * (region.high - region.low)).all()
     }
 
     /// A camera's view of a container, samples in the middle of their steps. An error where rays are no plane, and where the container is

@@ -1,6 +1,7 @@
 //! The march of a real-time engine on the adapter: `shaders/engines/march.wgsl`, in f32.
 
 use crate::base::error::{Error, Result};
+use crate::base::progress::Progress;
 use crate::base::texture::TextureHandle;
 use crate::engines::domain::Outline;
 use crate::engines::light::{MOST_SUNS, ShadowExtinction, ShadowLength, SourceFactor};
@@ -487,11 +488,12 @@ impl<'a> MarchKernel<'a> {
     }
 
     /// Runs a kernel of [`Form::Frame`] over so many pixels, a slice after the other; `around` gives what the modules around the march read, by the
-    /// first pixel of a slice and their number.
+    /// first pixel of a slice and their number. What is reported is done, but for the last slice of a software adapter, which nobody waits for here.
     pub(crate) fn run_frame(
         &self,
         pixels: u32,
         around: impl Fn(u32, u32) -> Vec<((u32, u32), wgpu::Buffer)>,
+        progress: Progress<'_>,
     ) -> Result<()> {
         let gpu = self.gpu;
         let uniform = MarchUniform { count: pixels, end_step: self.uniform.steps, ..self.uniform };
@@ -507,11 +509,15 @@ impl<'a> MarchKernel<'a> {
                 bindings.bind(*group, *binding, buffer.as_entire_binding())
             });
             gpu.dispatch(&self.kernel, &bindings, [together as u32, 1, 1])?;
-            if !gpu.adapter().is_software() {
+            first += together as u32;
+            let is_software = gpu.adapter().is_software();
+            if !is_software || first < pixels {
                 gpu.wait()?;
+            }
+            if !is_software {
                 self.slices.lock().unwrap_or_else(PoisonError::into_inner).adapt(begin.elapsed());
             }
-            first += together as u32;
+            progress(f64::from(first) / f64::from(pixels), "view rays");
         }
         Ok(())
     }
