@@ -465,11 +465,10 @@ fn every_mode_and_every_file_links_and_validates() {
         used.insert(shader.path.clone());
     }
     let march = &all["engines/march.wgsl"];
-    // Rays that a kernel or a fragment makes have one interval, so they are in no mesh; nor have they air, or steps of their own. Fragments have no light from
-    // below, nor parts of a view.
-    let is_for_frames = |definition: &str| {
-        !PARTS.contains(&definition) && !["MESH", "RAY_STEPS"].contains(&definition) && !definition.starts_with("AIR")
-    };
+    // Rays that a kernel or a fragment makes have one interval, so they are in no mesh; nor have they air. Fragments have no light from below, nor
+    // parts of a view.
+    let is_for_frames =
+        |definition: &str| !PARTS.contains(&definition) && definition != "MESH" && !definition.starts_with("AIR");
     let is_for_fragments =
         |definition: &str| is_for_frames(definition) && !["GROUND", "SHADOW_CASCADES"].contains(&definition);
     for definition in definitions(&march.text).into_iter().filter(|definition| is_for_frames(definition)) {

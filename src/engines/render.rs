@@ -112,7 +112,7 @@ fn check_memory(scene: &Scene, settings: &EngineSettings) -> Result<()> {
     memory::check(scene.image_size(), BYTES_PER_PIXEL * u64::from(settings.sub_pixels).pow(2))
 }
 
-/// An engine that is ready to make pictures of a scene: lit, and compiled where it runs on an adapter.
+/// An engine that is ready to make pictures of a scene: lit, and compiled on an adapter once a picture, or [`EngineRenderer::compile`], asks.
 pub struct EngineRenderer<'a> {
     scene: &'a Scene,
     engine: &'a Engine,
@@ -582,7 +582,7 @@ impl<'a> EngineRenderer<'a> {
         if inside.length == 0.0 { f64::INFINITY } else { near + inside.parts.start * container.unit }
     }
 
-    /// A picture that stays on the adapter: marched, composed and post-processed there. An error where the engine was not compiled for an
+    /// A picture that stays on the adapter: marched, composed and post-processed there. An error where the engine was not prepared for an
     /// adapter.
     pub async fn frame_async(&self, settings: &EngineSettings, progress: Progress<'_>) -> Result<Frame> {
         let Some(adapter) = &self.adapter else {
