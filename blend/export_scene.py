@@ -1,7 +1,8 @@
 """Exports a .blend file with a volume material as a scene.
 
-Request: {"blend": "F.blend", "object": null or "NAME" or ["NAME", ...], "frame": null or NUMBER, "folder":
-null or "PATH", "refused": null or {NODE TYPE: [REASON, WHAT TO DO]}}.
+Request: {"blend": "F.blend", "object": null or "NAME" or ["NAME", ...], "frame": null or NUMBER, "camera":
+null or "NAME", "material": null or "NAME", "include_hidden": null or BOOLEAN, "folder": null or "PATH",
+"refused": null or {NODE TYPE: [REASON, WHAT TO DO]}}: what scene_reader.Wish says.
 Result: {"scene": {...}, "files": {NAME: PATH}}: the scene in the format cloudparity-scene/1, and the files
 that belong beside the scene file under these names. What has to be made for it is written to `folder`.
 Scripts in the file never run.
@@ -13,18 +14,19 @@ import protocol
 def handle(request, messages):
     """Open the file of the request and return its scene."""
     from blender_file import open_blend
-    from scene_reader import read_scene
+    from scene_reader import Wish, read_scene
 
+    messages.activity(f"opening {request['blend']}")
     open_blend(request["blend"])
     names = request.get("object")
-    found = read_scene(
-        request["blend"],
-        [names] if isinstance(names, str) else names,
-        messages,
-        request.get("frame"),
-        request.get("folder"),
-        request.get("refused"),
+    wish = Wish(
+        objects=[names] if isinstance(names, str) else names,
+        frame=request.get("frame"),
+        camera=request.get("camera"),
+        material=request.get("material"),
+        include_hidden=bool(request.get("include_hidden")),
     )
+    found = read_scene(request["blend"], wish, messages, request.get("folder"), request.get("refused"))
     return {"scene": found.scene, "files": found.files}
 
 

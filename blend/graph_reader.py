@@ -58,12 +58,16 @@ def is_available(socket):
 
 def live_links(tree):
     """Return the links that carry a value, as {(node name, input identifier): link}. A muted link, and a link
-    at a socket of another mode, carries none; nor does one from muted nodes or reroutes that nothing feeds:
-    Blender then uses the value that the reading socket stores."""
+    at a socket of another mode, carries none; nor does one from muted nodes or reroutes that nothing feeds,
+    and none that Blender draws in red, as of a closure at the socket of a number (measured in 5.0.1 and
+    5.3.0): Blender then uses the value that the reading socket stores."""
     links = {
         (link.to_node.name, link.to_socket.identifier): link
         for link in tree.links
-        if not link.is_muted and is_available(link.from_socket) and is_available(link.to_socket)
+        if not link.is_muted
+        and link.is_valid
+        and is_available(link.from_socket)
+        and is_available(link.to_socket)
     }
     return {key: link for key, link in links.items() if _is_fed(link.from_socket, links)}
 
@@ -283,8 +287,8 @@ class _GraphReader:
         tree = node.node_tree
         if tree is None:
             raise Inexpressible("a group node without group", "a group", "choose a group or delete the node")
-        if tree.is_missing:
-            raise Inexpressible(*missing_reason(tree))
+        if tree.original.is_missing:
+            return self._missing_group(node)
         name = unique_name(tree)
         if name not in self._groups:
             inputs, outputs = _read_interface(tree, self._warn)
@@ -294,6 +298,29 @@ class _GraphReader:
                 "outputs": outputs,
                 "nodes": self._read_nodes(tree),
             }
+        return name
+
+    def _missing_group(self, node):
+        """A group that is missing in its library: Cycles takes 0 for all its outputs (measured in 5.0.1 and
+        5.3.0), as for those of a group without an output node."""
+        found, _, remedy = missing_reason(node.node_tree.original)
+        self._warn(
+            f'material "{self._material.name}", node "{node.name}"',
+            f"found {found}: its outputs are 0, as in Blender; {remedy}",
+        )
+        name = f"{unique_name(node.node_tree)} (missing from {node.name})"
+        outputs = [
+            {
+                "identifier": socket.identifier,
+                "name": socket.name,
+                "panel": None,
+                "type": _socket_type(socket),
+                "description": "",
+            }
+            for socket in node.outputs
+            if socket.type in SOCKET_TYPES
+        ]
+        self._groups[name] = {"name": name, "inputs": [], "outputs": outputs, "nodes": []}
         return name
 
     def _read_inputs(self, node, place):
@@ -390,8 +417,6 @@ def _read_pointer(node, name, value, place, depsgraph):
     if node.bl_idname == "ShaderNodeTexCoord" and name == "object":
         if value is None:
             return {name: None}
-        if value.is_missing:
-            raise Inexpressible(*missing_reason(value))
         evaluated = value.original.evaluated_get(depsgraph)
         matrix = matrix_rows(evaluated.matrix_world, place)
         return {name: {"name": unique_name(value.original), "matrix_world": matrix}}

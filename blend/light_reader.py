@@ -41,8 +41,8 @@ REFUSED_SETTINGS = {
 }
 
 
-def read_lights(depsgraph, scene, messages):
-    """The lights of a depsgraph for rendering, sorted by name."""
+def read_lights(depsgraph, scene, messages, faults):
+    """The lights of a depsgraph for rendering, sorted by name. `faults` gets those that cannot be read."""
     lights, taken = [], set()
     for instance in depsgraph.object_instances:
         item = instance.object
@@ -55,7 +55,9 @@ def read_lights(depsgraph, scene, messages):
         while name in taken:
             name, number = f"{own} {number}", number + 1
         taken.add(name)
-        entry = _read_light(item, name, instance.matrix_world.copy(), scene, messages)
+        entry = None
+        with faults.noted():
+            entry = _read_light(item, name, instance.matrix_world.copy(), scene, messages)
         if entry is not None:
             lights.append(entry)
     return sorted(lights, key=lambda light: light["name"])

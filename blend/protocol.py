@@ -1,7 +1,8 @@
 """How the scripts of this folder talk to their caller.
 
 A script reads one JSON request from stdin and answers with one JSON object per line: `hello` first, then
-`progress` and `warning`, and last `done` (exit status 0) or `error` (exit status 1; it can be the first). A
+`activity` (what it works at, for the case that it dies), `progress` and `warning`, and last `done` (exit
+status 0) or `error` (exit status 1; it can be the first; further faults of the input are its `others`). A
 script that converses reads a request per line, answers each with `done`, and ends with its input or at the
 first `error`. The answers go to the file descriptor given as first argument, or to stdout. Blender prints to
 stdout as it likes, so file descriptor 1 is pointed at stderr before anything else and the answers use a
@@ -15,6 +16,7 @@ import os
 import platform
 import sys
 import traceback
+from contextlib import contextmanager
 
 # Innermost calls of an unexpected exception that an error names.
 SHOWN_CALLS = 3
@@ -29,6 +31,43 @@ class InputError(Exception):
         self.found = found
         self.expected = expected
         self.remedy = remedy
+        # Further faults of the same input.
+        self.others = []
+
+    def parts(self):
+        """The fields of an `error` event."""
+        fields = ("place", "found", "expected", "remedy")
+        return {name: getattr(self, name) for name in fields} | (
+            {"others": [other.parts() for other in self.others]} if self.others else {}
+        )
+
+
+class Faults:
+    """Collects the faults of an input, so that whoever mends it learns of all at once."""
+
+    def __init__(self):
+        self.found = []
+
+    @contextmanager
+    def noted(self):
+        """Keep an InputError of the block and go on after it."""
+        try:
+            yield
+        except InputError as error:
+            self.note(error)
+
+    def note(self, error):
+        """Keep an InputError; each is reported once."""
+        for fault in (error, *error.others):
+            if all(str(other) != str(fault) for other in self.found):
+                self.found.append(fault)
+
+    def require_none(self):
+        """Raise all that were kept as one InputError."""
+        if self.found:
+            first, *others = self.found
+            first.others = others
+            raise first
 
 
 class Messages:
@@ -46,13 +85,17 @@ class Messages:
         """Report that the fraction `done` (0..1) of the work is finished; `what` says which work."""
         self.send("progress", done=round(float(done), 4), what=what)
 
+    def activity(self, what):
+        """Report what is begun, as "opening FILE": the caller's words where this process dies at it."""
+        self.send("activity", what=what)
+
     def warning(self, place, message):
         """Report something that was left out or changed and does not stop the work."""
         self.send("warning", place=place, message=message)
 
     def error(self, error):
         """Report the InputError that stopped the work."""
-        self.send("error", place=error.place, found=error.found, expected=error.expected, remedy=error.remedy)
+        self.send("error", **error.parts())
 
 
 class Located(dict):
@@ -121,13 +164,25 @@ def _guard(script, answer, files=()):
     messages = Messages(_message_stream())
     try:
         answer(messages)
+        status = 0
     except InputError as error:
         messages.error(error)
-        sys.exit(1)
+        status = 1
     except Exception as error:
         messages.error(_unexpected(script, error, files))
-        sys.exit(1)
-    sys.exit(0)
+        status = 1
+    _leave(status)
+
+
+def _leave(status):
+    """End the process with everything written and no destructor run: Blender's may abort, and the answer is
+    given."""
+    for stream in (sys.stdout, sys.stderr):
+        try:
+            stream.flush()
+        except (OSError, ValueError):
+            pass  # Nobody reads it any more.
+    os._exit(status)
 
 
 def _unexpected(script, error, files):
@@ -189,6 +244,9 @@ def _blender_version():
             "the Python module bpy 5.0.1, which needs CPython 3.11",
             "run `make setup`, or `python3.11 -m pip install bpy==5.0.1`",
         ) from None
+    # Blender's module aborts when it frees the solver of a fluid domain, which it makes as soon as a file with
+    # one is opened. Without Mantaflow's module, which importing bpy puts there, it makes none.
+    sys.modules["manta"] = None
     import older_releases
 
     older_releases.prepare()

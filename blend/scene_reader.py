@@ -3,9 +3,10 @@
 from pathlib import Path
 
 import bpy
+import numpy as np
 
 from animation_reader import moving_modifiers, warn_of_animation
-from graph_reader import live_links, missing_reason, read_graph, unique_name, volume_output
+from graph_reader import live_links, read_graph, unique_name, volume_output
 from light_reader import (
     FIXED_LIGHT_SETTINGS,
     LIGHT_FIELDS,
@@ -13,8 +14,17 @@ from light_reader import (
     LIGHT_TYPES,
     read_lights,
 )
-from protocol import InputError
-from scene_io import FORMAT, matrix_rows, read_fields, shortest, shortest_list
+from overlaps import warn_of_overlaps
+from preparation import (
+    StandIns,
+    add_material_cube,
+    choose_camera,
+    framing,
+    show_hidden,
+    take_out_what_breaks,
+)
+from protocol import Faults, InputError
+from scene_io import FORMAT, matrix_array, matrix_rows, read_fields, shortest, shortest_list
 from volume_reader import OBJECT_INFO_DEFAULTS, VolumeReader, listed, warn_of_outline
 from world_reader import read_world
 
@@ -33,6 +43,7 @@ __all__ = [
     "OBJECT_INFO_DEFAULTS",
     "PANORAMA_FIELDS",
     "PROJECTIONS",
+    "Wish",
     "read_scene",
 ]
 
@@ -70,22 +81,63 @@ class ReadScene:
         self.files = files
 
 
-def read_scene(path, object_names, messages, frame=None, folder=None, refused=None):
-    """Return the open file, loaded from `path`, as a ReadScene.
+class Wish:
+    """What of a file its user wants to see.
 
-    `object_names` names the volume objects; None takes every object with a volume material. `frame` is the
-    frame to read it at, the file's current one if None. What has to be made beside the scene file is written
-    to `folder`; without one what needs it is refused. `refused` is as in `read_graph`.
+    `objects` are names of volume objects, None for all that render; `frame` the frame to read it at, None for
+    the file's current one; `camera` the name of a camera, None for the active one; `material` the name of a
+    material to show on a cube, in place of all objects; `include_hidden` shows volumes that are hidden.
+    """
+
+    def __init__(self, objects=None, frame=None, camera=None, material=None, include_hidden=False):
+        self.objects = objects
+        self.frame = frame
+        self.camera = camera
+        self.material = material
+        self.include_hidden = include_hidden
+
+
+def read_scene(path, wish, messages, folder=None, refused=None):
+    """Return the open file, loaded from `path`, as a ReadScene of what the Wish asks for.
+
+    What has to be made beside the scene file is written to `folder`; without one what needs it is rejected.
+    `refused` is as in `read_graph`. Raises one InputError with all faults of the file.
     """
     scene = bpy.context.scene
-    _go_to_frame(scene, frame)
-    camera = _active_camera(scene, messages)
-    _warn_of_settings(scene, messages)
+    faults = Faults()
+    stand_ins = StandIns(take_out_what_breaks(messages))
+    messages.activity(
+        f"evaluating the scene at frame {scene.frame_current if wish.frame is None else wish.frame}"
+    )
+    _go_to_frame(scene, wish.frame)
+    if wish.include_hidden:
+        show_hidden(scene, messages)
+    objects = wish.objects
+    if wish.material is not None:
+        objects = [unique_name(add_material_cube(scene, wish.material))]
+    camera, is_ours = choose_camera(scene, wish.camera, wish.material is not None, messages)
+    # Blender renders with one alone, and a marker may have bound another.
+    scene.camera = camera
+    _warn_of_settings(scene, camera, messages)
+    messages.activity(f"evaluating {len(scene.objects)} objects for a render")
     entry, files = _while_rendering(
         scene,
-        lambda depsgraph: _read_parts(depsgraph, path, object_names, camera, messages, folder, refused),
+        lambda depsgraph: _read_parts(
+            depsgraph,
+            path,
+            VolumeReader(depsgraph, objects, messages, faults, folder, stand_ins),
+            (camera, is_ours),
+            messages,
+            refused,
+            faults,
+        ),
     )
-    world = read_world(bpy.context.view_layer.world_override or scene.world, messages, folder)
+    messages.activity("reading the world")
+    world = None
+    with faults.noted():
+        own = bpy.context.view_layer.world_override or scene.world
+        world = read_world(own, messages, folder, only_check=bool(faults.found))
+    faults.require_none()
     taken = {light["name"] for light in entry["lights"]}
     for light in world.lights:
         own, number = light["name"], 2
@@ -94,31 +146,42 @@ def read_scene(path, object_names, messages, frame=None, folder=None, refused=No
         taken.add(light["name"])
         entry["lights"].append(light)
     entry["world"] = world.entry
+    _warn_of_darkness(entry, messages)
     return ReadScene(entry, files | world.files)
 
 
-def _read_parts(depsgraph, path, object_names, camera, messages, folder, refused):
-    """All of a scene but its world, and the files of its volumes."""
+def _read_parts(depsgraph, path, reader, camera, messages, refused, faults):
+    """All of a scene but its world, and the files of its volumes; (None, {}) where it has faults."""
     scene = depsgraph.scene
-    reader = VolumeReader(depsgraph, object_names, messages, folder)
     volumes = reader.read()
     materials = {volume.material.original: volume.material for volume in volumes}
     for material in materials.values():
         _warn_of_other_outputs(material, messages)
-    graphs = {
-        unique_name(original): read_graph(material, messages.warning, depsgraph, refused)
-        for original, material in materials.items()
-    }
+    graphs = {}
+    for original, material in materials.items():
+        messages.activity(f'reading the nodes of material "{material.name}"')
+        with faults.noted():
+            graphs[unique_name(original)] = read_graph(material, messages.warning, depsgraph, refused)
     outlined = set()
     for volume in volumes:
         # Instances have the mesh of the first one.
         if volume.object not in outlined:
             warn_of_outline(volume, messages)
         outlined.add(volume.object)
-        _require_known_number(volume, graphs[volume.entry["material"]])
+        with faults.noted():
+            _require_known_number(volume, graphs.get(volume.entry["material"]))
+    warn_of_overlaps([volume.entry for volume in volumes], messages)
+    camera, is_ours = camera
+    camera_entry, film = None, _read_film(scene)
+    with faults.noted():
+        camera_entry = _read_camera(scene, camera.evaluated_get(depsgraph))
+        if is_ours and volumes:
+            _frame(camera_entry, camera.data, film, [volume.entry for volume in volumes])
+        _crop(scene, camera_entry, film, messages)
+    lights = read_lights(depsgraph, scene, messages, faults)
+    if faults.found:
+        return None, {}
     first, *others = [volume.entry for volume in volumes]
-    camera_entry, film = _read_camera(scene, camera.evaluated_get(depsgraph)), _read_film(scene)
-    _crop(scene, camera_entry, film, messages)
     entry = {
         "format": FORMAT,
         "name": scene.get(NAME_PROPERTY, Path(path).stem),
@@ -126,7 +189,7 @@ def _read_parts(depsgraph, path, object_names, camera, messages, folder, refused
         "film": film,
         "integrator": read_fields(scene.cycles, INTEGRATOR_FIELDS, "Cycles settings"),
         "display": read_fields(scene.view_settings, DISPLAY_FIELDS, "color management"),
-        "lights": read_lights(depsgraph, scene, messages),
+        "lights": lights,
         "world": None,
         "volume": first,
         "graph": graphs.pop(first["material"]),
@@ -139,6 +202,52 @@ def _read_parts(depsgraph, path, object_names, camera, messages, folder, refused
         _animated_parts(depsgraph, camera, volumes, materials, messages), scene.frame_current, messages
     )
     return entry, reader.files
+
+
+def _frame(entry, camera, film, volumes):
+    """Put a camera of ours where it sees the outlines of all volumes."""
+    width, height = (
+        side * aspect for side, aspect in zip(film["resolution"], film["pixel_aspect"], strict=True)
+    )
+    corners = []
+    for volume in volumes:
+        low, high = volume["bounds"]["min"], volume["bounds"]["max"]
+        matrix = matrix_array(volume["matrix_world"])
+        for bit in range(8):
+            corner = [(high if bit >> axis & 1 else low)[axis] for axis in range(3)]
+            corners.append(matrix[:3, :3] @ corner + matrix[:3, 3])
+    matrix, start, end = framing(np.array(corners), camera, width / height)
+    place = f'camera "{entry["name"]}"'
+    entry["matrix_world"] = matrix_rows(matrix, place)
+    entry["clip_start"], entry["clip_end"] = shortest(start, place), shortest(end, place)
+
+
+# Closures with the inputs that make them glow, where these are linked or above 0.
+GLOWING = {
+    "ShaderNodeEmission": ("Strength",),
+    "ShaderNodeVolumePrincipled": ("Emission Strength", "Blackbody Intensity"),
+    "ShaderNodeVolumeCoefficients": ("Emission Coefficients",),
+}
+
+
+def _warn_of_darkness(entry, messages):
+    """Report a scene in which nothing shines: what lit it in Blender was left out, or never there."""
+    world = entry["world"]
+    is_lit = any(light["strength"] != 0.0 and any(light["color"]) for light in entry["lights"])
+    is_lit |= world["strength"] != 0.0 and ("image" in world or "graph" in world or any(world["color"]))
+    for graph in (entry["graph"], *entry.get("other_graphs", [])):
+        for nodes in (graph["nodes"], *(group["nodes"] for group in graph["groups"])):
+            for node in nodes:
+                values = [node["inputs"].get(name, 0.0) for name in GLOWING.get(node["type"], ())]
+                is_lit |= any(
+                    isinstance(value, dict) or np.any(np.asarray(value, float) > 0.0) for value in values
+                )
+    if not is_lit:
+        messages.warning(
+            f'scene "{entry["name"]}"',
+            "the picture will be black: no light, world or volume of it shines. Light of surfaces is not in a "
+            "scene file; add a light or give the world a colour",
+        )
 
 
 def _animated_parts(depsgraph, camera, volumes, materials, messages):
@@ -176,7 +285,7 @@ def _animated_parts(depsgraph, camera, volumes, materials, messages):
 
 def _require_known_number(volume, graph):
     """Refuse an instance whose material reads Object Info's Random, which Cycles takes from the instancer."""
-    if not volume.is_instance:
+    if not volume.is_instance or graph is None:
         return
     trees = [graph["nodes"], *(group["nodes"] for group in graph["groups"])]
     for nodes in trees:
@@ -250,32 +359,9 @@ def _go_to_frame(scene, frame):
     scene.frame_set(scene.frame_current if frame is None else frame)
 
 
-def _active_camera(scene, messages):
-    item = scene.camera
-    cameras = [other.name for other in scene.objects if other.type == "CAMERA"]
-    if item is None or item.type != "CAMERA":
-        names = f"; its cameras: {listed(cameras)}" if cameras else ""
-        raise InputError(
-            f'scene "{scene.name}"',
-            f"no active camera{names}",
-            "an active camera object",
-            "make one of them the active one (in Blender: View, Cameras, Set Active Object as Camera)"
-            if cameras
-            else "add a camera (in Blender: Add, Camera) and make it the active one",
-        )
-    if item.is_missing:
-        raise InputError(f'camera "{item.name}"', *missing_reason(item))
-    others = [name for name in cameras if name != item.name]
-    if others:
-        messages.warning(f'camera "{item.name}"', f"is the active one and taken; not taken: {listed(others)}")
-    return item
-
-
-def _warn_of_settings(scene, messages):
-    if scene.camera.data.dof.use_dof:
-        messages.warning(
-            f'camera "{scene.camera.name}"', "depth of field is left out: everything is in focus"
-        )
+def _warn_of_settings(scene, camera, messages):
+    if camera.data.dof.use_dof:
+        messages.warning(f'camera "{camera.name}"', "depth of field is left out: everything is in focus")
     for setting, effect in LEFT_OUT_SETTINGS.items():
         if getattr(scene.render, setting):
             messages.warning(f"render settings, {setting}", effect)

@@ -13,6 +13,7 @@ import numpy as np
 
 import volume_grid
 from graph_reader import Reach, missing_reason, unique_name, volume_output
+from preparation import candidates
 from protocol import InputError
 from scene_io import matrix_rows, shortest, shortest_list
 
@@ -31,6 +32,7 @@ RAY_VISIBILITY = {
 # A volume's density, in a scene file and in Blender's own materials.
 DENSITY = "density"
 NAMES_SHOWN = 3
+CANDIDATES_SHOWN = 8
 # Bytes; Blender keeps 255.
 NAME_LIMIT = 200
 # Numbers of all outlines together: a scene file of half a gigabyte.
@@ -50,13 +52,24 @@ class Volume:
 
 
 class VolumeReader:
-    """Collects the volumes of a depsgraph for rendering and what has to be said of everything else."""
+    """Collects the volumes of a depsgraph for rendering and what has to be reported of everything else.
 
-    def __init__(self, depsgraph, object_names, messages, folder=None):
+    `faults` gets what cannot be read. `stand_ins` are what the file is read with in place of what it lacks.
+    """
+
+    def __init__(self, depsgraph, object_names, messages, faults, folder, stand_ins):
         self._depsgraph = depsgraph
         self._names = object_names
         self._messages = messages
+        self._faults = faults
         self._folder = folder
+        self._domains = stand_ins.domains
+        self._default_material = stand_ins.default_material
+        self._empty_material = stand_ins.empty_material
+        # Why an object that renders shows no volume, by object.
+        self._notes = {}
+        # Volumes of density 0.
+        self._empty = []
         self._taken = set()
         self._shapes = {}
         self._numbers = 0
@@ -69,28 +82,62 @@ class VolumeReader:
         self.files = {}
 
     def read(self):
-        """Read all. InputError where nothing is found, or a volume cannot be expressed."""
+        """Read all; what cannot be read is a fault, and so is a scene without a volume."""
+        before = len(self._faults.found)
         for instance in self._depsgraph.object_instances:
-            self._read_instance(instance)
-        self._check_names()
+            with self._faults.noted():
+                self._read_instance(instance)
         if not self.volumes:
-            raise InputError(
-                f'scene "{bpy.context.scene.name}"',
-                "0 mesh objects with a volume material, and no Volume object with one",
-                "at least one that is visible in render and whose active material output has a linked Volume",
-                "link a volume shader to the Volume of the Material Output",
-            )
-        self._say_what_is_left_out()
+            self.volumes = self._empty
+        with self._faults.noted():
+            self._check_names()
+        if not self.volumes and len(self._faults.found) == before and not self._has_world_volume():
+            self._faults.note(self._nothing_found())
+        self._report_what_is_left_out()
         self.volumes.sort(key=lambda volume: volume.entry["object"])
         return self.volumes
+
+    def _has_world_volume(self):
+        """Whether the world has a volume: its reader speaks of it."""
+        world = self._depsgraph.view_layer_eval.world_override or self._depsgraph.scene_eval.world
+        output = (
+            None if world is None or world.node_tree is None else world.node_tree.get_output_node("CYCLES")
+        )
+        return output is not None and output.inputs["Volume"].is_linked
+
+    def _nothing_found(self):
+        """The error where no volume renders, with what could be one."""
+        known = candidates(self._depsgraph.scene, self._domains, self._notes)
+        found = "no volume that renders"
+        if known:
+            found += f"; the file has {'; '.join(known[:CANDIDATES_SHOWN])}"
+            if len(known) > CANDIDATES_SHOWN:
+                found += f"; and {len(known) - CANDIDATES_SHOWN} more"
+        else:
+            found += ", and no material whose Volume is linked"
+        remedy = (
+            "show a material on a cube (--material NAME) or what is hidden (--include-hidden); or link a volume "
+            "shader to the Volume of a Material Output in Blender"
+        )
+        if any("missing" in note for note in self._notes.values()):
+            remedy = f"correct the path of what is missing; or {remedy}"
+        return InputError(
+            f'scene "{bpy.context.scene.name}"',
+            found,
+            "a mesh with a volume material or a Volume object with a file, visible in renders",
+            remedy,
+        )
 
     def _read_instance(self, instance):
         item = instance.object
         if item.type in NOT_SEEN:
-            if item.is_instancer and item.instance_type == "COLLECTION" and item.instance_collection:
-                _require_present(item.instance_collection, item)
-            if item.original.is_missing:
-                raise InputError(f'object "{item.name}"', *missing_reason(item.original))
+            collection = item.instance_collection if item.instance_type == "COLLECTION" else None
+            for missing, what in (
+                (item.original, "object"),
+                (collection and collection.original, "collection"),
+            ):
+                if missing is not None and missing.is_missing:
+                    self._report_missing(missing, what, "Blender renders nothing in its place")
             return
         # An instancer may itself not be shown.
         if item.type in BECOME_MESHES or not instance.show_self:
@@ -107,9 +154,18 @@ class VolumeReader:
         materials = _materials(item, self._depsgraph.view_layer_eval)
         for material in materials:
             if material is not None and material.original.is_missing:
-                raise InputError(f"{place}, material", *missing_reason(material.original))
+                self._report_missing(
+                    material.original, "material", "its faces have a surface of one colour, and no volume"
+                )
+        if item.original in self._domains:
+            if any(volume_output(material) is not None for material in materials):
+                self._empty_domain(instance, item, name, is_instance, place)
+            return
+        self._messages.activity(f'reading object "{name}"')
         if item.type == "VOLUME":
             found = next((entry for entry in materials if volume_output(entry) is not None), None)
+            if all(material is None for material in materials):
+                found = self._default_material
             shape = None
         else:
             found, shape = self._mesh_volume(instance, item, materials, place)
@@ -123,22 +179,44 @@ class VolumeReader:
         if visibility == 0:
             self._left_out.setdefault("volumes that no ray sees", []).append(name)
             return
-        matrix = matrix_rows(instance.matrix_world, f"{place}, matrix_world")
         if item.type == "VOLUME":
             outline = self._grid_outline(item, found, place)
+            if outline is None:
+                return
         else:
             outline = _mesh_outline(item, shape, place)
             self._count(outline["shape"], place)
+        self.volumes.append(self._volume(instance, item, found, name, is_instance, outline, shape, place))
+
+    def _volume(self, instance, item, material, name, is_instance, outline, shape, place):
+        """The Volume of an instance with its outline; `shape` is what `_triangles` gave, None for a grid."""
         entry = {
             "object": self._own(name),
-            "matrix_world": matrix,
+            "matrix_world": matrix_rows(instance.matrix_world, f"{place}, matrix_world"),
             **outline,
-            "material": unique_name(found.original),
-            "volume_step_rate": shortest(found.cycles.volume_step_rate, place),
-            **_read_object_info(item, found, place),
+            "material": unique_name(material.original),
+            "volume_step_rate": shortest(material.cycles.volume_step_rate, place),
+            **_read_object_info(item, material, place),
         }
-        mixed_shading = shape is not None and shape[-1]
-        self.volumes.append(Volume(entry, found, item.original, is_instance, mixed_shading))
+        return Volume(entry, material, item.original, is_instance, shape is not None and shape[-1])
+
+    def _empty_domain(self, instance, item, name, is_instance, place):
+        """A fluid domain, as Blender renders it without the cache of its simulation: a volume of density 0. It
+        is a volume of the scene where there is no other, and else left out."""
+        shape = _triangles(item, place)
+        self._left_out.setdefault(f"fluid domains ({self._domains[item.original].kind})", []).append(name)
+        if len(shape[1]):
+            outline = _mesh_outline(item, shape, place)
+            self._empty.append(
+                self._volume(instance, item, self._empty_material, name, is_instance, outline, shape, place)
+            )
+
+    def _report_missing(self, item, what, effect):
+        """Report a linked data-block that is gone, once."""
+        if item not in self._notes:
+            self._notes[item] = "missing in its library"
+            found, _, remedy = missing_reason(item)
+            self._messages.warning(f'{what} "{item.name}"', f"found {found}: {effect}; {remedy}")
 
     def _count(self, shape, place):
         """Refuse what would make a scene file that nobody can handle."""
@@ -173,7 +251,6 @@ class VolumeReader:
         """The volume material of a mesh, with vertices and triangles; None where it has none."""
         if not any(volume_output(material) is not None for material in materials):
             return None, None
-        self._require_no_smoke(item, place)
         key = item.data.as_pointer() if item.data is not None else 0
         key = (item.original.as_pointer(), key)
         if key not in self._shapes:
@@ -185,7 +262,9 @@ class VolumeReader:
         if len(triangles) == 0 and len(materials) == 1:
             if instance.object.original.instance_type != "NONE" or _has_instances(item):
                 return None, None
-            raise InputError(place, "a mesh without faces", "a closed mesh", "give the object a closed mesh")
+            self._notes[item.original] = "which has no faces"
+            self._left_out.setdefault("volumes without faces", []).append(item.name)
+            return None, None
         if not volumes:
             return None, None
         without = [material for material in used if volume_output(material) is None]
@@ -205,17 +284,6 @@ class VolumeReader:
                 "give all faces one material, or make objects of the parts (in Blender: P, By Material)",
             )
         return next(material for material in used if volume_output(material) is not None), shape
-
-    def _require_no_smoke(self, item, place):
-        for modifier in item.modifiers:
-            if modifier.type == "FLUID" and modifier.fluid_type == "DOMAIN":
-                raise InputError(
-                    f'{place}, modifier "{modifier.name}"',
-                    "a fluid domain, whose density is in Blender's simulation",
-                    "a mesh, or a Volume object with an OpenVDB file",
-                    "bake the domain with the cache format OpenVDB and show a file of the cache by a "
-                    "Volume object (Add, Volume, Import OpenVDB)",
-                )
 
     def _visibility(self, instance, is_instance, place):
         """How many kinds of rays see a volume: all or none."""
@@ -243,38 +311,42 @@ class VolumeReader:
         return sum(seen.values())
 
     def _grid_outline(self, item, material, place):
-        """Shape, bounds and texture space of a Volume object with an OpenVDB file."""
+        """Shape, bounds and texture space of a Volume object with an OpenVDB file; None where its file is gone,
+        which is reported, or where it has faults."""
         data = item.data
         render = data.render
-        if render.space != "OBJECT":
-            raise InputError(
-                f"{place}, render space",
-                render.space,
-                "OBJECT: the unit in which a scene file gives the density",
-                "set Space to Object (Object data, Render) and scale the density in the material",
+        data.grids.load()
+        if data.grids.error_message:
+            path = data.grids.frame_filepath or data.filepath
+            self._notes[item.original] = f"whose file {path} is missing or damaged"
+            self._messages.warning(
+                f"{place}, {path}",
+                f"{data.grids.error_message.strip()}: left out, Blender renders nothing in its place; correct the "
+                "path (Object data, OpenVDB File), or for a sequence give a frame that it has (--frame)",
             )
+            return None
+        before = len(self._faults.found)
+        with self._faults.noted():
+            _require_object_space(render, place)
         if material.cycles.volume_interpolation != "LINEAR":
             self._messages.warning(
                 f'{place}, material "{material.name}", volume_interpolation',
                 f"{material.cycles.volume_interpolation} is read as LINEAR: finer detail is less smooth",
             )
-        data.grids.load()
-        if data.grids.error_message:
-            raise InputError(
-                f"{place}, {data.grids.frame_filepath or data.filepath}",
-                data.grids.error_message,
-                "an OpenVDB file that Blender can read",
-                "correct the path (Object data, OpenVDB File); for a sequence, give a frame that it has",
-            )
         names = [grid.name for grid in data.grids]
         if DENSITY not in names:
-            raise InputError(
-                f"{place}, grids",
-                ", ".join(names) or "none",
-                f'a grid "{DENSITY}", which the material reads by an Attribute node (output Fac)',
-                f"write the file with a grid of the name {DENSITY}",
+            self._faults.note(
+                InputError(
+                    f"{place}, grids",
+                    ", ".join(names) or "none",
+                    f'a grid "{DENSITY}", which the material reads by an Attribute node (output Fac)',
+                    f"write the file with a grid of the name {DENSITY}",
+                )
             )
-        _require_known_grids(material, names)
+        for fault in _unknown_grids(material, names):
+            self._faults.note(fault)
+        if len(self._faults.found) > before:
+            return None
         others = [name for name in names if name != DENSITY]
         if others:
             self._messages.warning(
@@ -366,13 +438,23 @@ class VolumeReader:
                     "give the object one material with a volume shader",
                 )
 
-    def _say_what_is_left_out(self):
+    def _report_what_is_left_out(self):
         for kind, names in self._left_out.items():
             self._messages.warning(f"{kind}: {listed(names)}", f"left out: {_effect(kind)}")
 
 
-def _require_known_grids(material, names):
-    """Refuse a Principled Volume that multiplies by another grid than the density."""
+def _require_object_space(render, place):
+    if render.space != "OBJECT":
+        raise InputError(
+            f"{place}, render space",
+            render.space,
+            "OBJECT: the unit in which a scene file gives the density",
+            "set Space to Object (Object data, Render) and scale the density in the material",
+        )
+
+
+def _unknown_grids(material, names):
+    """An InputError for each attribute of a Principled Volume that reads another grid than the density."""
     for node in Reach(volume_output(material).inputs["Volume"]).nodes.values():
         if node.bl_idname != "ShaderNodeVolumePrincipled" or node.mute:
             continue
@@ -385,7 +467,7 @@ def _require_known_grids(material, names):
         }
         for name, is_refused in found.items():
             if is_refused:
-                raise InputError(
+                yield InputError(
                     f'material "{material.name}", node "{node.name}", {name}',
                     f'"{node.inputs[name].default_value}"',
                     f'the one grid of a scene file, "{DENSITY}" of Density Attribute',
@@ -403,8 +485,14 @@ def _effect(kind):
     """What it does to the picture that a kind of object is left out."""
     if kind == "volumes that were not asked for":
         return "they are not in the picture and cast no shadow"
-    if kind == "volumes that no ray sees":
+    if kind in ("volumes that no ray sees", "volumes without faces"):
         return "the picture stays the same"
+    if kind.startswith("fluid domains"):
+        return (
+            "what they show is in the cache of the simulation, which is not read, so they are empty here; bake "
+            "a gas with the cache format OpenVDB and show a file of the cache by a Volume object (Add, Volume, "
+            "Import OpenVDB)"
+        )
     effect = "a scene has volumes and nothing else; they cast no shadow, hide nothing and reflect no light"
     return effect + (", and their light is missing" if kind == "surfaces that shine" else "")
 
@@ -419,11 +507,6 @@ def _is_part_of(instance):
 
 def _has_instances(item):
     return any(modifier.type in ("NODES", "PARTICLE_SYSTEM") for modifier in item.modifiers)
-
-
-def _require_present(collection, item):
-    if collection.original.is_missing:
-        raise InputError(f'object "{item.name}", its collection', *missing_reason(collection.original))
 
 
 def _materials(item, view_layer):

@@ -48,8 +48,9 @@ class World:
         self.files = files or {}
 
 
-def read_world(world, messages, folder=None):
-    """Read a world. `folder` is where a baked picture is written; without one, such a world is refused."""
+def read_world(world, messages, folder=None, only_check=False):
+    """Read a world. `folder` is where a baked picture is written; without one, such a world is refused.
+    `only_check` looks for faults and returns None where the world would have to be rendered."""
     if world is None:
         return World({"color": [0.0, 0.0, 0.0], "strength": 1.0})
     place = f'world "{world.name}"'
@@ -75,6 +76,8 @@ def read_world(world, messages, folder=None):
         return plain
     reach = Reach(output.inputs["Surface"])
     _require_bakeable(reach, place)
+    if only_check:
+        return None
     if folder is None:
         raise InputError(
             place, "nodes that have to be rendered", "a folder for the picture", "give the request `folder`"

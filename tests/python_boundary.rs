@@ -350,7 +350,7 @@ fn limits_are_the_users_to_change() {
     write_program(&breaking, "#!/bin/sh\nkill -SEGV $$\n");
     let crash = read("CLOUDPARITY_PYTHON", &breaking.display().to_string());
     is_refused("crash", &crash, "perlin-fbm.vdb");
-    assert!(text(&crash.stderr).contains("signal: 11"), "{}", text(&crash.stderr));
+    assert!(text(&crash.stderr).contains("signal 11, SIGSEGV"), "{}", text(&crash.stderr));
     for wrong in ["-1", "many", "nan", ""] {
         is_refused(wrong, &read("CLOUDPARITY_READ_SECONDS", wrong), "CLOUDPARITY_READ_SECONDS");
     }

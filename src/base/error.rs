@@ -5,7 +5,7 @@
 /// Every field is a short phrase; [`std::fmt::Display`] joins them into one line. The library
 /// never prints and never panics on input: it returns this, and the program's edge prints it.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("{place}: found {found}; expected {expected}. {remedy}")]
+#[error("{}", described(self))]
 pub struct Error {
     /// File, JSON path, line, node or command line argument.
     pub place: String,
@@ -18,6 +18,22 @@ pub struct Error {
     /// Names of the settings that the remedy speaks of, such as `density_cache`: whoever asked knows how they are given, the command line
     /// by its options, a window by its sliders.
     pub settings: Vec<&'static str>,
+    /// Further faults of the same input, none of which has others: whoever mends it learns of all at once.
+    pub others: Vec<Error>,
+}
+
+/// One line; of several faults a line that counts them and a numbered line each.
+fn described(error: &Error) -> String {
+    let line = |Error { place, found, expected, remedy, .. }: &Error| {
+        format!("{place}: found {found}; expected {expected}. {remedy}")
+    };
+    if error.others.is_empty() {
+        return line(error);
+    }
+    let faults = std::iter::once(error).chain(&error.others);
+    let lines: String =
+        faults.enumerate().map(|(index, fault)| format!("\n  {}. {}", index + 1, line(fault))).collect();
+    format!("{} faults:{lines}", 1 + error.others.len())
 }
 
 /// The result type of the whole library.
@@ -38,7 +54,31 @@ impl Error {
             expected: expected.into(),
             remedy: remedy.into(),
             settings: Vec::new(),
+            others: Vec::new(),
         }
+    }
+
+    /// Several faults of one input as one error; each is reported once. `None` where there is none.
+    pub fn of_all(faults: impl IntoIterator<Item = Self>) -> Option<Self> {
+        let mut distinct: Vec<Self> = Vec::new();
+        for mut fault in faults {
+            let others = std::mem::take(&mut fault.others);
+            for fault in std::iter::once(fault).chain(others) {
+                if !distinct.contains(&fault) {
+                    distinct.push(fault);
+                }
+            }
+        }
+        let mut distinct = distinct.into_iter();
+        let first = distinct.next()?;
+        Some(Self { others: distinct.collect(), ..first })
+    }
+
+    /// The error with every fault's place changed: whoever calls knows the file that it is in.
+    #[must_use]
+    pub fn map_place(self, mut change: impl FnMut(String) -> String) -> Self {
+        let others = self.others.into_iter().map(|fault| Self { place: change(fault.place), ..fault }).collect();
+        Self { place: change(self.place), others, ..self }
     }
 
     /// Names a setting that the remedy speaks of.

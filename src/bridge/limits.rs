@@ -91,22 +91,9 @@ impl Limits {
         )
     }
 
-    /// What to do where the memory may have been too little for the interpreter itself.
-    pub fn memory_remedy(&self) -> String {
-        format!(" It may take {:.2} GiB of memory; {MEMORY_VARIABLE} gives it another limit.", gibibytes(self.memory))
-    }
-
-    /// The error where reading ended the interpreter.
-    pub fn crash(&self, how: &str) -> Error {
-        Error::new(
-            self.place(),
-            format!("a file at which reading broke down ({how})"),
-            "a file that is whole",
-            format!(
-                "Write it again; where it is whole and needs more than {:.2} GiB, set {MEMORY_VARIABLE} to more.",
-                gibibytes(self.memory)
-            ),
-        )
+    /// The memory that reading may take, and the variable that changes it.
+    pub fn memory_rule(&self) -> String {
+        format!("reading may take {:.2} GiB of memory; {MEMORY_VARIABLE} sets another limit", gibibytes(self.memory))
     }
 }
 

@@ -5,6 +5,7 @@
 //! (`blend/start.py`): the program works from any folder, and no file of a script lies where another user could change it.
 
 pub mod cache;
+mod ending;
 pub mod interpreter;
 pub mod limits;
 pub mod probe;
@@ -60,9 +61,11 @@ pub const SCRIPTS: &[(&str, &str)] = scripts!(
     "node_data.py",
     "older_releases.py",
     "optimiser.py",
+    "overlaps.py",
     "picture_grid.py",
     "plots.py",
     "point_probe.py",
+    "preparation.py",
     "probe.py",
     "probe_graph.py",
     "protocol.py",
@@ -161,6 +164,8 @@ pub struct Conversation {
     log: Option<JoinHandle<String>>,
     limits: Option<Limits>,
     started: Instant,
+    /// Its own words for what it works at, such as "opening a.blend".
+    activity: Option<String>,
     /// It answers and has nothing left to do.
     is_idle: bool,
 }
@@ -211,6 +216,7 @@ impl Conversation {
             child,
             log: Some(std::thread::spawn(move || last_lines(stderr))),
             started: Instant::now(),
+            activity: None,
             is_idle: false,
             limits: None,
         };
@@ -258,6 +264,7 @@ impl Conversation {
                 Some("progress") => {
                     receive(Message { done: message["done"].as_f64().unwrap_or(0.0), what: text("what") });
                 }
+                Some("activity") => self.activity = Some(text("what")),
                 Some("warning") => log::warn!("{}: {}", text("place"), text("message")),
                 Some("done") => {
                     self.is_idle = true;
@@ -265,30 +272,33 @@ impl Conversation {
                 }
                 Some("error") => {
                     self.is_idle = true;
-                    return Err(Error::new(text("place"), text("found"), text("expected"), text("remedy")));
+                    return Err(error_of(&message));
                 }
                 _ => {}
             }
         }
-        // Its output has ended, and so does it; what only closed its output is ended.
-        let status = end(&mut self.child, FAREWELL).map_or_else(|cause| cause.to_string(), |status| status.to_string());
-        let log = self.log.take().and_then(|log| log.join().ok()).unwrap_or_default();
-        if let Some(limits) = &self.limits
-            && status.contains("signal")
-        {
-            return Err(limits.crash(&status));
-        }
-        let mut remedy = "Run cloudparity doctor; it checks the interpreter and its packages.".to_owned();
-        if let Some(limits) = &self.limits {
-            remedy += &limits.memory_remedy();
-        }
-        Err(Error::new(
-            format!("script {}", self.name),
-            format!("it ended without an answer ({status}): {log}"),
-            "a result",
-            remedy,
-        ))
+        Err(self.broken_off())
     }
+
+    /// The error where the script ended without an answer: what it did, how it ended, and who may have ended it.
+    fn broken_off(&mut self) -> Error {
+        let ending = end(&mut self.child, FAREWELL);
+        let log = self.log.take().and_then(|log| log.join().ok()).unwrap_or_default();
+        let ending = match ending {
+            Ok(Ending::OnItsOwn(status)) => ending::of(status, &log),
+            Ok(Ending::Forced) => ending::Cause::ClosedOutput,
+            Err(cause) => ending::Cause::Unknown(cause.to_string()),
+        };
+        ending.error(&self.name, self.activity.as_deref(), &log, self.limits.as_ref())
+    }
+}
+
+/// The error that a script reports, with the further faults of the same input.
+fn error_of(message: &Json) -> Error {
+    let text = |key: &str| message[key].as_str().unwrap_or_default().to_owned();
+    let fault = Error::new(text("place"), text("found"), text("expected"), text("remedy"));
+    let others = message["others"].as_array().into_iter().flatten().map(error_of);
+    Error::of_all(std::iter::once(fault).chain(others)).expect("there is one")
 }
 
 impl Drop for Conversation {
@@ -299,17 +309,26 @@ impl Drop for Conversation {
     }
 }
 
+/// How a process came to its end.
+enum Ending {
+    /// By itself, or by a signal of somebody else's.
+    OnItsOwn(ExitStatus),
+    /// It went on after its time, and was killed.
+    Forced,
+}
+
 /// Waits for a process to end, and ends it where that takes longer.
-fn end(child: &mut Child, grace: Duration) -> std::io::Result<ExitStatus> {
+fn end(child: &mut Child, grace: Duration) -> std::io::Result<Ending> {
     const BETWEEN_LOOKS: Duration = Duration::from_millis(5);
     let begin = Instant::now();
     loop {
         if let Some(status) = child.try_wait()? {
-            return Ok(status);
+            return Ok(Ending::OnItsOwn(status));
         }
         if begin.elapsed() >= grace {
             child.kill()?;
-            return child.wait();
+            child.wait()?;
+            return Ok(Ending::Forced);
         }
         std::thread::sleep(BETWEEN_LOOKS);
     }

@@ -18,6 +18,29 @@ use serde_json::json;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
+/// What of a .blend is read.
+#[derive(clap::Args)]
+pub(super) struct Wish {
+    /// Of a .blend: an object with a volume material, repeatable; without it all that render are exported.
+    #[arg(long, value_name = "NAME", conflicts_with = "material")]
+    object: Vec<String>,
+    /// The frame of the .blend to read it at, one of its scene's; without it the file's current one.
+    #[arg(long, value_name = "FRAME", allow_negative_numbers = true)]
+    pub(super) frame: Option<i32>,
+    /// Of a .blend: the camera to look through; without it the active one, or one of ours that frames all volumes.
+    #[arg(long, value_name = "NAME")]
+    camera: Option<String>,
+    /// Of a .blend: show this material on a cube of 2 m, in place of the objects: for libraries of materials.
+    #[arg(long, value_name = "NAME")]
+    material: Option<String>,
+    /// Of a .blend: show volumes, too, that are hidden in renders or in hidden collections.
+    #[arg(long)]
+    include_hidden: bool,
+    /// Of a .blend: the release of Blender whose values the nodes get, for who works with an older one.
+    #[arg(long, value_name = "RELEASE", value_parser = choice::<Release>(), default_value_t)]
+    blender: Release,
+}
+
 /// Convert a file: a .blend to a scene file, a scene file to a .blend, an EXR to a PNG, a published cloud to a scene file.
 ///
 /// Of a .blend: its volumes, camera, film, lights, world and node graphs; scripts in it never run. A scene file becomes a .blend that
@@ -28,6 +51,7 @@ use std::process::ExitCode;
 #[command(after_help = "Examples:
   cloudparity export CLOUD.blend -o CLOUD.scene.json
   cloudparity export CLOUD.blend --blender 4.5 -o CLOUD-OF-4.5.scene.json
+  cloudparity export MATERIALS.blend --material Nebula -o NEBULA.scene.json
   cloudparity export CLOUD.scene.json -o CLOUD.blend
   cloudparity export CLOUD.scene.json --model bolt -o BOLT.scene.json
   cloudparity export CLOUD.scene.json --sky bolt --sun-elevation 5 -o DUSK.scene.json
@@ -36,15 +60,8 @@ pub(super) struct Arguments {
     /// The .blend, the scene file (*.scene.json), or the scene-linear EXR; several pictures are averaged.
     #[arg(required = true, num_args = 1.., value_name = "FILE")]
     inputs: Vec<PathBuf>,
-    /// Of a .blend: an object with a volume material, repeatable; without it all that render are exported.
-    #[arg(long, value_name = "NAME")]
-    object: Vec<String>,
-    /// The frame of the .blend to read it at, one of its scene's; without it the file's current one.
-    #[arg(long, value_name = "FRAME", allow_negative_numbers = true)]
-    frame: Option<i32>,
-    /// Of a .blend: the release of Blender whose values the nodes get, for who works with an older one.
-    #[arg(long, value_name = "RELEASE", value_parser = choice::<Release>(), default_value_t)]
-    blender: Release,
+    #[command(flatten)]
+    wish: Wish,
     /// The file to write.
     #[arg(short, long, value_name = "FILE")]
     output: PathBuf,
@@ -52,7 +69,7 @@ pub(super) struct Arguments {
     #[arg(
         long,
         value_name = "MODEL",
-        conflicts_with_all = ["object", "frame", "view", "look", "exposure", "gamma", "background", "rgb", "part"]
+        conflicts_with_all = ["object", "frame", "camera", "material", "include_hidden", "view", "look", "exposure", "gamma", "background", "rgb", "part"]
     )]
     model: Option<String>,
     /// Value sets of the system, such as a level of quality or a genus: high,cirrus.
@@ -65,7 +82,7 @@ pub(super) struct Arguments {
     #[arg(
         long,
         value_name = "MODEL",
-        conflicts_with_all = ["object", "frame", "view", "look", "exposure", "gamma", "background", "rgb", "part"]
+        conflicts_with_all = ["object", "frame", "camera", "material", "include_hidden", "view", "look", "exposure", "gamma", "background", "rgb", "part"]
     )]
     sky: Option<String>,
     /// A parameter of the sky. May be given several times.
@@ -112,7 +129,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
         build::build(first, output)?;
         super::print(&format!("{}\n", output.display()))?;
     } else {
-        let scene = export(first, &arguments.object, arguments.frame, arguments.blender, output)?;
+        let scene = export(first, &arguments.wish, output)?;
         super::print(&format!("{}: {}\n", output.display(), describe(&scene)))?;
     }
     Ok(ExitCode::SUCCESS)
@@ -152,34 +169,29 @@ fn published(arguments: &Arguments, mut scene: Scene) -> Result<String> {
     Ok(format!("{} ({})", done.join(", "), written.world.image.map(|image| image.file).unwrap_or_default()))
 }
 
-/// Reads a .blend, of all its volumes or of the objects that are named, at its own or another frame, and writes the scene file with what
-/// belongs beside it.
-pub(super) fn export(
-    blend: &Path,
-    objects: &[String],
-    frame: Option<i32>,
-    release: Release,
-    output: &Path,
-) -> Result<Scene> {
+/// Reads what is wished of a .blend, and writes the scene file with what belongs beside it. An error holds all faults of the file.
+pub(super) fn export(blend: &Path, wish: &Wish, output: &Path) -> Result<Scene> {
     let place = blend.display().to_string();
     kinds::want(blend, FileKind::Blend)?;
     let bar = super::progress_bar(1000);
     let blend = std::path::absolute(blend).unwrap_or_else(|_| blend.to_owned());
-    let chosen = (!objects.is_empty()).then_some(objects);
+    let chosen = (!wish.object.is_empty()).then_some(&wish.object);
     // What has to be made for the scene, such as a picture of its world, waits here.
     let folder = tempfile::tempdir().map_err(|cause| Error::io(&std::env::temp_dir(), "a temporary folder", &cause))?;
     let reasons: serde_json::Map<_, _> =
         refused::NODES.iter().map(|node| (node.type_name.to_owned(), json!([node.reason, node.instead]))).collect();
-    let request =
-        json!({"blend": blend, "object": chosen, "frame": frame, "folder": folder.path(), "refused": reasons});
+    let request = json!({
+        "blend": blend, "object": chosen, "frame": wish.frame, "camera": wish.camera, "material": wish.material,
+        "include_hidden": wish.include_hidden, "folder": folder.path(), "refused": reasons,
+    });
     // Blender names objects and nodes; which file they are in is known here.
-    let in_file = |error: Error| match error.place.contains(&place) {
-        true => error,
-        false => Error { place: format!("{place}: {}", error.place), ..error },
+    let in_file = |error: Error| {
+        error.map_place(|found| if found.contains(&place) { found } else { format!("{place}: {found}") })
     };
     let result = bridge::run_script("export_scene.py", &request, CyclesKernel::Default, super::report_to(&bar));
     let mut result = result.map_err(in_file)?;
     bar.finish_and_clear();
+    let release = wish.blender;
     if !release.is_newest() {
         let scene = &mut result["scene"];
         scene["graph"]["blender"] = json!(release);
@@ -206,8 +218,9 @@ pub(super) fn export(
         scene = Scene::load(&file).map_err(in_file)?;
     }
     // What the evaluators do not support is said now, by node, and not when a picture is wanted.
-    for (volume, graph) in scene.volumes()? {
-        ClosureSum::compile(graph, volume).map_err(in_file)?;
+    let compiled = scene.volumes()?.into_iter().map(|(volume, graph)| ClosureSum::compile(graph, volume));
+    if let Some(faults) = Error::of_all(compiled.filter_map(Result::err)) {
+        return Err(in_file(faults));
     }
     for (name, bytes) in &beside {
         write_beside(bytes, &output.with_file_name(name))?;

@@ -1,11 +1,11 @@
 //! `cloudparity init`: from a .blend to a scene, a study and a tuning file, and the commands to go on.
 
+use super::export::{self, Wish};
 use super::first_files;
 use crate::base::error::{Error, Result};
 use crate::base::files;
 use crate::base::kinds::FileKind;
-use crate::cli::choice::choice;
-use crate::scene::{Release, Scene};
+use crate::scene::Scene;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
@@ -15,15 +15,8 @@ use std::process::ExitCode;
 pub(super) struct Arguments {
     /// The .blend, or a scene file that is there already.
     file: PathBuf,
-    /// An object with a volume material, repeatable; without it all that render are exported.
-    #[arg(long, value_name = "NAME")]
-    object: Vec<String>,
-    /// The frame of the .blend to read it at, one of its scene's; without it the file's current one.
-    #[arg(long, value_name = "FRAME", allow_negative_numbers = true)]
-    frame: Option<i32>,
-    /// Of a .blend: the release of Blender whose values the nodes get, for who works with an older one.
-    #[arg(long, value_name = "RELEASE", value_parser = choice::<Release>(), default_value_t)]
-    blender: Release,
+    #[command(flatten)]
+    wish: Wish,
     /// The folder to write; without it one beside the .blend that is named after it.
     #[arg(short, long, value_name = "DIR")]
     output: Option<PathBuf>,
@@ -40,7 +33,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
     let [scene_file, study_file, tuning_file] =
         ["scene.json", "study.toml", "tune.toml"].map(|kind| folder.join(format!("{name}.{kind}")));
     let is_scene = FileKind::of(file) == Some(FileKind::Scene);
-    if let (true, Some(frame)) = (is_scene, arguments.frame) {
+    if let (true, Some(frame)) = (is_scene, arguments.wish.frame) {
         return Err(Error::new(
             file.display().to_string(),
             format!("a scene file, of which frame {frame} is asked for"),
@@ -58,11 +51,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
             ));
         }
     }
-    let scene = if is_scene {
-        Scene::load(file)?
-    } else {
-        super::export::export(file, &arguments.object, arguments.frame, arguments.blender, &scene_file)?
-    };
+    let scene = if is_scene { Scene::load(file)? } else { export::export(file, &arguments.wish, &scene_file)? };
     // A scene that is there already stays where it is.
     let scene_file = if is_scene { file.clone() } else { scene_file };
     let from_folder = if is_scene {
@@ -70,7 +59,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
     } else {
         PathBuf::from(format!("{name}.scene.json"))
     };
-    super::print(&format!("{}: {}\n", scene_file.display(), super::export::describe(&scene)))?;
+    super::print(&format!("{}: {}\n", scene_file.display(), export::describe(&scene)))?;
     let beside = from_folder.to_string_lossy();
     let texts =
         first_files::study(&scene, &beside).and_then(|study| Ok((study, first_files::tuning(&scene, &beside)?)));

@@ -34,6 +34,9 @@ class Recorder:
     def progress(self, done, what):
         pass
 
+    def activity(self, what):
+        pass
+
 
 def run_script(name, request, environment=None):
     """Run blend/NAME with a request (object, or text as it is); return (events, exit status)."""

@@ -525,13 +525,48 @@ def test_the_active_of_two_cameras_is_taken_and_the_other_said(empty, tmp_path):
     assert len(warnings) == 1 and "Other camera" in warnings[0]
 
 
-def test_no_camera_is_refused_with_those_that_exist(empty, tmp_path):
+def test_a_camera_is_chosen_or_made_where_none_is_active(empty, tmp_path):
     cube("Cube", fog("Fog"))
     empty.camera = None
-    text = refusal(tmp_path)
-    assert '"Camera"' in text and "Set Active Object as Camera" in text
+    document, warnings, _ = exported(tmp_path)
+    assert document["camera"]["name"] == "Camera" and "no active one" in warnings[0]
+    # The open file is the one that was read, with the camera that was chosen.
+    bpy.context.scene.camera = None
+    linked(bpy.data.objects.new("Another", bpy.data.cameras.new("Another")))
+    document, warnings, _ = exported(tmp_path)
+    assert document["camera"]["name"] == "Another" and '"Camera" (--camera)' in warnings[0]
+    document, warnings, _ = exported(tmp_path, camera="Camera")
+    assert document["camera"]["name"] == "Camera" and not warnings
+    assert "one of Another, Camera" in refusal(tmp_path, camera="Nobody")
+    for name in ("Camera", "Another"):
+        bpy.data.objects.remove(bpy.data.objects[name])
+    assert "the scene has none" in refusal(tmp_path, camera="Nobody")
+
+
+@pytest.mark.parametrize("size", [(64, 36), (36, 64)])
+@pytest.mark.parametrize("scale", [1e-3, 1.0, 1e4])
+def test_a_camera_of_ours_frames_all_volumes(empty, tmp_path, size, scale):
     bpy.data.objects.remove(bpy.data.objects["Camera"])
-    assert "add a camera" in refusal(tmp_path)
+    for name, location in (("Near", (1, -3, 0.5)), ("Far", (-4, 2, 3))):
+        cube(name, fog(name), location=np.array(location) * scale).scale = (scale,) * 3
+    empty.render.resolution_x, empty.render.resolution_y = size
+    document, warnings, _ = exported(tmp_path)
+    assert "one of ours frames all volumes" in warnings[0]
+    camera = document["camera"]
+    corners = []
+    for volume in volumes(document):
+        matrix = np.array(volume["matrix_world"])
+        for bit in range(8):
+            corner = [volume["bounds"]["max" if bit >> axis & 1 else "min"][axis] for axis in range(3)]
+            corners.append(matrix[:3, :3] @ corner + matrix[:3, 3])
+    matrix = np.array(camera["matrix_world"])
+    seen = (np.array(corners) - matrix[:3, 3]) @ matrix[:3, :3]
+    # The frame is as wide as the sensor at the focal length, along its longer side.
+    across = np.abs(seen[:, :2] / -seen[:, 2:]) * camera["focal_length"] / (camera["sensor_width"] / 2)
+    across = across.max(axis=0) * max(size) / np.array(size)
+    assert np.isclose(across.max(), 0.8, rtol=1e-4) and (across <= 0.8001).all()
+    assert camera["clip_start"] < -seen[:, 2].max() and -seen[:, 2].min() < camera["clip_end"]
+    assert matrix[0][3] > 0 and matrix[1][3] < 0 and matrix[2][3] > 0
 
 
 def test_a_marker_chooses_the_camera(empty, tmp_path):
@@ -748,7 +783,8 @@ def test_linked_and_overridden_data_is_read(library, tmp_path):
 
 
 @pytest.mark.parametrize("kind", ["collection", "material", "object"])
-def test_a_library_that_is_gone_is_refused_with_its_path(library, tmp_path, kind):
+@pytest.mark.parametrize("is_all", [False, True])
+def test_a_library_that_is_gone_is_reported_with_its_path(library, tmp_path, kind, is_all):
     if kind == "collection":
         carrier = linked(bpy.data.objects.new("Carrier", None))
         carrier.instance_type = "COLLECTION"
@@ -757,10 +793,42 @@ def test_a_library_that_is_gone_is_refused_with_its_path(library, tmp_path, kind
         cube("Own", _linked(library, "materials", "Fog"))
     else:
         linked(_linked(library, "objects", "Inner"))
-    cube("Other", fog("Own fog"))
+    if not is_all:
+        cube("Other", fog("Own fog"))
     library.rename(tmp_path / "moved.blend")
-    text = refusal(tmp_path)
-    assert "library.blend" in text and "put the library back" in text
+    if is_all:
+        # Nothing is left to show.
+        text = refusal(tmp_path)
+        assert "no volume that renders" in text and "correct the path" in text
+        return
+    document, warnings, _ = exported(tmp_path)
+    assert names(document) == ["Other"]
+    text = next(warning for warning in warnings if "library.blend" in warning)
+    assert "put the library back" in text and text.startswith(kind)
+
+
+def test_the_outputs_of_a_group_whose_library_is_gone_are_0(empty, tmp_path):
+    group = bpy.data.node_groups.new("Density", "ShaderNodeTree")
+    group.interface.new_socket("Value", in_out="OUTPUT", socket_type="NodeSocketFloat").default_value = 0.25
+    value, output = group.nodes.new("ShaderNodeValue"), group.nodes.new("NodeGroupOutput")
+    value.outputs[0].default_value = 0.5
+    group.links.new(value.outputs[0], output.inputs[0])
+    bpy.data.libraries.write(str(tmp_path / "library.blend"), {group})
+    bpy.data.node_groups.remove(group)
+    material = fog("Fog")
+    tree = material.node_tree
+    call = tree.nodes.new("ShaderNodeGroup")
+    call.node_tree = _linked(tmp_path / "library.blend", "node_groups", "Density")
+    closure = next(node for node in tree.nodes if node.bl_idname == "ShaderNodeVolumeAbsorption")
+    tree.links.new(call.outputs[0], closure.inputs["Density"])
+    cube("Cube", material)
+    assert picture(tmp_path).mean() < 0.9
+    (tmp_path / "library.blend").rename(tmp_path / "moved.blend")
+    document, warnings, _ = exported(tmp_path)
+    assert "its outputs are 0" in warnings[0] and "put the library back" in warnings[0]
+    assert [group["nodes"] for group in document["graph"]["groups"]] == [[]]
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "file.blend"))
+    assert np.allclose(picture(tmp_path), 1.0, atol=1e-6)
 
 
 def test_a_library_that_is_gone_and_not_needed_does_not_matter(library, tmp_path):
@@ -864,9 +932,10 @@ def test_lights_that_light_no_volume_are_left_out(empty, tmp_path):
     assert picture(tmp_path, samples=16).max() == 0.0
     document, warnings, _ = exported(tmp_path)
     assert not document["lights"] and "lights no volume" in warnings[0]
+    assert "the picture will be black" in warnings[1]
     bpy.data.objects["Lamp"].hide_render = True
     document, warnings, _ = exported(tmp_path)
-    assert not document["lights"] and not warnings
+    assert not document["lights"] and len(warnings) == 1 and "black" in warnings[0]
 
 
 # The world

@@ -192,9 +192,9 @@ def test_all_volumes_are_exported_and_one_can_be_chosen(cube, tmp_path):
     scatter.phase = "MIE"
     group.links.new(leave.inputs[0], scatter.outputs[0])
     # The second object shares the first one's material; the third has its own, with a closure in a group.
-    for name in ("Second", "Third"):
+    for number, name in enumerate(("Second", "Third")):
         item = bpy.data.objects.new(name, first.data.copy())
-        item.location = (0.5, 0.25, 0.0)
+        item.location = (0.5 + number / 8, 0.25 + number / 4, 0.125 + number / 8)
         bpy.context.scene.collection.objects.link(item)
     for name, item in (("Other", "Third"), ("Unused", None)):
         material = bpy.data.materials.new(name)
@@ -242,7 +242,7 @@ def test_a_group_that_two_materials_describe_differently_is_refused(tmp_path):
 def test_hidden_volume_is_none(cube):
     path, _ = cube
     bpy.data.objects["Cube"].hide_render = True
-    with pytest.raises(InputError, match="0 mesh objects"):
+    with pytest.raises(InputError, match='"Material" on "Cube", hidden in renders'):
         exported(saved(path))
 
 
