@@ -3,7 +3,9 @@
 from pathlib import Path
 
 import bpy
+from bpy.app.handlers import persistent
 
+from preparation import TakenOut
 from protocol import InputError
 from scene_io import replaced_file
 
@@ -11,10 +13,21 @@ WORKING_SPACE = "Linear Rec.709"
 
 
 def open_blend(path):
-    """Open the .blend file `path`. Scripts in the file never run."""
+    """Open the .blend file `path`; what was taken out of it before Blender evaluated it, a TakenOut.
+
+    Scripts in the file never run.
+    """
     if not Path(path).is_file():
         found = "a folder" if Path(path).is_dir() else "no such file"
         raise InputError(str(path), found, "a .blend file", "check the path")
+    taken_out = []
+
+    @persistent
+    def take_out(*_):
+        taken_out.append(TakenOut())
+
+    # The file is evaluated as a part of opening it, after these handlers.
+    bpy.app.handlers.load_post.append(take_out)
     try:
         bpy.ops.wm.open_mainfile(filepath=str(path), load_ui=False, use_scripts=False)
     except RuntimeError as error:
@@ -24,7 +37,10 @@ def open_blend(path):
             "a .blend file of Blender 5.0 or older",
             "save it again with Blender 5.0",
         ) from None
+    finally:
+        bpy.app.handlers.load_post.remove(take_out)
     require_working_space()
+    return taken_out[-1]
 
 
 def open_empty():

@@ -17,7 +17,7 @@ def handle(request, messages):
     from scene_reader import Wish, read_scene
 
     messages.activity(f"opening {request['blend']}")
-    open_blend(request["blend"])
+    taken_out = open_blend(request["blend"])
     names = request.get("object")
     wish = Wish(
         objects=[names] if isinstance(names, str) else names,
@@ -26,7 +26,9 @@ def handle(request, messages):
         material=request.get("material"),
         include_hidden=bool(request.get("include_hidden")),
     )
-    found = read_scene(request["blend"], wish, messages, request.get("folder"), request.get("refused"))
+    found = read_scene(
+        request["blend"], wish, messages, taken_out, request.get("folder"), request.get("refused")
+    )
     return {"scene": found.scene, "files": found.files}
 
 

@@ -17,20 +17,12 @@ SAME_PLANE = 1e-6
 # Pairs of triangles that are looked at, at most: a scene of instances may have millions.
 MOST_PAIRS = 200_000
 SHOWN = 3
+# Of a box whose corner k has its upper end along axis a where bit a of k is set.
 BOX_TRIANGLES = np.array(
     [
-        (0, 2, 3),
-        (0, 3, 1),
-        (4, 5, 7),
-        (4, 7, 6),
-        (0, 1, 5),
-        (0, 5, 4),
-        (2, 6, 7),
-        (2, 7, 3),
-        (0, 4, 6),
-        (0, 6, 2),
+        *((0, 2, 3), (0, 3, 1), (4, 5, 7), (4, 7, 6), (0, 1, 5), (0, 5, 4)),
+        *((2, 6, 7), (2, 7, 3), (0, 4, 6), (0, 6, 2), (1, 3, 7), (1, 7, 5)),
     ]
-    + [(1, 3, 7), (1, 7, 5)]
 )
 
 
@@ -54,8 +46,8 @@ def warn_of_overlaps(volumes, messages):
     if depth > STACK_LIMIT:
         messages.warning(
             f"{len(volumes)} volumes",
-            f"{depth} of their bounding boxes share a place: Cycles keeps {STACK_LIMIT} volumes at one place and "
-            "loses the others; here all count",
+            f"{depth} of their bounding boxes share a place: Cycles keeps {STACK_LIMIT} volumes at one place "
+            "and loses the others; here all count",
         )
 
 

@@ -23,55 +23,51 @@ CUBE_EDGE = 2.0
 SHOWN = 5
 
 
-class Domain:
-    """A fluid domain: what kind of fluid, and its name."""
+class TakenOut:
+    """What was taken out of a file because Blender's module breaks down where it is evaluated.
 
-    def __init__(self, item, modifier):
-        self.name = unique_name(item)
-        self.kind = modifier.domain_settings.domain_type.lower()
-
-
-def take_out_what_breaks(messages):
-    """Switch off what ends Blender's module where it is evaluated; the fluid domains by object.
-
-    A domain loses its modifier. What a render would show of it is in the cache of its simulation.
+    `domains` {object: "gas" or "liquid"} are fluid domains, which have lost their modifier: the module aborts
+    where it frees their solver. What a render would show of them is in the caches of their simulations.
+    `freestyle` names the scenes that would have been drawn with lines, at which the module crashes.
     """
-    for scene in bpy.data.scenes:
-        if scene.render.use_freestyle:
-            scene.render.use_freestyle = False
-            messages.warning(f'scene "{scene.name}", Freestyle', "left out: no lines are drawn")
-        for layer in scene.view_layers:
-            layer.use_freestyle = False
-    domains = {}
-    for item in bpy.data.objects:
-        for modifier in list(item.modifiers):
-            if modifier.type == "FLUID" and modifier.fluid_type == "DOMAIN":
-                domains[item] = Domain(item, modifier)
-                if item.library is None and item.override_library is None:
+
+    def __init__(self):
+        self.domains = {}
+        self.freestyle = []
+        for scene in bpy.data.scenes:
+            if scene.render.use_freestyle:
+                self.freestyle.append(scene.name)
+                scene.render.use_freestyle = False
+            for layer in scene.view_layers:
+                layer.use_freestyle = False
+        for item in bpy.data.objects:
+            for modifier in list(item.modifiers):
+                if modifier.type == "FLUID":
+                    if modifier.fluid_type == "DOMAIN":
+                        self.domains[item] = modifier.domain_settings.domain_type.lower()
                     item.modifiers.remove(modifier)
-    return domains
 
 
 class StandIns:
     """What a file is read with in place of what it lacks, or what cannot be evaluated.
 
-    `domains` are its fluid domains by object; `empty_material` is theirs, a volume of density 0, which is what
-    Blender shows of a domain without a cache. `default_material` is what Cycles gives a Volume object without a
-    material: a Principled Volume as a new node has it (measured in 5.0.1 and 5.3.0: the same picture).
+    `domains` are its fluid domains by object; `empty_material` is theirs, a volume of density 0, which is
+    what Blender shows of a domain without a cache. `default_material` is what Cycles gives a Volume object
+    without a material: a Principled Volume as a new node has it (measured in 5.0.1 and 5.3.0: the same
+    picture).
     """
 
     def __init__(self, domains):
         self.domains = domains
         self.default_material = _volume_material("Default Volume", 1.0)
         self.empty_material = _volume_material("Empty Domain", 0.0)
+        self.materials = (self.default_material, self.empty_material)
 
 
 def _volume_material(name, density):
     material = bpy.data.materials.new(name)
     if material.node_tree is None:
         material.use_nodes = True
-    # Whoever reads the file's own materials finds those with users.
-    material.use_fake_user = False
     tree = material.node_tree
     tree.nodes.clear()
     closure = tree.nodes.new("ShaderNodeVolumePrincipled")
@@ -222,33 +218,33 @@ def _is_rendered(layer, collection):
     return layer.collection == collection or any(_is_rendered(child, collection) for child in layer.children)
 
 
-def candidates(scene, domains, notes):
+def candidates(scene, stand_ins, notes):
     """What of a file without a volume that renders could be one, as clauses.
 
     `notes` {object: clause} say why a visible object shows no volume.
     """
     found = []
     for material in bpy.data.materials:
-        if volume_output(material) is None or material.users == 0:
+        if volume_output(material) is None or material in stand_ins.materials:
             continue
         carriers = [
             item
             for item in bpy.data.objects
             if any(slot.material == material for slot in item.material_slots)
         ]
-        where = [f'on "{unique_name(item)}", {_state(item, scene, domains, notes)}' for item in carriers]
+        where = [f'on "{unique_name(item)}", {_state(item, scene, stand_ins, notes)}' for item in carriers]
         state = "; ".join(where[:SHOWN]) or "on no object"
         found.append(f'material "{unique_name(material)}" {state}')
     for item in bpy.data.objects:
         if item.type == "VOLUME" and not item.material_slots:
-            found.append(f'Volume object "{unique_name(item)}", {_state(item, scene, domains, notes)}')
+            found.append(f'Volume object "{unique_name(item)}", {_state(item, scene, stand_ins, notes)}')
         elif item.is_missing:
             found.append(f'object "{item.name}", {why_not_rendered(item, scene)}')
     return found
 
 
-def _state(item, scene, domains, notes):
-    if item in domains:
-        return f"a {domains[item].kind} domain, whose cache is not read"
+def _state(item, scene, stand_ins, notes):
+    if item in stand_ins.domains:
+        return f"a {stand_ins.domains[item]} domain, whose cache is not read"
     hidden = why_not_rendered(item, scene)
     return hidden or notes.get(item, "which renders no face with it")

@@ -16,7 +16,7 @@ import os
 import platform
 import sys
 import traceback
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 
 # Innermost calls of an unexpected exception that an error names.
 SHOWN_CALLS = 3
@@ -178,10 +178,9 @@ def _leave(status):
     """End the process with everything written and no destructor run: Blender's may abort, and the answer is
     given."""
     for stream in (sys.stdout, sys.stderr):
-        try:
+        # Where nobody reads it any more, it is not needed.
+        with suppress(OSError, ValueError):
             stream.flush()
-        except (OSError, ValueError):
-            pass  # Nobody reads it any more.
     os._exit(status)
 
 
@@ -244,9 +243,6 @@ def _blender_version():
             "the Python module bpy 5.0.1, which needs CPython 3.11",
             "run `make setup`, or `python3.11 -m pip install bpy==5.0.1`",
         ) from None
-    # Blender's module aborts when it frees the solver of a fluid domain, which it makes as soon as a file with
-    # one is opened. Without Mantaflow's module, which importing bpy puts there, it makes none.
-    sys.modules["manta"] = None
     import older_releases
 
     older_releases.prepare()

@@ -21,7 +21,6 @@ from preparation import (
     choose_camera,
     framing,
     show_hidden,
-    take_out_what_breaks,
 )
 from protocol import Faults, InputError
 from scene_io import FORMAT, matrix_array, matrix_rows, read_fields, shortest, shortest_list
@@ -97,15 +96,17 @@ class Wish:
         self.include_hidden = include_hidden
 
 
-def read_scene(path, wish, messages, folder=None, refused=None):
+def read_scene(path, wish, messages, taken_out, folder=None, refused=None):
     """Return the open file, loaded from `path`, as a ReadScene of what the Wish asks for.
 
+    `taken_out` is what opening it has left out (blender_file.open_blend).
     What has to be made beside the scene file is written to `folder`; without one what needs it is rejected.
     `refused` is as in `read_graph`. Raises one InputError with all faults of the file.
     """
     scene = bpy.context.scene
     faults = Faults()
-    stand_ins = StandIns(take_out_what_breaks(messages))
+    for name in taken_out.freestyle:
+        messages.warning(f'scene "{name}", Freestyle', "left out: no lines are drawn")
     messages.activity(
         f"evaluating the scene at frame {scene.frame_current if wish.frame is None else wish.frame}"
     )
@@ -115,6 +116,7 @@ def read_scene(path, wish, messages, folder=None, refused=None):
     objects = wish.objects
     if wish.material is not None:
         objects = [unique_name(add_material_cube(scene, wish.material))]
+    stand_ins = StandIns(taken_out.domains)
     camera, is_ours = choose_camera(scene, wish.camera, wish.material is not None, messages)
     # Blender renders with one alone, and a marker may have bound another.
     scene.camera = camera
@@ -245,8 +247,8 @@ def _warn_of_darkness(entry, messages):
     if not is_lit:
         messages.warning(
             f'scene "{entry["name"]}"',
-            "the picture will be black: no light, world or volume of it shines. Light of surfaces is not in a "
-            "scene file; add a light or give the world a colour",
+            "the picture will be black: no light, world or volume of it shines. Light of surfaces is not in "
+            "a scene file; add a light or give the world a colour",
         )
 
 

@@ -63,9 +63,7 @@ class VolumeReader:
         self._messages = messages
         self._faults = faults
         self._folder = folder
-        self._domains = stand_ins.domains
-        self._default_material = stand_ins.default_material
-        self._empty_material = stand_ins.empty_material
+        self._stand_ins = stand_ins
         # Why an object that renders shows no volume, by object.
         self._notes = {}
         # Volumes of density 0.
@@ -107,7 +105,7 @@ class VolumeReader:
 
     def _nothing_found(self):
         """The error where no volume renders, with what could be one."""
-        known = candidates(self._depsgraph.scene, self._domains, self._notes)
+        known = candidates(self._depsgraph.scene, self._stand_ins, self._notes)
         found = "no volume that renders"
         if known:
             found += f"; the file has {'; '.join(known[:CANDIDATES_SHOWN])}"
@@ -116,8 +114,8 @@ class VolumeReader:
         else:
             found += ", and no material whose Volume is linked"
         remedy = (
-            "show a material on a cube (--material NAME) or what is hidden (--include-hidden); or link a volume "
-            "shader to the Volume of a Material Output in Blender"
+            "show a material on a cube (--material NAME) or what is hidden (--include-hidden); or link a "
+            "volume shader to the Volume of a Material Output in Blender"
         )
         if any("missing" in note for note in self._notes.values()):
             remedy = f"correct the path of what is missing; or {remedy}"
@@ -157,7 +155,7 @@ class VolumeReader:
                 self._report_missing(
                     material.original, "material", "its faces have a surface of one colour, and no volume"
                 )
-        if item.original in self._domains:
+        if item.original in self._stand_ins.domains:
             if any(volume_output(material) is not None for material in materials):
                 self._empty_domain(instance, item, name, is_instance, place)
             return
@@ -165,7 +163,7 @@ class VolumeReader:
         if item.type == "VOLUME":
             found = next((entry for entry in materials if volume_output(entry) is not None), None)
             if all(material is None for material in materials):
-                found = self._default_material
+                found = self._stand_ins.default_material
             shape = None
         else:
             found, shape = self._mesh_volume(instance, item, materials, place)
@@ -201,14 +199,17 @@ class VolumeReader:
         return Volume(entry, material, item.original, is_instance, shape is not None and shape[-1])
 
     def _empty_domain(self, instance, item, name, is_instance, place):
-        """A fluid domain, as Blender renders it without the cache of its simulation: a volume of density 0. It
-        is a volume of the scene where there is no other, and else left out."""
+        """A fluid domain, as Blender renders it without the cache of its simulation: a volume of density 0.
+        It is a volume of the scene where there is no other, and else left out."""
         shape = _triangles(item, place)
-        self._left_out.setdefault(f"fluid domains ({self._domains[item.original].kind})", []).append(name)
+        kind = self._stand_ins.domains[item.original]
+        self._left_out.setdefault(f"fluid domains ({kind})", []).append(name)
         if len(shape[1]):
             outline = _mesh_outline(item, shape, place)
             self._empty.append(
-                self._volume(instance, item, self._empty_material, name, is_instance, outline, shape, place)
+                self._volume(
+                    instance, item, self._stand_ins.empty_material, name, is_instance, outline, shape, place
+                )
             )
 
     def _report_missing(self, item, what, effect):
@@ -311,8 +312,8 @@ class VolumeReader:
         return sum(seen.values())
 
     def _grid_outline(self, item, material, place):
-        """Shape, bounds and texture space of a Volume object with an OpenVDB file; None where its file is gone,
-        which is reported, or where it has faults."""
+        """Shape, bounds and texture space of a Volume object with an OpenVDB file; None where its file is
+        gone, which is reported, or where it has faults."""
         data = item.data
         render = data.render
         data.grids.load()
@@ -321,8 +322,8 @@ class VolumeReader:
             self._notes[item.original] = f"whose file {path} is missing or damaged"
             self._messages.warning(
                 f"{place}, {path}",
-                f"{data.grids.error_message.strip()}: left out, Blender renders nothing in its place; correct the "
-                "path (Object data, OpenVDB File), or for a sequence give a frame that it has (--frame)",
+                f"{data.grids.error_message.strip()}: left out, as in Blender; correct "
+                "the path (Object data, OpenVDB File), or for a sequence give a frame that it has (--frame)",
             )
             return None
         before = len(self._faults.found)
@@ -489,9 +490,9 @@ def _effect(kind):
         return "the picture stays the same"
     if kind.startswith("fluid domains"):
         return (
-            "what they show is in the cache of the simulation, which is not read, so they are empty here; bake "
-            "a gas with the cache format OpenVDB and show a file of the cache by a Volume object (Add, Volume, "
-            "Import OpenVDB)"
+            "what they show is in the cache of the simulation, which is not read, so they are empty here; "
+            "bake a gas with the cache format OpenVDB and show a file of the cache by a Volume object (Add, "
+            "Volume, Import OpenVDB)"
         )
     effect = "a scene has volumes and nothing else; they cast no shadow, hide nothing and reflect no light"
     return effect + (", and their light is missing" if kind == "surfaces that shine" else "")

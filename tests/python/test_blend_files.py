@@ -8,13 +8,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from blend_support import Recorder, requires_bpy
+from blend_support import Recorder, requires_bpy, run_script
 from protocol import InputError, located
 
 bpy = pytest.importorskip("bpy")
 
 import bmesh  # noqa: E402
-from mathutils import Matrix  # noqa: E402
+from mathutils import Matrix, Vector  # noqa: E402
 
 import volume_grid  # noqa: E402
 from build_scene import handle as build  # noqa: E402
@@ -1252,3 +1252,215 @@ def test_smoke_renders_alike_once_built(empty, tmp_path):
     assert expected.std() > 0.1
     assert (np.abs(found - expected).max(axis=2) > 1e-3).mean() < 0.02
     assert found.mean() == pytest.approx(expected.mean(), rel=1e-3)
+
+
+# What Blender's module breaks down at, and what a file lacks
+
+
+def _domain(name, kind="GAS", material=None):
+    item = cube(name, *([material] if material else []))
+    modifier = item.modifiers.new("Fluid", "FLUID")
+    modifier.fluid_type = "DOMAIN"
+    modifier.domain_settings.domain_type = kind
+    return item
+
+
+def _run(path, folder, **request):
+    """Export a file in a process of its own: (events by kind, exit status)."""
+    whole = {"blend": str(path), "object": None, "folder": str(folder)} | request
+    events, status = run_script("export_scene.py", whole)
+    return {kind: [item for item in events if item["event"] == kind] for kind in ("warning", "done")}, status
+
+
+@pytest.mark.parametrize("kind", ["GAS", "LIQUID"])
+@pytest.mark.parametrize("others", [True, False])
+def test_a_fluid_domain_is_read_around(empty, tmp_path, kind, others):
+    # Blender's module aborts where a file with a domain is evaluated, so it is only read in another process.
+    _domain("Domain", kind, fog("Smoke"))
+    if others:
+        cube("Cube", fog("Fog"), location=(5, 0, 0))
+    path = tmp_path / "file.blend"
+    bpy.ops.wm.save_as_mainfile(filepath=str(path), copy=True)
+    events, status = _run(path, tmp_path)
+    assert status == 0
+    document = events["done"][0]["result"]["scene"]
+    warning = next(item for item in events["warning"] if "fluid domains" in item["place"])
+    assert "cache of the simulation" in warning["message"] and "Domain" in warning["place"]
+    if others:
+        assert names(document) == ["Cube"]
+    else:
+        # As Blender shows it without a cache: nothing.
+        assert names(document) == ["Domain"]
+        (closure,) = [node for node in document["graph"]["nodes"] if "Principled" in node["type"]]
+        assert closure["inputs"]["Density"] == 0.0
+
+
+def test_a_domain_that_is_no_volume_harms_nothing(empty, tmp_path):
+    _domain("Hidden", "GAS", fog("Smoke")).hide_render = True
+    _domain("Surface", "LIQUID", surface("Water"))
+    cube("Cube", fog("Fog"), location=(5, 0, 0))
+    path = tmp_path / "file.blend"
+    bpy.ops.wm.save_as_mainfile(filepath=str(path), copy=True)
+    events, status = _run(path, tmp_path)
+    assert status == 0 and names(events["done"][0]["result"]["scene"]) == ["Cube"]
+
+
+def test_freestyle_is_off_while_reading(empty, tmp_path):
+    cube("Cube", fog("Fog"))
+    empty.render.use_freestyle = True
+    empty.view_layers[0].use_freestyle = True
+    path = tmp_path / "file.blend"
+    bpy.ops.wm.save_as_mainfile(filepath=str(path), copy=True)
+    events, status = _run(path, tmp_path)
+    assert status == 0 and "Freestyle" in events["warning"][0]["place"]
+
+
+def test_what_a_file_without_volumes_could_show_is_listed(empty, tmp_path):
+    hidden, excluded, without = (cube(name, fog(f"{name} fog")) for name in ("Hidden", "Excluded", "Bare"))
+    hidden.hide_render = True
+    collection = bpy.data.collections.new("Away")
+    empty.collection.children.link(collection)
+    empty.collection.objects.unlink(excluded)
+    collection.objects.link(excluded)
+    bpy.context.view_layer.layer_collection.children["Away"].exclude = True
+    without.data.clear_geometry()
+    fog("Unused").use_fake_user = True
+    text = refusal(tmp_path)
+    for part in (
+        '"Hidden fog" on "Hidden", hidden in renders',
+        '"Excluded fog" on "Excluded", in a collection that is hidden in renders or excluded',
+        '"Bare fog" on "Bare", which has no faces',
+        'material "Unused" on no object',
+        "--material NAME",
+    ):
+        assert part in text, text
+    document, warnings, _ = exported(tmp_path, include_hidden=True)
+    assert names(document) == ["Excluded", "Hidden"]
+    assert any("--include-hidden" in warning for warning in warnings)
+
+
+def test_a_material_is_shown_on_a_cube(empty, tmp_path):
+    fog("Unused", 0.25).use_fake_user = True
+    surface("Wood").use_fake_user = True
+    cube("Cube", fog("Fog"), location=(9, 9, 9))
+    document, warnings, _ = exported(tmp_path, material="Unused")
+    assert names(document) == ["Cube of Unused"] and document["graph"]["material"] == "Unused"
+    assert document["volume"]["shape"] == {"type": "box"}
+    assert document["volume"]["bounds"] == {"min": [-1.0] * 3, "max": [1.0] * 3}
+    assert any("frames the material's cube" in warning for warning in warnings)
+    assert document["camera"]["matrix_world"][0][3] > 2.0
+    document, _, _ = exported(tmp_path, material="Unused", camera="Camera")
+    assert document["camera"]["matrix_world"][1][3] == -10.0
+    assert "a material without a volume" in refusal(tmp_path, material="Wood")
+    assert "one of Fog, Unused" in refusal(tmp_path, material="Nothing")
+
+
+def test_a_volume_object_without_a_material_has_that_of_cycles(empty, tmp_path):
+    _, path = _smoke(tmp_path)
+    plain = picture(tmp_path, samples=64)
+    document, _, _ = exported(tmp_path)
+    assert document["graph"]["material"] == "Default Volume"
+    (closure,) = [node for node in document["graph"]["nodes"] if "Principled" in node["type"]]
+    assert closure["inputs"]["Density"] == 1.0
+    assert "Density Attribute" not in closure["inputs"]
+    shutil.copy(path, tmp_path / "beside")
+    # Made again from the scene file, Cycles shows the same picture to the bit.
+    build(
+        located(
+            {"scene": document, "blend": str(tmp_path / "made.blend"), "folder": str(tmp_path / "beside")},
+            "request",
+        ),
+        Recorder(),
+    )
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "made.blend"))
+    assert np.allclose(picture(tmp_path, samples=64), plain, atol=1e-6)
+    assert plain.max() < 1.0
+
+
+def test_a_link_that_blender_draws_in_red_carries_nothing(empty, tmp_path):
+    material = fog("Fog", 0.25)
+    tree = material.node_tree
+    closure = next(node for node in tree.nodes if node.bl_idname == "ShaderNodeVolumeAbsorption")
+    tree.links.new(tree.nodes.new("ShaderNodeEmission").outputs[0], closure.inputs["Density"])
+    cube("Cube", material)
+    assert math.isclose(depth(tmp_path), 0.5, rel_tol=1e-5)
+    document, _, _ = exported(tmp_path)
+    (entry,) = [node for node in document["graph"]["nodes"] if node["type"] == "ShaderNodeVolumeAbsorption"]
+    assert entry["inputs"]["Density"] == 0.25
+
+
+def test_all_faults_of_a_file_are_reported_at_once(empty, tmp_path):
+    for name in ("First", "Second"):
+        cube(name, fog(f"{name} fog")).visible_shadow = False
+    image = bpy.data.materials["First fog"].node_tree
+    empty.world.cycles_visibility.camera = False
+    lamp = _lamp("POINT")
+    linking = bpy.data.collections.new("Linked")
+    lamp.light_linking.receiver_collection = linking
+    assert image is not None
+    with pytest.raises(InputError) as caught:
+        exported(tmp_path)
+    faults = [caught.value, *caught.value.others]
+    places = [fault.place for fault in faults]
+    assert len(places) == 4, places
+    for part in ('"First"', '"Second"', "light linking", "world"):
+        assert any(part in place for place in places), places
+
+
+def test_faces_that_coincide_are_reported(empty, tmp_path):
+    cube("Cube", fog("Fog"))
+    cube("Stacked", fog("Other"), location=(0, 0, 2))
+    cube("Apart", fog("Third"), location=(0, 0, 4.001))
+    _, warnings, _ = exported(tmp_path)
+    (warning,) = [warning for warning in warnings if "coincide" in warning]
+    assert warning.startswith('objects "Cube" and "Stacked":')
+
+
+@pytest.mark.parametrize("turned", [0.0, 0.7])
+def test_coinciding_faces_of_turned_meshes_are_found(empty, tmp_path, turned):
+    items = [cube(name, fog(name)) for name in ("A", "B", "C")]
+    for number, item in enumerate(items):
+        item.rotation_euler = (turned, 0.3 * turned, 0.0)
+        # B has A's place at half the size: no face of it is one of A's. C touches A along an edge alone.
+        item.scale = ((1.0, 0.5, 1.0)[number],) * 3
+        rotation = item.rotation_euler.to_matrix()
+        item.location = rotation @ Vector(((0, 0, 0), (0, 0, 0), (2, 2, 0))[number])
+    _, warnings, _ = exported(tmp_path)
+    assert not [warning for warning in warnings if "coincide" in warning]
+    items = [bpy.data.objects[name] for name in ("A", "B", "C")]
+    items[1].location = items[1].rotation_euler.to_matrix() @ Vector((1.5, 0, 0.25))
+    _, warnings, _ = exported(tmp_path)
+    (warning,) = [warning for warning in warnings if "coincide" in warning]
+    assert '"A" and "B"' in warning
+
+
+@pytest.mark.parametrize(("count", "reported"), [(31, False), (32, True)])
+def test_more_volumes_at_a_place_than_cycles_keeps_are_reported(empty, tmp_path, count, reported):
+    material = fog("Fog", 0.01)
+    for number in range(count):
+        cube(f"Cube {number}", material).scale = (1 + 0.01 * number,) * 3
+    # Beside them, not at their place.
+    for number in range(3):
+        cube(f"Aside {number}", material, location=(5 + 3 * number, 0, 0))
+    _, warnings, _ = exported(tmp_path)
+    assert any("Cycles keeps 31" in warning for warning in warnings) == reported
+
+
+@pytest.mark.parametrize("light", ["surface", "world", "lamp", "volume"])
+def test_a_picture_that_will_be_black_is_announced(empty, tmp_path, light):
+    empty.world.node_tree.nodes["Background"].inputs["Strength"].default_value = float(light == "world")
+    kind = "ShaderNodeEmission" if light == "volume" else "ShaderNodeVolumeAbsorption"
+    material = fog("Fog") if light != "volume" else bpy.data.materials.new("Glow")
+    if light == "volume":
+        tree = material.node_tree
+        tree.nodes.clear()
+        tree.links.new(
+            tree.nodes.new("ShaderNodeOutputMaterial").inputs["Volume"], tree.nodes.new(kind).outputs[0]
+        )
+    cube("Cube", material)
+    if light == "surface":
+        cube("Lamp", surface("Lamp", "ShaderNodeEmission"), location=(0, 5, 0))
+    if light == "lamp":
+        _lamp("SUN")
+    _, warnings, _ = exported(tmp_path)
+    assert any("the picture will be black" in warning for warning in warnings) == (light == "surface")
