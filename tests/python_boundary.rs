@@ -551,3 +551,95 @@ fn names_stay_text_in_every_output() {
         }
     }
 }
+
+// --- readers that die --------------------------------------------------------------------------
+
+/// An interpreter that says what a reader says, and then does something.
+fn playing(folder: &Path, name: &str, act: &str) -> std::path::PathBuf {
+    let path = folder.join(name);
+    let events = r#"printf '{"event": "hello"}\n{"event": "activity", "what": "opening a.blend"}\n'"#;
+    write_program(&path, &format!("#!/bin/sh\n{events}\n{act}\n"));
+    path
+}
+
+#[test]
+fn a_reader_that_dies_is_never_taken_for_another_reason() {
+    let folder = folder();
+    write(&folder.path().join("a.blend"), "BLENDER");
+    let aborting = "echo \"can't clean grid cache\" >&2; kill -ABRT $$";
+    for (name, act, found, expected) in [
+        ("kill", "kill -KILL $$", "ended from outside while opening a.blend (signal 9, SIGKILL)", "work to its end"),
+        ("term", "kill -TERM $$", "ended from outside while opening a.blend (signal 15, SIGTERM)", "work to its end"),
+        ("abort", aborting, "a library that broke off while opening a.blend (signal 6, SIGABRT)", "can handle"),
+        ("segv", "kill -SEGV $$", "a library that broke off while opening a.blend (signal 11, SIGSEGV)", "can handle"),
+        ("bus", "kill -BUS $$", "a library that broke off while opening a.blend (signal 7, SIGBUS)", "can handle"),
+        ("handed", "exit 134", "a library that broke off while opening a.blend (signal 6, SIGABRT)", "can handle"),
+        ("memory", "echo 'std::bad_alloc' >&2; kill -ABRT $$", "ran out of memory while opening a.blend", "memory"),
+        ("python", "echo 'MemoryError' >&2; exit 1", "ran out of memory while opening a.blend", "memory"),
+        ("cpu", "kill -XCPU $$", "a file that is not read after", "read in that time"),
+        ("left", "exit 3", "left without an answer while opening a.blend (exit status: 3)", "a result"),
+        ("closed", "exec >&-; sleep 60", "closed its output without an answer while opening a.blend", "a result"),
+        (
+            "half",
+            r#"printf '{"event": "done", "result": {"sce'; kill -KILL $$"#,
+            "ended from outside",
+            "work to its end",
+        ),
+    ] {
+        let interpreter = playing(folder.path(), name, act);
+        let mut export = program(folder.path(), &["export", "a.blend", "-o", "a.scene.json"]);
+        let run = output(export.env("CLOUDPARITY_PYTHON", &interpreter));
+        let errors = text(&run.stderr);
+        assert_eq!(run.status.code(), Some(2), "{name}: {errors}");
+        assert!(errors.contains(found) && errors.contains(expected), "{name}: {errors}");
+        assert!(!errors.contains("expected a file that is whole"), "{name}: {errors}");
+        assert!(errors.contains("a.blend: found"), "{name}: {errors}");
+        assert!(!folder.path().join("a.scene.json").exists(), "{name}");
+    }
+}
+
+#[test]
+fn a_reader_that_is_killed_at_any_moment_is_reported_or_has_answered() {
+    if !support::require("bpy") {
+        return;
+    }
+    let folder = folder();
+    let scene = support::project("parity/scenes/homogeneous-cube.scene.json").display().to_string();
+    let made = output(&mut program(folder.path(), &["export", &scene, "-o", "cube.blend"]));
+    assert!(made.status.success(), "{}", text(&made.stderr));
+    let python = cloudparity::bridge::interpreter();
+    for tenth in 0..10 {
+        // The last moments come after the answer, where Blender's module takes its time.
+        let killer = folder.path().join("killer");
+        let seconds = f64::from(tenth) * 0.2 + 0.05;
+        write_program(&killer, &format!("#!/bin/sh\nexec timeout -s KILL {seconds} {} \"$@\"\n", python.display()));
+        let mut export = program(folder.path(), &["export", "cube.blend", "-o", "x.scene.json"]);
+        let run = output(export.env("CLOUDPARITY_PYTHON", &killer));
+        let errors = text(&run.stderr);
+        if run.status.success() {
+            assert!(Scene::load(&folder.path().join("x.scene.json")).is_ok());
+        } else {
+            assert_eq!(run.status.code(), Some(2), "{errors}");
+            assert!(errors.contains("ended from outside") && errors.contains("SIGKILL"), "{seconds} s: {errors}");
+        }
+        let _ = std::fs::remove_file(folder.path().join("x.scene.json"));
+    }
+}
+
+#[test]
+fn an_answer_counts_whatever_the_reader_does_after_it() {
+    if !support::require("bpy") {
+        return;
+    }
+    let folder = folder();
+    let scene = support::project("parity/scenes/homogeneous-cube.scene.json").display().to_string();
+    assert!(output(&mut program(folder.path(), &["export", &scene, "-o", "cube.blend"])).status.success());
+    let python = cloudparity::bridge::interpreter();
+    for end in ["kill -ABRT $$", "exit 7"] {
+        let interpreter = folder.path().join("python");
+        write_program(&interpreter, &format!("#!/bin/sh\n{} \"$@\"\n{end}\n", python.display()));
+        let mut export = program(folder.path(), &["export", "cube.blend", "-o", "x.scene.json"]);
+        let run = output(export.env("CLOUDPARITY_PYTHON", &interpreter));
+        assert!(run.status.success(), "{}", text(&run.stderr));
+    }
+}

@@ -69,9 +69,12 @@ pub fn of(status: ExitStatus, log: &str) -> Cause {
     }
 }
 
+/// The signal that ended a process. A shell or another program that stands before the interpreter hands it on as the status 128 and more.
 #[cfg(unix)]
 fn signal(status: ExitStatus) -> Option<i32> {
-    std::os::unix::process::ExitStatusExt::signal(&status)
+    let handed_on =
+        || status.code().map(|code| code - 128).filter(|number| SIGNALS.iter().any(|(known, _)| known == number));
+    std::os::unix::process::ExitStatusExt::signal(&status).or_else(handed_on)
 }
 
 /// Other systems have no signals: their status says it all.
@@ -152,6 +155,7 @@ mod tests {
             (11, "", "a library that broke off while opening a.blend (signal 11, SIGSEGV)"),
             (6, "what():  std::bad_alloc", "ran out of memory while opening a.blend (signal 6, SIGABRT)"),
             (1 << 8, "MemoryError", "ran out of memory while opening a.blend (exit status: 1)"),
+            (137 << 8, "", "ended from outside while opening a.blend (signal 9, SIGKILL)"),
             (3 << 8, "", "left without an answer while opening a.blend (exit status: 3)"),
         ] {
             let error = of(raw(status), log).error("export_scene.py", Some("opening a.blend"), log, None);

@@ -86,8 +86,10 @@ impl Limits {
         Error::new(
             self.place(),
             format!("a file that is not read after {:?}", self.time),
-            "a file that is whole and no larger than it needs to be",
-            format!("Write it again; where it is whole, set {SECONDS_VARIABLE} to more seconds."),
+            "a file that is read in that time",
+            format!(
+                "A damaged one may never be: write it again. For one that is whole, set {SECONDS_VARIABLE} to more seconds."
+            ),
         )
     }
 

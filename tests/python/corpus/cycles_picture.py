@@ -9,15 +9,38 @@ import json
 import sys
 
 import bpy
+from mathutils import Matrix
 
 from blender_file import open_blend
 from cycles_settings import apply_exr, apply_settings
 
 
+def wish(scene, path):
+    """Show what was asked for besides what the .blend shows: a material's cube, what is hidden, a camera."""
+    with open(path, encoding="utf-8") as file:
+        exported = json.load(file)
+    for volume in [exported["volume"], *exported.get("other_volumes", [])]:
+        item = bpy.data.objects.get(volume["object"])
+        if item is not None:
+            item.hide_render = False
+        elif volume["object"] == f"Cube of {volume['material']}":
+            bpy.ops.mesh.primitive_cube_add(size=2)
+            bpy.context.object.data.materials.append(bpy.data.materials[volume["material"]])
+    camera = exported["camera"]
+    if scene.camera is None or scene.camera.name != camera["name"]:
+        scene.camera = bpy.data.objects.get(camera["name"])
+    if scene.camera is None:
+        scene.camera = bpy.data.objects.new(camera["name"], bpy.data.cameras.new(camera["name"]))
+        scene.collection.objects.link(scene.camera)
+        scene.camera.matrix_world = Matrix(camera["matrix_world"])
+        scene.camera.data.clip_end = camera["clip_end"]
+
+
 def picture(request):
-    """Render {"blend", "exr", "resolution", "samples", "seed", "left_out", "sample_world"} into the EXR."""
+    """Render the "blend" of a request, as what was wished of it became the "scene", into its "exr"."""
     open_blend(request["blend"])
     scene = bpy.context.scene
+    wish(scene, request["scene"])
     apply_settings(scene, request["samples"], request["seed"], threads=1)
     apply_exr(scene.render.image_settings, multilayer=False, codec="ZIP")
     scene.render.resolution_x, scene.render.resolution_y = request["resolution"]

@@ -27,6 +27,8 @@ class File:
     # Samples per sub-pixel of both sides' pictures. 64 is the least for which Cycles' systematic error is
     # known (docs/parity.md); pictures that a small light makes noisy need more.
     samples: int = 64
+    # Further arguments of `export`.
+    arguments: tuple[str, ...] = ()
 
 
 FILES: dict[str, File] = {}

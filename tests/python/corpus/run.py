@@ -93,7 +93,7 @@ def examine(blend, entry, pictures, reuse=False):
     """
     outcome = Outcome(entry)
     scene = blend.with_suffix(".scene.json")
-    status, _, errors = program("export", blend, "-o", scene)
+    status, _, errors = program("export", blend, "-o", scene, *entry.arguments)
     if status != 0:
         outcome.refusal = errors.strip()
         return outcome
@@ -143,6 +143,7 @@ def compare(blend, scene, outcome, reuse):
         return
     request = {
         "blend": str(blend),
+        "scene": str(scene),
         "exr": str(reference),
         "resolution": size,
         "samples": entry.samples,
