@@ -17,7 +17,7 @@ pub(super) struct Arguments {
     /// Releases, by the numbers of their packages; another than Blender's own here gets an environment that is made when it is first asked for.
     #[arg(long, value_name = "LIST", value_delimiter = ',', default_values = &RELEASES[RELEASES.len() - 1..])]
     releases: Vec<String>,
-    /// Findings, by name: order, expectation, marching, grids, learning, lobes, draine, majorants; all if left out.
+    /// Findings, by name: order, expectation, marching, grids, learning, lobes, draine, majorants, overlaps; all if left out.
     #[arg(long, value_name = "LIST", value_delimiter = ',')]
     only: Vec<String>,
     /// Scenes of which it is measured, too, by the last release, how much of their references' error all seeds share.

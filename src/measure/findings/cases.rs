@@ -1,5 +1,6 @@
 //! The scenes of each finding, and what is read from their pictures.
 
+use crate::measure::errors::Uncertain;
 use crate::measure::findings::expected::{
     Lookup, Noise, STEPS_PER_DEPTH, checkerboard, draine_mean_cosine, lobes_weighted_apart,
 };
@@ -60,7 +61,112 @@ fn ball(lobes: &[Json], cosine: u32, sampled: bool) -> Json {
 
 /// All findings, in the order of the report.
 pub fn findings() -> Vec<Finding> {
-    vec![order(), expectation(), marching(), grids(), learning(), lobes(), draine(), majorants()]
+    vec![order(), expectation(), marching(), grids(), learning(), lobes(), draine(), majorants(), overlaps()]
+}
+
+/// Half the width of cubes, and where they stand along the ray.
+type Cubes = Vec<(f64, f64)>;
+
+/// Volumes that Cycles keeps at one place.
+const KEPT: usize = 31;
+
+/// Cubes, one in the other, of which Cycles keeps the outermost: a ray meets these first.
+fn nested() -> Cubes {
+    (0..40).map(|number| (1.0 + 0.01 * f64::from(number), 0.0)).collect()
+}
+
+/// A parallel view along +Y through the middle of absorbing cubes, before a world of radiance 1: a pixel is their transmittance, without
+/// noise.
+fn absorbing(density: f64, cubes: &Cubes) -> Json {
+    let identity = |at: f64| json!([[1, 0, 0, 0], [0, 1, 0, at], [0, 0, 1, 0], [0, 0, 0, 1]]);
+    let mut volumes = cubes.iter().enumerate().map(|(number, &(half, at))| {
+        json!({
+            "object": format!("Cube {number}"), "matrix_world": identity(at), "shape": {"type": "box"},
+            "bounds": {"min": [-half; 3], "max": [half; 3]},
+            "texture_space": {"location": [0; 3], "size": [half; 3]},
+            "material": "Absorbing", "volume_step_rate": 1,
+        })
+    });
+    let first = volumes.next();
+    json!({
+        "stage": "scene", "film_transparent": false, "volume_bounces": 0, "world_sampling": "NONE",
+        "scene": {
+            "format": "cloudparity-scene/1", "name": "overlaps",
+            "camera": {
+                "name": "Camera", "projection": "orthographic",
+                // Beside the diagonals along which faces are split into triangles.
+                "matrix_world": [[1, 0, 0, 0.1], [0, 0, -1, -20], [0, 1, 0, 0.2], [0, 0, 0, 1]],
+                "focal_length": 50, "sensor_fit": "AUTO", "sensor_width": 36, "sensor_height": 24, "ortho_scale": 0.01,
+                "shift": [0, 0], "clip_start": 0.1, "clip_end": 100,
+            },
+            "film": {
+                "resolution": [4, 4], "resolution_percentage": 100, "pixel_aspect": [1, 1], "pixel_filter": "BOX",
+                "filter_width": 1.5, "exposure": 1, "transparent": false,
+            },
+            "integrator": {"volume_bounces": 0, "max_bounces": 12},
+            "display": {"view_transform": "Standard", "look": "None", "exposure": 0, "gamma": 1},
+            "lights": [], "world": {"color": [1, 1, 1], "strength": 1},
+            "volume": first, "other_volumes": volumes.collect::<Vec<_>>(),
+            "graph": {"material": "Absorbing", "groups": [], "nodes": [
+                {
+                    "name": "Material Output", "type": "ShaderNodeOutputMaterial", "location": [0, 0],
+                    "properties": {"is_active_output": true, "target": "ALL"},
+                    "inputs": {"Volume": {"node": "Volume Absorption", "socket": "Volume"}},
+                },
+                {
+                    "name": "Volume Absorption", "type": "ShaderNodeVolumeAbsorption", "location": [0, 0],
+                    "properties": {}, "inputs": {"Color": [0, 0, 0, 1], "Density": density},
+                },
+            ]},
+        },
+    })
+}
+
+/// Faces at one distance, and more volumes at a place than Cycles keeps.
+fn overlaps() -> Finding {
+    const DENSITY: f64 = 0.5;
+    const THIN_SHELL: f64 = 0.02;
+    let case = |name: &str, density: f64, cubes: &Cubes| Case {
+        name: name.into(),
+        scene: absorbing(density, cubes),
+        folder: None,
+        samples: 1,
+        size: [4, 4],
+        integrator: Integrator::Own,
+        replicas: seeds(2),
+    };
+    Finding {
+        name: "overlaps",
+        title: "Faces that coincide, and more than 31 volumes at a place",
+        claim: "Of two faces at one distance a ray passes one alone: it never leaves the first of two cubes that stand face to face, and never \
+                enters one of two at one place. Of volumes that are nested deeper than 31, it keeps the 31 that it enters first.",
+        advice: "Leave a gap between objects, or join their meshes; nest fewer volumes.",
+        cases: vec![
+            case("two cubes face to face", DENSITY, &vec![(1.0, 0.0), (1.0, 2.0)]),
+            case("two cubes at one place", DENSITY, &vec![(1.0, 0.0); 2]),
+            case("forty nested cubes", THIN_SHELL, &nested()),
+        ],
+        rows: |measured| {
+            let widths = |cubes: &Cubes| cubes.iter().map(|(half, _)| 2.0 * half).sum::<f64>();
+            let kept = nested().split_off(nested().len() - KEPT);
+            let expected = [
+                (4.0 * DENSITY, 6.0 * DENSITY, "the first cube through both, and the second"),
+                (4.0 * DENSITY, 2.0 * DENSITY, "one of the cubes"),
+                (THIN_SHELL * widths(&nested()), THIN_SHELL * widths(&kept), "the outermost 31"),
+            ];
+            let row = |(found, (truth, claimed, formula)): (&Measured, (f64, f64, &str))| {
+                let of = found.mean();
+                Row {
+                    name: format!("{}: optical depth", found.name),
+                    value: Uncertain { value: -of.value.ln(), standard_error: of.standard_error / of.value },
+                    claim: Claim::Equals(claimed),
+                    truth: Some(truth),
+                    formula: formula.into(),
+                }
+            };
+            measured.iter().zip(expected).map(row).collect()
+        },
+    }
 }
 
 /// Name of the finding about scenes.
