@@ -24,7 +24,7 @@ setup: system $(ENVIRONMENT) ## check the compiler, install what is missing, mak
 system:
 	@tools/setup.sh system
 
-$(ENVIRONMENT): requirements.txt requirements-dev.txt | system
+$(ENVIRONMENT): requirements.txt requirements-dev.txt requirements-releases.txt | system
 	@tools/setup.sh python
 	@touch $@
 

@@ -10,6 +10,7 @@ pub mod limits;
 pub mod probe;
 pub mod reference;
 pub mod releases;
+pub mod saved_by;
 mod starter;
 pub mod volume_grid;
 

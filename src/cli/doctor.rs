@@ -57,6 +57,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
     checks.push(check_folder("temporary files", "probes, pictures and grids", "TMPDIR", temporary));
     let references = bridge::reference::cache_folder();
     checks.push(check_folder("cache", "references by Cycles", bridge::reference::CACHE_VARIABLE, references));
+    checks.push(check_releases());
     let all_there = checks.iter().all(|check| check.problem.is_none());
     let text = if arguments.json {
         let document = serde_json::json!({
@@ -112,6 +113,28 @@ fn check_interpreter() -> Check {
             Check { what, found: None, problem: Some(problem(format!("{}: {cause} ({reason})", path.display()))) }
         }
     }
+}
+
+/// Releases of Blender: those whose environment is there, those that can be made, and which interpreter the others lack. None is needed
+/// where no file and no option asks for it, so that no release is a problem.
+fn check_releases() -> Check {
+    use crate::bridge::releases::{RELEASES, USUAL, how_to_get, is_complete, python_of};
+    let others = RELEASES.into_iter().filter(|release| *release != USUAL);
+    let mut lacking: Vec<(bridge::interpreter::Version, bool, String)> = Vec::new();
+    let (there, absent): (Vec<&str>, Vec<&str>) = others.partition(|release| is_complete(release));
+    let mut parts = vec![if there.is_empty() { "none besides".to_owned() } else { there.join(", ") }];
+    for release in absent {
+        let version = python_of(release);
+        match lacking.iter_mut().find(|(known, ..)| *known == version) {
+            Some((.., releases)) => *releases += &format!(", {release}"),
+            None => lacking.push((version, bridge::interpreter::find(version).is_ok(), release.to_owned())),
+        }
+    }
+    parts.extend(lacking.into_iter().map(|(version, can_be_made, releases)| match can_be_made {
+        true => format!("{releases} when first asked for"),
+        false => format!("{releases} with CPython {version}, which is missing. {}", how_to_get(version)),
+    }));
+    Check { what: format!("Blender besides {USUAL}"), found: Some(parts.join("; ")), problem: None }
 }
 
 fn check_package(distribution: &str, module: &str, purpose: &str) -> Check {

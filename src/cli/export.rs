@@ -5,6 +5,7 @@ use crate::base::files;
 use crate::base::kinds::{self, FileKind};
 use crate::bridge;
 use crate::bridge::CyclesKernel;
+use crate::bridge::releases::Reading;
 use crate::cli::choice::choice;
 use crate::cli::display::DisplayArguments;
 use crate::cli::{build, display};
@@ -42,9 +43,10 @@ pub(super) struct Arguments {
     /// The frame of the .blend to read it at, one of its scene's; without it the file's current one.
     #[arg(long, value_name = "FRAME", allow_negative_numbers = true)]
     frame: Option<i32>,
-    /// Of a .blend: the release of Blender whose values the nodes get, for who works with an older one.
-    #[arg(long, value_name = "RELEASE", value_parser = choice::<Release>(), default_value_t)]
-    blender: Release,
+    /// Of a .blend: the release of Blender whose values the nodes get; without it 5.0 for files of 5.0 and older, and the release
+    /// that saved it for others. It is read by a release that is not older than either.
+    #[arg(long, value_name = "RELEASE", value_parser = choice::<Release>())]
+    blender: Option<Release>,
     /// The file to write.
     #[arg(short, long, value_name = "FILE")]
     output: PathBuf,
@@ -158,7 +160,7 @@ pub(super) fn export(
     blend: &Path,
     objects: &[String],
     frame: Option<i32>,
-    release: Release,
+    release: Option<Release>,
     output: &Path,
 ) -> Result<Scene> {
     let place = blend.display().to_string();
@@ -177,10 +179,12 @@ pub(super) fn export(
         true => error,
         false => Error { place: format!("{place}: {}", error.place), ..error },
     };
-    let result = bridge::run_script("export_scene.py", &request, CyclesKernel::Default, super::report_to(&bar));
-    let mut result = result.map_err(in_file)?;
+    let reading = Reading::of(&blend, release)?;
+    let read = || bridge::run_script("export_scene.py", &request, CyclesKernel::Default, super::report_to(&bar));
+    let mut result = reading.run(&blend, read).map_err(in_file)?;
     bar.finish_and_clear();
-    if !release.is_newest() {
+    let release = reading.values;
+    if !release.is_default() {
         let scene = &mut result["scene"];
         scene["graph"]["blender"] = json!(release);
         let others = scene.get_mut("other_graphs").and_then(serde_json::Value::as_array_mut);
@@ -234,8 +238,12 @@ pub(super) fn describe(scene: &Scene) -> String {
         (None, true) => "a world of one colour".to_owned(),
         (None, false) => "a black world".to_owned(),
     };
+    let values = match graph.blender {
+        release if release.is_default() => String::new(),
+        release => format!(", the values of Blender {release}"),
+    };
     format!(
-        "{width} x {height} pixels, {} {}, material {} of {nodes} nodes, {lights}, {world}",
+        "{width} x {height} pixels, {} {}, material {} of {nodes} nodes, {lights}, {world}{values}",
         if volumes.len() == 1 { "volume" } else { "volumes" },
         volumes.join(", "),
         graph.material

@@ -21,9 +21,10 @@ pub(super) struct Arguments {
     /// The frame of the .blend to read it at, one of its scene's; without it the file's current one.
     #[arg(long, value_name = "FRAME", allow_negative_numbers = true)]
     frame: Option<i32>,
-    /// Of a .blend: the release of Blender whose values the nodes get, for who works with an older one.
-    #[arg(long, value_name = "RELEASE", value_parser = choice::<Release>(), default_value_t)]
-    blender: Release,
+    /// Of a .blend: the release of Blender whose values the nodes get; without it 5.0 for files of 5.0 and older, and the release
+    /// that saved it for others. It is read by a release that is not older than either.
+    #[arg(long, value_name = "RELEASE", value_parser = choice::<Release>())]
+    blender: Option<Release>,
     /// The folder to write; without it one beside the .blend that is named after it.
     #[arg(short, long, value_name = "DIR")]
     output: Option<PathBuf>,

@@ -183,8 +183,8 @@ pub(super) enum Hashing {
 impl Hashing {
     fn of(release: Release) -> Self {
         match release {
-            Release::Before5 => Self::Floats,
-            Release::Newest => Self::WholeNumbers,
+            Release::V4_5 => Self::Floats,
+            _ => Self::WholeNumbers,
         }
     }
 }
@@ -714,8 +714,8 @@ mod tests {
         ];
         for (dimensions, expected) in expected {
             for (place, expected) in places.into_iter().zip(expected) {
-                assert_eq!(f1(dimensions, Release::Before5, place), expected, "{dimensions} {place:?}");
-                assert_ne!(f1(dimensions, Release::Newest, place), expected, "{dimensions} {place:?}");
+                assert_eq!(f1(dimensions, Release::V4_5, place), expected, "{dimensions} {place:?}");
+                assert_ne!(f1(dimensions, Release::V5_0, place), expected, "{dimensions} {place:?}");
             }
         }
     }
