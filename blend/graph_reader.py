@@ -34,7 +34,7 @@ INTERFACE_TYPES = {
 VALUELESS_SOCKET_TYPES = {"STRING", "CUSTOM"}
 OUTPUT_VALUE_NODES = {"ShaderNodeValue", "ShaderNodeRGB", "ShaderNodeNormal"}
 LAYOUT_NODES = {"NodeFrame", "NodeGroupInput"}
-# In shaders since Blender 5.2. A scene file is of one frame: its outputs are numbers, as Blender gives them to Cycles.
+# In shaders since Blender 5.2. A scene file is of one frame: its outputs are the numbers that Cycles gets.
 SCENE_TIME = "GeometryNodeInputSceneTime"
 IDENTITY_MAPPING = {
     "translation": [0.0, 0.0, 0.0],
@@ -57,7 +57,7 @@ class Inexpressible(Exception):
 def is_available(socket):
     """Whether the socket exists in the present mode of its node.
 
-    The open file is asked, not what is evaluated of it: in evaluated groups of Blender 5.3 every socket exists.
+    The open file is asked, not what is evaluated of it: in evaluated groups of 5.3 every socket exists.
     """
     tree = socket.id_data
     if tree.is_evaluated:
@@ -329,7 +329,7 @@ class _GraphReader:
 def _time_values(node):
     """Value nodes in the place of a Scene Time, by name: one for each output, where the file's time is now.
 
-    Seconds are frame times fps_base over fps, each rounded to a float (measured by Cycles of 5.2.3 and 5.3.0).
+    Seconds are frame times fps_base over fps, each a float (measured with Cycles 5.2.3 and 5.3.0).
     """
     scene = bpy.context.scene
     frame = np.float32(scene.frame_current_final)

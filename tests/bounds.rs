@@ -22,7 +22,7 @@ fn size(name: &str, default: usize) -> usize {
 
 /// Nodes with other values than those of Blender 5.0, and the releases that have them.
 const CHANGED: [(&str, &[Release]); 10] = [
-    ("Voronoi Texture", &[Release::V4_5]),
+    ("Voronoi Texture", &[Release::V4_5, Release::V5_3]),
     ("Math", &[Release::V4_5, Release::V5_1]),
     ("Vector Math", &[Release::V4_5, Release::V5_1]),
     ("RGB to BW", &[Release::V4_5, Release::V5_1]),

@@ -148,7 +148,7 @@ make_environment_of_newest() {
     say "making the environment of Blender $NEWEST with $("$python" --version) (about 400 MB to download)"
     rm -rf "$folder"
     if ! "$python" -m venv "$folder" || ! "$folder/bin/python" -m pip install --quiet --disable-pip-version-check \
-        "bpy==$NEWEST" --requirement requirements-releases.txt; then
+        "bpy==$NEWEST" --requirement requirements-releases.txt $(grep -E '^pytest(-xdist)?==' requirements-dev.txt); then
         say "Blender $NEWEST could not be installed; what needs it makes the environment when it is first asked for"
         return
     fi

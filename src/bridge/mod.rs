@@ -193,7 +193,7 @@ impl Conversation {
             Error::new(
                 format!("interpreter {}", python.display()),
                 cause.to_string(),
-                "CPython 3.11 with the packages of requirements.txt",
+                "a CPython with the packages of requirements.txt",
                 format!("Run make setup, or set {INTERPRETER_VARIABLE} to the interpreter."),
             )
         })?;

@@ -3,6 +3,7 @@
 use crate::base::error::{Error, Result};
 use crate::base::identity::Identity;
 use crate::bridge;
+use crate::bridge::releases::{RELEASES, USUAL, how_to_get, is_complete, python_of};
 use crate::gpu::Gpu;
 use serde::Serialize;
 use std::fmt::Write;
@@ -94,15 +95,17 @@ fn check_interpreter() -> Check {
     let version =
         bridge::module_version("platform", "platform.python_implementation() + ' ' + platform.python_version()");
     let what = "Python".to_owned();
+    let release = bridge::interpreter::installed_beside(&path, "bpy").unwrap_or_else(|| USUAL.to_owned());
+    let wanted = python_of(&release);
     let problem = |cause: String| Problem {
         cause,
         needed_for: "everything that asks Blender or compares pictures".into(),
-        remedy: format!("Run make setup, or set {} to a CPython 3.11.", bridge::INTERPRETER_VARIABLE),
+        remedy: format!("Run make setup, or set {} to a CPython {wanted}.", bridge::INTERPRETER_VARIABLE),
     };
     match version {
         Ok(version) => {
-            let fits = version.starts_with("CPython 3.11.");
-            let cause = format!("{version}, where bpy 5.0.1 needs CPython 3.11");
+            let fits = version.starts_with(&format!("CPython {wanted}."));
+            let cause = format!("{version}, where bpy {release} needs CPython {wanted}");
             Check {
                 what,
                 found: Some(format!("{version} ({}; {reason})", path.display())),
@@ -118,7 +121,6 @@ fn check_interpreter() -> Check {
 /// Releases of Blender: those whose environment is there, those that can be made, and which interpreter the others lack. None is needed
 /// where no file and no option asks for it, so that no release is a problem.
 fn check_releases() -> Check {
-    use crate::bridge::releases::{RELEASES, USUAL, how_to_get, is_complete, python_of};
     let others = RELEASES.into_iter().filter(|release| *release != USUAL);
     let mut lacking: Vec<(bridge::interpreter::Version, bool, String)> = Vec::new();
     let (there, absent): (Vec<&str>, Vec<&str>) = others.partition(|release| is_complete(release));
