@@ -24,7 +24,7 @@ setup: system $(ENVIRONMENT) ## check the compiler, install what is missing, mak
 system:
 	@tools/setup.sh system
 
-$(ENVIRONMENT): requirements.txt requirements-dev.txt | system
+$(ENVIRONMENT): requirements.txt requirements-dev.txt requirements-releases.txt | system
 	@tools/setup.sh python
 	@touch $@
 
@@ -54,6 +54,12 @@ bench: build ## speed of the evaluators and of path tracing against Cycles, as r
 # Files side by side: what a file makes once, it makes once; each process has bpy in it. Threads of a metric that have nothing to do sleep.
 PYTEST := OMP_WAIT_POLICY=passive .venv/bin/python -m pytest --quiet --numprocesses auto --maxprocesses 4 --dist loadfile
 
+# The newest release of Blender that setup made an environment of, and the tests of scripts that run in it, too.
+NEWEST := $(shell sed -n 's/^NEWEST=//p' tools/setup.sh)
+NEWEST_PYTHON := $(or $(CLOUDPARITY_CACHE),$(HOME)/.cache/cloudparity)/blender/$(NEWEST)/bin/python
+TESTS_BY_NEWEST := $(addprefix tests/python/test_,export_and_build.py newer_releases.py node_data.py probe.py reference.py \
+	scene_io.py volume_objects.py)
+
 test: setup ## lints, all tests of Rust and Python, doc tests
 	@$(MAKE) --no-print-directory lint
 	if cargo nextest --version >/dev/null 2>&1; \
@@ -61,6 +67,9 @@ test: setup ## lints, all tests of Rust and Python, doc tests
 	else cargo test $(CARGO_FLAGS) --lib --bins --tests; fi
 	cargo test $(CARGO_FLAGS) --doc
 	PYTHONDONTWRITEBYTECODE=1 $(PYTEST) tests/python # caches in blend/ would build the program anew
+	if $(NEWEST_PYTHON) -c 'import bpy, pytest, xdist' 2>/dev/null; \
+	then PYTHONDONTWRITEBYTECODE=1 $(subst .venv/bin/python,$(NEWEST_PYTHON),$(PYTEST)) $(TESTS_BY_NEWEST); \
+	else echo "left out: tests by Blender $(NEWEST), which has no environment here"; fi
 
 lint: setup ## format, clippy, the core alone, documentation, ruff; warnings are errors
 	cargo fmt --check

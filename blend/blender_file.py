@@ -33,9 +33,9 @@ def open_blend(path):
     except RuntimeError as error:
         raise InputError(
             str(path),
-            f"a file that Blender cannot open ({str(error).strip()})",
-            "a .blend file of Blender 5.0 or older",
-            "save it again with Blender 5.0",
+            f"a file that Blender {bpy.app.version_string} cannot open ({str(error).strip()})",
+            "a .blend file that is whole, of this release or an older one",
+            f"save it again with Blender {bpy.app.version[0]}.{bpy.app.version[1]}",
         ) from None
     finally:
         bpy.app.handlers.load_post.remove(take_out)

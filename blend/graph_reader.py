@@ -7,6 +7,7 @@ that keep a value in an output socket.
 """
 
 import bpy
+import numpy as np
 
 from node_data import is_node_data, read_node_data, reason_against
 from protocol import InputError
@@ -33,6 +34,8 @@ INTERFACE_TYPES = {
 VALUELESS_SOCKET_TYPES = {"STRING", "CUSTOM"}
 OUTPUT_VALUE_NODES = {"ShaderNodeValue", "ShaderNodeRGB", "ShaderNodeNormal"}
 LAYOUT_NODES = {"NodeFrame", "NodeGroupInput"}
+# In shaders since Blender 5.2. A scene file is of one frame: its outputs are the numbers that Cycles gets.
+SCENE_TIME = "GeometryNodeInputSceneTime"
 IDENTITY_MAPPING = {
     "translation": [0.0, 0.0, 0.0],
     "rotation": [0.0, 0.0, 0.0],
@@ -52,7 +55,15 @@ class Inexpressible(Exception):
 
 
 def is_available(socket):
-    """Whether the socket exists in the present mode of its node."""
+    """Whether the socket exists in the present mode of its node.
+
+    The open file is asked, not what is evaluated of it: in evaluated groups of 5.3 every socket exists.
+    """
+    tree = socket.id_data
+    if tree.is_evaluated:
+        node = tree.original.nodes[socket.node.name]
+        sockets = node.outputs if socket.is_output else node.inputs
+        socket = next((twin for twin in sockets if twin.identifier == socket.identifier), socket)
     return socket.enabled and not socket.is_unavailable
 
 
@@ -218,6 +229,9 @@ class _GraphReader:
         for node in tree.nodes:
             if self._is_left_out_by_kind(node):
                 continue
+            if node.bl_idname == SCENE_TIME:
+                entries.update(_time_values(node))
+                continue
             place = (
                 f'material "{self._material.name}", tree "{tree.name}", node "{node.name}" ({node.bl_idname})'
             )
@@ -339,6 +353,40 @@ class _GraphReader:
         return inputs
 
 
+def _time_values(node):
+    """Value nodes in the place of a Scene Time, by name: one for each output, where the file's time is now.
+
+    Seconds are frame times fps_base over fps, each a float (measured with Cycles 5.2.3 and 5.3.0).
+    """
+    scene = bpy.context.scene
+    frame = np.float32(scene.frame_current_final)
+    seconds = frame * np.float32(scene.render.fps_base) / np.float32(scene.render.fps)
+    values = {"Seconds": seconds, "Frame": frame}
+    place = f'node "{node.name}"'
+    entries = {}
+    for socket in node.outputs:
+        name = _value_name(node, socket)
+        entries[name] = {
+            "name": name,
+            "type": "ShaderNodeValue",
+            "location": shortest_list(node.location_absolute, place),
+            "properties": {},
+            "inputs": {},
+            "outputs": {"Value": shortest(float(values[socket.identifier]), place)},
+        }
+        if node.mute:
+            entries[name] |= {"muted": True, "bypass": {}}
+    return entries
+
+
+def _value_name(node, socket):
+    """The name of the Value node for an output of Scene Time: one that no node of the tree has."""
+    name = f"{node.name} {socket.identifier}"
+    while name in node.id_data.nodes:
+        name += "'"
+    return name
+
+
 def _has_hidden_value(socket):
     """Whether an unlinked input whose value the interface hides has one that matters. The vector of a texture
     has none: it reads Generated coordinates."""
@@ -351,6 +399,8 @@ def _has_hidden_value(socket):
 def _link_source(link):
     if link.from_node.bl_idname == "NodeGroupInput":
         return {"group_input": link.from_socket.identifier}
+    if link.from_node.bl_idname == SCENE_TIME:
+        return {"node": _value_name(link.from_node, link.from_socket), "socket": "Value"}
     return {"node": link.from_node.name, "socket": link.from_socket.identifier}
 
 

@@ -240,7 +240,7 @@ def _blender_version():
         raise InputError(
             f"python interpreter {platform.python_version()}",
             f"bpy cannot be imported ({error})",
-            "the Python module bpy 5.0.1, which needs CPython 3.11",
+            "the Python module bpy: up to 5.0 for CPython 3.11, from 5.1 for CPython 3.13",
             "run `make setup`, or `python3.11 -m pip install bpy==5.0.1`",
         ) from None
     import older_releases

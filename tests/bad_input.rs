@@ -1016,7 +1016,7 @@ fn without_blender_it_says_so() {
             use std::os::unix::fs::PermissionsExt;
             std::fs::set_permissions(&bare, std::fs::Permissions::from_mode(0o755)).expect("a mode");
             let run = python(&bare.display().to_string(), arguments);
-            run.is_refused("no bpy", &["bpy cannot be imported", "bpy 5.0.1"]);
+            run.is_refused("no bpy", &["bpy cannot be imported", "bpy==5.0.1"]);
         }
         assert!(!folder.path().join("y.scene.json").exists() && !folder.path().join("y.blend").exists());
     }

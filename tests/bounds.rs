@@ -9,6 +9,7 @@ use cloudparity::graph::Program;
 use cloudparity::graph::bounds::Bounds3;
 use cloudparity::graph::bounds_check::{Survey, layer, points_in, violations};
 use cloudparity::graph::evaluate::{Arithmetic, Points};
+use cloudparity::measure::nodes::suite::modes_of;
 use cloudparity::nodes::{Column, Interval, Mode, NodeEvaluator, NodeType, Oracle, Role, registry};
 use cloudparity::scene::Release;
 use rand::{Rng, SeedableRng};
@@ -19,8 +20,19 @@ fn size(name: &str, default: usize) -> usize {
     std::env::var(name).ok().and_then(|text| text.parse().ok()).unwrap_or(default)
 }
 
-/// Nodes with other values up to Blender 4.5.
-const CHANGED: [&str; 4] = ["Voronoi Texture", "Math", "Vector Math", "RGB to BW"];
+/// Nodes with other values than those of Blender 5.0, and the releases that have them.
+const CHANGED: [(&str, &[Release]); 10] = [
+    ("Voronoi Texture", &[Release::V4_5, Release::V5_3]),
+    ("Math", &[Release::V4_5, Release::V5_1]),
+    ("Vector Math", &[Release::V4_5, Release::V5_1]),
+    ("RGB to BW", &[Release::V4_5, Release::V5_1]),
+    ("Blackbody", &[Release::V5_1]),
+    ("Brick Texture", &[Release::V5_1]),
+    ("Vector Transform", &[Release::V5_1]),
+    ("Magic Texture", &[Release::V5_2]),
+    ("Mix", &[Release::V5_3]),
+    ("Mix (Legacy)", &[Release::V5_3]),
+];
 
 /// Every mode of a node type, with all outputs; with the values of each release where these differ.
 fn modes(node_type: &'static NodeType) -> Vec<Mode> {
@@ -29,10 +41,10 @@ fn modes(node_type: &'static NodeType) -> Vec<Mode> {
         let outputs = node_type.outputs_of(&mode).map(|output| output.identifier).collect();
         mode.with_wanted(outputs)
     };
-    let newest: Vec<Mode> = cloudparity::measure::nodes::suite::modes(node_type).into_iter().map(read).collect();
-    let before = newest.iter().filter(|_| CHANGED.contains(&node_type.label));
-    let before: Vec<Mode> = before.map(|mode| mode.clone().with_release(Release::Before5)).collect();
-    [newest, before].concat()
+    let of = |release: Release| modes_of(node_type, release).into_iter().map(read);
+    let changed = CHANGED.iter().filter(|(label, _)| *label == node_type.label).flat_map(|(_, releases)| *releases);
+    let others = changed.flat_map(|release| of(*release).map(|mode| mode.with_release(*release)));
+    of(Release::default()).chain(others).collect()
 }
 
 /// A number as graphs hold them, with zeros, integers, tiny and huge ones among them.

@@ -2,10 +2,12 @@
 # Prepares a machine for cloudparity; `make setup` calls it. Nothing is installed that is there already.
 #
 #   tools/setup.sh system   the Rust compiler (checked), system libraries (installed by root on Debian)
-#   tools/setup.sh python   .venv with the packages of requirements.txt and requirements-dev.txt
+#   tools/setup.sh python   .venv with the packages of requirements.txt and requirements-dev.txt, and the newest release
+#                           of Blender in an environment of its own where an interpreter for it is there
 #   tools/setup.sh sweep    .venv-sweep with those of requirements-sweep.txt, on demand: for sweeps beyond one machine
 #
-# PYTHON=/path/to/python3.11 chooses the interpreter that .venv is made with.
+# PYTHON=/path/to/python3.11 chooses the interpreter that .venv is made with, CLOUDPARITY_PYTHON_3_13=/path/to/python3.13
+# that of the newest release, and CLOUDPARITY_CACHE the folder that holds its environment.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
@@ -115,6 +117,44 @@ make_environment() {
         --requirement requirements.txt --requirement requirements-dev.txt
 }
 
+# What .venv has is what all records and tests are of. Newer releases, whose wheels are for CPython 3.13, have the
+# environment that the program makes, too, and where the program looks for it (src/bridge/releases.rs).
+NEWEST=5.3.0
+
+# Prints a CPython 3.13 that makes environments; the order is that of src/bridge/interpreter.rs.
+find_python_of_newest() {
+    local name
+    for name in ${CLOUDPARITY_PYTHON_3_13:-python3.13 python3 "$(uv python find --no-python-downloads 3.13 2>/dev/null)" \
+        "${PYENV_ROOT:-$HOME/.pyenv}"/versions/3.13.*/bin/python3.13}; do
+        if "$name" -c 'import ensurepip, sys, venv
+sys.exit((sys.implementation.name, *sys.version_info[:2]) != ("cpython", 3, 13))' 2>/dev/null; then
+            printf '%s\n' "$name"
+            return
+        fi
+    done
+}
+
+make_environment_of_newest() {
+    local python folder=${CLOUDPARITY_CACHE:-$HOME/.cache/cloudparity}/blender/$NEWEST
+    if [[ -e $folder/complete ]]; then
+        return
+    fi
+    python=$(find_python_of_newest)
+    if [[ -z $python ]]; then
+        say "CPython 3.13 is not there; it would bring Blender 5.1 to $NEWEST: files that these saved, and --blender 5.3. One of:" \
+            "uv python install 3.13, pyenv install 3.13, CLOUDPARITY_PYTHON_3_13=/path/to/python3.13; then make setup again"
+        return
+    fi
+    say "making the environment of Blender $NEWEST with $("$python" --version) (about 400 MB to download)"
+    rm -rf "$folder"
+    if ! "$python" -m venv "$folder" || ! "$folder/bin/python" -m pip install --quiet --disable-pip-version-check \
+        "bpy==$NEWEST" --requirement requirements-releases.txt $(grep -E '^pytest(-xdist)?==' requirements-dev.txt); then
+        say "Blender $NEWEST could not be installed; what needs it makes the environment when it is first asked for"
+        return
+    fi
+    printf '%s' "$NEWEST" >"$folder/complete"
+}
+
 make_sweep_environment() {
     local python stamp=.venv-sweep/requirements.stamp
     if [[ -e $stamp && ! requirements-sweep.txt -nt $stamp ]]; then
@@ -136,7 +176,10 @@ system)
     check_rust
     install_packages
     ;;
-python) make_environment ;;
+python)
+    make_environment
+    make_environment_of_newest
+    ;;
 sweep) make_sweep_environment ;;
 *) fail "unknown step \"${1:-}\"; one of:" "system" "python" "sweep" ;;
 esac

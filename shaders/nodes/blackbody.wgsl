@@ -1,6 +1,7 @@
 // Blackbody node (ShaderNodeBlackbody): colour of a temperature in kelvins, linear Rec. 709 of luminance 1, negative
 // channels dropped. Source: Blender's fit, piece by piece: a / T + b T + c in red and green, a cubic in blue, constant
 // below 800 and from 12000. Domain: finite f32. Limits: the quotient is as exact as the device's division.
+// SINCE_BLENDER_5_1 and not SINCE_BLENDER_5_3: the fit is converted to Blender's working space.
 
 // Coefficients of a piece: a, b, c of red and of green, those of the cubic from the highest power down.
 struct Piece {
@@ -59,9 +60,10 @@ fn piece_of(temperature: f32) -> Piece {
     );
 }
 
-fn evaluate(temperature: f32) -> vec3f {
+// With negative channels.
+fn fit(temperature: f32) -> vec3f {
     if temperature < 800.0 {
-        return vec3f(5.4132943, 0.0, 0.0);
+        return vec3f(5.4132943, -0.2031939, -0.08225352);
     }
     if temperature >= 12000.0 {
         return vec3f(0.8262955, 0.994508, 1.5663077);
@@ -71,5 +73,23 @@ fn evaluate(temperature: f32) -> vec3f {
     let red = (p.red.x * inverse + p.red.y * temperature) + p.red.z;
     let green = (p.green.x * inverse + p.green.y * temperature) + p.green.z;
     let blue = ((p.blue.x * temperature + p.blue.y) * temperature + p.blue.z) * temperature + p.blue.w;
-    return max(vec3f(red, green, blue), vec3f(0.0));
+    return vec3f(red, green, blue);
+}
+
+fn converted(c: vec3f) -> vec3f {
+#ifdef SINCE_BLENDER_5_3
+    return c;
+#else ifdef SINCE_BLENDER_5_1
+    return vec3f(
+        (1.0001589 * c.x + -9.872019e-7 * c.y) + -7.748603e-7 * c.z,
+        (-8.550705e-8 * c.x + 0.99997663 * c.y) + -3.241002e-7 * c.z,
+        (1.6763774e-8 * c.x + 2.086164e-7 * c.y) + 0.9997596 * c.z,
+    );
+#else
+    return c;
+#endif
+}
+
+fn evaluate(temperature: f32) -> vec3f {
+    return max(converted(fit(temperature)), vec3f(0.0));
 }

@@ -1,5 +1,6 @@
 // Magic Texture node (ShaderNodeTexMagic): waves of the coordinates' sums, fed into each other TURBULENCE_DEPTH times.
-// Color = 1/2 - (x, y, z), unclamped; Factor is its mean. The coordinate is reduced modulo 2 pi before it is scaled.
+// Color = 1/2 - (x, y, z), unclamped; Factor is its mean. The coordinate is reduced modulo 2 pi before it is scaled,
+// SINCE_BLENDER_5_2 after that.
 // Source: Blender's formulas in its order, with own sines and an exact remainder.
 // Domain: finite f32. Limits: an error of a wave grows with distortion^TURBULENCE_DEPTH, whoever computes.
 #import cloudparity::numeric::{cos_of, fmod, sin_of}
@@ -17,12 +18,20 @@ const TURN: f32 = 6.28318548;
 const THIRD: f32 = 0.333333343;
 
 fn waves(p: vec3f, scale: f32, distortion: f32) -> vec3f {
+#ifdef SINCE_BLENDER_5_2
+    let a = fmod(p.x * scale, TURN);
+    let b = fmod(p.y * scale, TURN);
+    let c = fmod(p.z * scale, TURN);
+    let rest = 1.0;
+#else
     let a = fmod(p.x, TURN);
     let b = fmod(p.y, TURN);
     let c = fmod(p.z, TURN);
-    var x = sin_of((((a + b) + c) * 5.0) * scale);
-    var y = cos_of((((-a + b) - c) * 5.0) * scale);
-    var z = -cos_of((((-a - b) + c) * 5.0) * scale);
+    let rest = scale;
+#endif
+    var x = sin_of((((a + b) + c) * 5.0) * rest);
+    var y = cos_of((((-a + b) - c) * 5.0) * rest);
+    var z = -cos_of((((-a - b) + c) * 5.0) * rest);
     if TURBULENCE_DEPTH > 0 {
         x *= distortion;
         y *= distortion;

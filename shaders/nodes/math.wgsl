@@ -32,6 +32,8 @@ fn evaluate(a: f32, b: f32, c: f32) -> f32 {
 fn evaluate(a: f32, b: f32) -> f32 {
 #ifdef BEFORE_BLENDER_5
     return finish(numeric::safe_pow_before_5(a, b));
+#else ifdef SINCE_BLENDER_5_1
+    return finish(numeric::safe_pow_since_5_1(a, b));
 #else
     return finish(safe_pow(a, b));
 #endif

@@ -5,6 +5,8 @@
 #import cloudparity::blend::{blend_mix, blend_darken, blend_multiply, blend_burn, blend_lighten}
 #import cloudparity::blend::{blend_screen, blend_dodge, blend_add, blend_overlay, blend_soft_light}
 #import cloudparity::blend::{blend_linear_light, blend_difference, blend_exclusion, blend_subtract, blend_divide}
+#import cloudparity::blend::{blend_mix_since_5_3, blend_multiply_since_5_3, blend_add_since_5_3}
+#import cloudparity::blend::blend_subtract_since_5_3
 #import cloudparity::blend::{blend_hue, blend_saturation, blend_color, blend_value}
 
 #ifdef DATA_TYPE_FLOAT
@@ -44,11 +46,19 @@ fn evaluate(factor: f32, a: vec3f, b: vec3f) -> vec3f {
 
 fn blended(a: vec3f, b: vec3f, t: f32) -> vec3f {
 #ifdef BLEND_TYPE_MIX
+#ifdef SINCE_BLENDER_5_3
+    return blend_mix_since_5_3(a, b, t);
+#else
     return blend_mix(a, b, t);
+#endif
 #else ifdef BLEND_TYPE_DARKEN
     return blend_darken(a, b, t);
 #else ifdef BLEND_TYPE_MULTIPLY
+#ifdef SINCE_BLENDER_5_3
+    return blend_multiply_since_5_3(a, b, t);
+#else
     return blend_multiply(a, b, t);
+#endif
 #else ifdef BLEND_TYPE_BURN
     return blend_burn(a, b, t);
 #else ifdef BLEND_TYPE_LIGHTEN
@@ -58,7 +68,11 @@ fn blended(a: vec3f, b: vec3f, t: f32) -> vec3f {
 #else ifdef BLEND_TYPE_DODGE
     return blend_dodge(a, b, t);
 #else ifdef BLEND_TYPE_ADD
+#ifdef SINCE_BLENDER_5_3
+    return blend_add_since_5_3(a, b, t);
+#else
     return blend_add(a, b, t);
+#endif
 #else ifdef BLEND_TYPE_OVERLAY
     return blend_overlay(a, b, t);
 #else ifdef BLEND_TYPE_SOFT_LIGHT
@@ -70,7 +84,11 @@ fn blended(a: vec3f, b: vec3f, t: f32) -> vec3f {
 #else ifdef BLEND_TYPE_EXCLUSION
     return blend_exclusion(a, b, t);
 #else ifdef BLEND_TYPE_SUBTRACT
+#ifdef SINCE_BLENDER_5_3
+    return blend_subtract_since_5_3(a, b, t);
+#else
     return blend_subtract(a, b, t);
+#endif
 #else ifdef BLEND_TYPE_DIVIDE
     return blend_divide(a, b, t);
 #else ifdef BLEND_TYPE_HUE

@@ -102,6 +102,12 @@ fn evaluate(a: vec3f, b: vec3f) -> vec3f {
         numeric::safe_pow_before_5(a.y, b.y),
         numeric::safe_pow_before_5(a.z, b.z)
     );
+#else ifdef SINCE_BLENDER_5_1
+    return vec3f(
+        numeric::safe_pow_since_5_1(a.x, b.x),
+        numeric::safe_pow_since_5_1(a.y, b.y),
+        numeric::safe_pow_since_5_1(a.z, b.z)
+    );
 #else
     return safe_pow3(a, b);
 #endif
@@ -117,6 +123,10 @@ fn evaluate(a: vec3f, b: vec3f) -> vec3f {
 #else ifdef OPERATION_MAXIMUM
 fn evaluate(a: vec3f, b: vec3f) -> vec3f {
     return max(a, b);
+}
+#else ifdef OPERATION_ROUND
+fn evaluate(a: vec3f) -> vec3f {
+    return floor(a + vec3f(0.5));
 }
 #else ifdef OPERATION_FLOOR
 fn evaluate(a: vec3f) -> vec3f {

@@ -4,7 +4,9 @@
 //! that the user names, that of the project that this program is of, and the one that the system finds.
 
 use std::cell::RefCell;
+use std::fmt;
 use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
 
 /// Environment variable that names the interpreter.
 pub const INTERPRETER_VARIABLE: &str = "CLOUDPARITY_PYTHON";
@@ -44,6 +46,88 @@ pub(super) fn is_replaced() -> bool {
     INSTEAD.with_borrow(Option::is_some)
 }
 
+/// A version of CPython, as 3.13.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Version(pub u32, pub u32);
+
+impl fmt::Display for Version {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(formatter, "{}.{}", self.0, self.1)
+    }
+}
+
+impl Version {
+    /// The environment variable that names an interpreter of this version to make environments with.
+    pub fn variable(self) -> String {
+        format!("{INTERPRETER_VARIABLE}_{}_{}", self.0, self.1)
+    }
+}
+
+/// A program that is a CPython of a version and makes environments: what its variable names, the chosen interpreter, what the system
+/// finds under the usual names, and what uv and pyenv have. Where there is none, what was looked at.
+pub fn find(version: Version) -> std::result::Result<PathBuf, String> {
+    let variable = version.variable();
+    if let Some(named) = std::env::var_os(&variable) {
+        let named = PathBuf::from(named);
+        return if fits(&named, version) {
+            Ok(named)
+        } else {
+            Err(format!("{}, which {variable} names", named.display()))
+        };
+    }
+    let of_the_system = [format!("python{version}"), "python3".to_owned()].map(PathBuf::from);
+    let own = choose_usual().path;
+    let mut candidates = std::iter::once(own).chain(of_the_system).chain(of_uv(version)).chain(of_pyenv(version));
+    let found = candidates.find(|python| fits(python, version));
+    found.ok_or_else(|| {
+        format!("{variable}, the interpreter here, python{version} and python3 of the system, uv, pyenv")
+    })
+}
+
+/// Whether a program is a CPython of a version that makes environments.
+fn fits(python: &Path, version: Version) -> bool {
+    let code = "import sys, ensurepip, venv; print(sys.implementation.name, *sys.version_info[:2])";
+    let answer = Command::new(python).args(["-I", "-B", "-c", code]).stderr(Stdio::null()).output();
+    let wanted = format!("cpython {} {}", version.0, version.1);
+    answer.is_ok_and(|answer| answer.status.success() && String::from_utf8_lossy(&answer.stdout).trim() == wanted)
+}
+
+/// What uv has of a version.
+fn of_uv(version: Version) -> Option<PathBuf> {
+    let mut command = Command::new("uv");
+    command.args(["python", "find", "--no-python-downloads", &version.to_string()]).stderr(Stdio::null());
+    let answer = command.output().ok().filter(|answer| answer.status.success())?;
+    let path = String::from_utf8_lossy(&answer.stdout).trim().to_owned();
+    (!path.is_empty()).then(|| PathBuf::from(path))
+}
+
+/// What pyenv has of a version, newest first.
+fn of_pyenv(version: Version) -> Vec<PathBuf> {
+    let root = std::env::var_os("PYENV_ROOT").map(PathBuf::from);
+    let Some(root) = root.or_else(|| std::env::home_dir().map(|home| home.join(".pyenv"))) else { return Vec::new() };
+    let patch_of = |folder: &PathBuf| -> Option<u32> {
+        folder.file_name()?.to_str()?.strip_prefix(&format!("{version}."))?.parse().ok()
+    };
+    let folders = std::fs::read_dir(root.join("versions")).into_iter().flatten().flatten().map(|entry| entry.path());
+    let mut found: Vec<PathBuf> = folders.filter(|folder| patch_of(folder).is_some()).collect();
+    found.sort_by_key(|folder| std::cmp::Reverse(patch_of(folder)));
+    found.into_iter().map(|folder| folder.join("bin").join(format!("python{version}"))).collect()
+}
+
+/// The version of a package that is installed in the environment of an interpreter, told by its folders and without a start of Python;
+/// none where it has no environment of its own.
+pub fn installed_beside(python: &Path, package: &str) -> Option<String> {
+    let library = python.parent()?.parent()?.join("lib");
+    let folders = |at: &Path| std::fs::read_dir(at).into_iter().flatten().flatten().map(|entry| entry.path());
+    let name_of = |path: &Path| Some(path.file_name()?.to_str()?.to_owned());
+    folders(&library)
+        .filter(|folder| name_of(folder).is_some_and(|name| name.starts_with("python")))
+        .flat_map(|folder| folders(&folder.join("site-packages")))
+        .find_map(|path| {
+            Some(name_of(&path)?.strip_prefix(&format!("{package}-"))?.strip_suffix(".dist-info")?.to_owned())
+        })
+}
+
 /// The interpreter: what `CLOUDPARITY_PYTHON` names, else the `.venv` of the project, else `python3`.
 ///
 /// The project is the folder that this program was built from, or the folder of cloudparity's sources that the running program lies in. Its
@@ -52,6 +136,11 @@ pub fn choose() -> Choice {
     if let Some(path) = INSTEAD.with_borrow(Clone::clone) {
         return Choice { path, reason: "it is that of another release".into() };
     }
+    choose_usual()
+}
+
+/// [`choose`], whatever this thread has in its place meanwhile.
+pub(super) fn choose_usual() -> Choice {
     if let Some(path) = std::env::var_os(INTERPRETER_VARIABLE) {
         return Choice { path: PathBuf::from(path), reason: format!("{INTERPRETER_VARIABLE} names it") };
     }
@@ -152,6 +241,25 @@ mod tests {
         interpreter_in(&source);
         assert_eq!(choose_among(&source, Some(&program)).path, source.join(PLACE));
         assert_eq!(choose_among(&source, None).path, source.join(PLACE));
+    }
+
+    #[test]
+    fn packages_are_told_by_their_folders() {
+        let temporary = tempfile::tempdir().expect("a folder");
+        let python = temporary.path().join("bin/python");
+        assert_eq!(installed_beside(&python, "bpy"), None);
+        let packages = temporary.path().join("lib/python3.13/site-packages");
+        std::fs::create_dir_all(packages.join("bpy-5.3.0.dist-info")).expect("a folder");
+        std::fs::create_dir_all(packages.join("bpy")).expect("a folder");
+        assert_eq!(installed_beside(&python, "bpy").as_deref(), Some("5.3.0"));
+        assert_eq!(installed_beside(&python, "numpy"), None);
+    }
+
+    #[test]
+    fn an_interpreter_that_is_named_is_the_only_one() {
+        assert_eq!(Version(3, 13).variable(), "CLOUDPARITY_PYTHON_3_13");
+        assert!(!fits(Path::new("/dev/null"), Version(3, 13)));
+        assert!(!fits(Path::new("true"), Version(3, 13)));
     }
 
     #[test]

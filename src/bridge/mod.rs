@@ -11,6 +11,7 @@ pub mod limits;
 pub mod probe;
 pub mod reference;
 pub mod releases;
+pub mod saved_by;
 mod starter;
 pub mod volume_grid;
 
@@ -197,7 +198,7 @@ impl Conversation {
             Error::new(
                 format!("interpreter {}", python.display()),
                 cause.to_string(),
-                "CPython 3.11 with the packages of requirements.txt",
+                "a CPython with the packages of requirements.txt",
                 format!("Run make setup, or set {INTERPRETER_VARIABLE} to the interpreter."),
             )
         })?;

@@ -7,7 +7,7 @@ use crate::bridge::reference::{
 };
 use crate::bridge::{CyclesKernel, run_script};
 use crate::measure::pictures;
-use crate::scene::Scene;
+use crate::scene::{Release, Scene};
 use serde_json::json;
 use std::path::{Path, PathBuf};
 
@@ -116,7 +116,8 @@ impl CyclesArguments {
             let origin = if cached { ", from the cache" } else { "" };
             // Null collision came with 5.0; asked for it, older releases march.
             let way = match scene.graph().blender {
-                release if release.is_newest() => String::new(),
+                release if release.is_default() => String::new(),
+                release if release > Release::V5_0 => format!(" {release}"),
                 release => format!(" {release}, by ray marching at the step rate {}", settings.step_rate),
             };
             format!("Cycles{way}, {} samples{origin}", settings.samples)

@@ -3,6 +3,7 @@
 use crate::base::error::{Error, Result};
 use crate::base::identity::Identity;
 use crate::bridge;
+use crate::bridge::releases::{RELEASES, USUAL, how_to_get, is_complete, python_of};
 use crate::gpu::Gpu;
 use serde::Serialize;
 use std::fmt::Write;
@@ -57,6 +58,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
     checks.push(check_folder("temporary files", "probes, pictures and grids", "TMPDIR", temporary));
     let references = bridge::reference::cache_folder();
     checks.push(check_folder("cache", "references by Cycles", bridge::reference::CACHE_VARIABLE, references));
+    checks.push(check_releases());
     let all_there = checks.iter().all(|check| check.problem.is_none());
     let text = if arguments.json {
         let document = serde_json::json!({
@@ -93,15 +95,17 @@ fn check_interpreter() -> Check {
     let version =
         bridge::module_version("platform", "platform.python_implementation() + ' ' + platform.python_version()");
     let what = "Python".to_owned();
+    let release = bridge::interpreter::installed_beside(&path, "bpy").unwrap_or_else(|| USUAL.to_owned());
+    let wanted = python_of(&release);
     let problem = |cause: String| Problem {
         cause,
         needed_for: "everything that asks Blender or compares pictures".into(),
-        remedy: format!("Run make setup, or set {} to a CPython 3.11.", bridge::INTERPRETER_VARIABLE),
+        remedy: format!("Run make setup, or set {} to a CPython {wanted}.", bridge::INTERPRETER_VARIABLE),
     };
     match version {
         Ok(version) => {
-            let fits = version.starts_with("CPython 3.11.");
-            let cause = format!("{version}, where bpy 5.0.1 needs CPython 3.11");
+            let fits = version.starts_with(&format!("CPython {wanted}."));
+            let cause = format!("{version}, where bpy {release} needs CPython {wanted}");
             Check {
                 what,
                 found: Some(format!("{version} ({}; {reason})", path.display())),
@@ -112,6 +116,27 @@ fn check_interpreter() -> Check {
             Check { what, found: None, problem: Some(problem(format!("{}: {cause} ({reason})", path.display()))) }
         }
     }
+}
+
+/// Releases of Blender: those whose environment is there, those that can be made, and which interpreter the others lack. None is needed
+/// where no file and no option asks for it, so that no release is a problem.
+fn check_releases() -> Check {
+    let others = RELEASES.into_iter().filter(|release| *release != USUAL);
+    let mut lacking: Vec<(bridge::interpreter::Version, bool, String)> = Vec::new();
+    let (there, absent): (Vec<&str>, Vec<&str>) = others.partition(|release| is_complete(release));
+    let mut parts = vec![if there.is_empty() { "none besides".to_owned() } else { there.join(", ") }];
+    for release in absent {
+        let version = python_of(release);
+        match lacking.iter_mut().find(|(known, ..)| *known == version) {
+            Some((.., releases)) => *releases += &format!(", {release}"),
+            None => lacking.push((version, bridge::interpreter::find(version).is_ok(), release.to_owned())),
+        }
+    }
+    parts.extend(lacking.into_iter().map(|(version, can_be_made, releases)| match can_be_made {
+        true => format!("{releases} when first asked for"),
+        false => format!("{releases} with CPython {version}, which is missing. {}", how_to_get(version)),
+    }));
+    Check { what: format!("Blender besides {USUAL}"), found: Some(parts.join("; ")), problem: None }
 }
 
 fn check_package(distribution: &str, module: &str, purpose: &str) -> Check {

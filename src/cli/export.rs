@@ -5,6 +5,7 @@ use crate::base::files;
 use crate::base::kinds::{self, FileKind};
 use crate::bridge;
 use crate::bridge::CyclesKernel;
+use crate::bridge::releases::Reading;
 use crate::cli::choice::choice;
 use crate::cli::display::DisplayArguments;
 use crate::cli::{build, display};
@@ -36,9 +37,10 @@ pub(super) struct Wish {
     /// Of a .blend: show volumes, too, that are hidden in renders or in hidden collections.
     #[arg(long)]
     include_hidden: bool,
-    /// Of a .blend: the release of Blender whose values the nodes get, for who works with an older one.
-    #[arg(long, value_name = "RELEASE", value_parser = choice::<Release>(), default_value_t)]
-    blender: Release,
+    /// Of a .blend: the release of Blender whose values the nodes get; without it 5.0 for files of 5.0 and older, and the release
+    /// that saved it for others. It is read by a release that is not older than either.
+    #[arg(long, value_name = "RELEASE", value_parser = choice::<Release>())]
+    blender: Option<Release>,
 }
 
 /// Convert a file: a .blend to a scene file, a scene file to a .blend, an EXR to a PNG, a published cloud to a scene file.
@@ -188,11 +190,12 @@ pub(super) fn export(blend: &Path, wish: &Wish, output: &Path) -> Result<Scene> 
     let in_file = |error: Error| {
         error.map_place(|found| if found.contains(&place) { found } else { format!("{place}: {found}") })
     };
-    let result = bridge::run_script("export_scene.py", &request, CyclesKernel::Default, super::report_to(&bar));
-    let mut result = result.map_err(in_file)?;
+    let reading = Reading::of(&blend, wish.blender)?;
+    let read = || bridge::run_script("export_scene.py", &request, CyclesKernel::Default, super::report_to(&bar));
+    let mut result = reading.run(&blend, read).map_err(in_file)?;
     bar.finish_and_clear();
-    let release = wish.blender;
-    if !release.is_newest() {
+    let release = reading.values;
+    if !release.is_default() {
         let scene = &mut result["scene"];
         scene["graph"]["blender"] = json!(release);
         let others = scene.get_mut("other_graphs").and_then(serde_json::Value::as_array_mut);
@@ -247,8 +250,12 @@ pub(super) fn describe(scene: &Scene) -> String {
         (None, true) => "a world of one colour".to_owned(),
         (None, false) => "a black world".to_owned(),
     };
+    let values = match graph.blender {
+        release if release.is_default() => String::new(),
+        release => format!(", the values of Blender {release}"),
+    };
     format!(
-        "{width} x {height} pixels, {} {}, material {} of {nodes} nodes, {lights}, {world}",
+        "{width} x {height} pixels, {} {}, material {} of {nodes} nodes, {lights}, {world}{values}",
         if volumes.len() == 1 { "volume" } else { "volumes" },
         volumes.join(", "),
         graph.material

@@ -1,7 +1,7 @@
 //! `cloudparity measure findings`: where Cycles' pictures are not what light transport says.
 
 use crate::base::error::Result;
-use crate::bridge::releases::RELEASES;
+use crate::bridge::releases::USUAL;
 use crate::cli::resume::{ExperimentArguments, whole};
 use crate::measure::findings::{Asked, measure};
 use std::path::PathBuf;
@@ -15,7 +15,7 @@ use std::process::ExitCode;
 #[command(after_help = "Example: cloudparity findings --only lobes,draine -o FINDINGS")]
 pub(super) struct Arguments {
     /// Releases, by the numbers of their packages; another than Blender's own here gets an environment that is made when it is first asked for.
-    #[arg(long, value_name = "LIST", value_delimiter = ',', default_values = &RELEASES[RELEASES.len() - 1..])]
+    #[arg(long, value_name = "LIST", value_delimiter = ',', default_value = USUAL)]
     releases: Vec<String>,
     /// Findings, by name: order, expectation, marching, grids, learning, lobes, draine, majorants, overlaps; all if left out.
     #[arg(long, value_name = "LIST", value_delimiter = ',')]

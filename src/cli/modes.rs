@@ -77,8 +77,8 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
         return run_constants(arguments, sets);
     }
     let selection = if arguments.jumping { Selection::Jumping } else { Selection::Everything };
-    let cases = suite::cases(arguments.points, arguments.seed, arguments.node.as_deref(), selection)?;
-    let cases = suite::with_values_of(arguments.blender, cases);
+    let node = arguments.node.as_deref();
+    let cases = suite::cases_of(arguments.blender, arguments.points, arguments.seed, node, selection)?;
     let gpu = if arguments.without_gpu { None } else { Some(Gpu::open()) };
     let opened = gpu.as_ref().and_then(|found| found.as_ref().ok());
     let bar = super::progress_bar(1000);

@@ -241,7 +241,7 @@ impl<'a> Flattener<'a> {
     ) -> Result<()> {
         self.check_inputs(tree, node, node_type)?;
         let place = self.place(tree, &node.name);
-        let mode = Mode::read(node_type, &node.properties, &place)?;
+        let mode = Mode::read(node_type, &node.properties, &place)?.with_release(self.graph.blender);
         let mut inputs = Vec::new();
         for socket in node_type.inputs_of(&mode).filter(|socket| socket.kind != SocketType::Shader) {
             inputs.extend(self.input(tree, node, socket)?);

@@ -402,7 +402,7 @@ impl<'a> Flattener<'a> {
             // Up to Blender 4.5 every socket of a group and of a muted node converts.
             let values = [SocketType::Float, SocketType::Vector, SocketType::Color];
             return match self.graph.blender {
-                Release::Before5 if values.contains(&declared) => {
+                Release::V4_5 if values.contains(&declared) => {
                     (declared, self.convert(tree, node, found, declared, sources))
                 }
                 _ => (found, sources),
@@ -518,6 +518,7 @@ impl<'a> Flattener<'a> {
     ) -> Result<Resolved> {
         let place = self.place(tree, &node.name);
         refuse_settings(node_type, node, &place)?;
+        nodes::additions::check(node_type.type_name, &node.properties, self.graph.blender, &place)?;
         let mode = Mode::of_node(node_type, node, &place)?.with_release(self.graph.blender);
         let existing: Vec<_> = node_type.outputs_of(&mode).collect();
         let Some(position) = existing.iter().position(|output| output.identifier == socket) else {
@@ -576,7 +577,11 @@ impl<'a> Flattener<'a> {
         let mut mode = mode.with_wanted(outputs);
         if node_type.type_name == nodes::vector_transform::TYPE.type_name {
             let place = self.place(tree, &node.name);
-            mode = mode.with_frame(nodes::vector_transform::Frame::of(&self.volume.matrix_world, &place)?);
+            mode = mode.with_frame(nodes::vector_transform::Frame::of(
+                &self.volume.matrix_world,
+                self.graph.blender,
+                &place,
+            )?);
         }
         let is_linked =
             |socket: &nodes::InputSocket| matches!(node.inputs.get(socket.identifier), Some(input) if is_link(input));
@@ -603,7 +608,7 @@ impl<'a> Flattener<'a> {
     /// Whether Blender itself evaluates a node with these inputs. Up to 4.5 it leaves all to Cycles.
     fn folds_early(&self, node_type: &NodeType, mode: &Mode, inputs: &[Source]) -> bool {
         let Role::Evaluated(build) = node_type.role else { return false };
-        if self.graph.blender == Release::Before5 {
+        if self.graph.blender == Release::V4_5 {
             return false;
         }
         inputs.iter().all(|source| self.is_constant(source)) && build(mode).folds_early()

@@ -13,7 +13,7 @@ use crate::nodes::closure::{Quantity, per_channel};
 use crate::nodes::color_space::fill;
 use crate::nodes::real::Real;
 use crate::nodes::{Column, Evaluate, InputSocket, Interval, NodeType, OutputSocket, Role, always};
-use crate::scene::SocketType;
+use crate::scene::{Release, SocketType};
 
 /// The node type.
 pub static TYPE: NodeType = NodeType {
@@ -24,7 +24,7 @@ pub static TYPE: NodeType = NodeType {
     properties: &[],
     inputs: &[InputSocket::float("Temperature", "Temperature", &[6_500.0], always)],
     outputs: &[OutputSocket::new("Color", SocketType::Color, always)],
-    role: Role::Evaluated(|_| Box::new(Blackbody)),
+    role: Role::Evaluated(|mode| Box::new(Blackbody { converts: converts(mode.release()) })),
 };
 
 /// Kelvins at which the pieces begin.
@@ -65,7 +65,23 @@ const BLUE: [[f32; 4]; 7] = [
     [6.726_503e-13, -2.730_788e-8, 0.000_424_098_25, -0.752_335_67],
 ];
 
-struct Blackbody;
+struct Blackbody {
+    /// The fit is converted to the working space.
+    converts: bool,
+}
+
+/// Blender 5.1 and 5.2 convert the fit wherever it is evaluated, in Principled Volume as well; 5.0 and 5.3 only where Cycles folds the node.
+fn converts(release: Release) -> bool {
+    (Release::V5_1..Release::V5_3).contains(&release)
+}
+
+/// What the kernels of 5.1 and 5.2 multiply the fit with. Fitted to 10^6 temperatures of Blender 5.1.2 from 700 to 12100 K, of which it
+/// has every bit; see [`FOLDED_PRIMARIES`] for what it is.
+const PRIMARIES: [[f32; 3]; 3] = [
+    [1.000_158_9, -9.872_019e-7, -7.748_603e-7],
+    [-8.550_705e-8, 0.999_976_63, -3.241_002e-7],
+    [1.676_377_4e-8, 2.086_164e-7, 0.999_759_6],
+];
 
 /// Colour of `temperature` kelvins in the order of operations of Cycles' kernels. NaN falls into the first piece.
 fn color_in_order<R: Real>(temperature: R) -> [R; 3] {
@@ -92,9 +108,18 @@ const FOLDED_PRIMARIES: [[f32; 3]; 3] = [
     [3.060_857e-9, 2.486_49e-7, 0.999_759_5],
 ];
 
+/// A colour of the fit times [`PRIMARIES`].
+fn converted<R: Real>([red, green, blue]: [R; 3]) -> [R; 3] {
+    PRIMARIES.mapped(|[r, g, b]| (R::of(r) * red + R::of(g) * green) + R::of(b) * blue)
+}
+
 impl Evaluate for Blackbody {
     fn evaluate<R: Real>(&self, inputs: &[Column<'_, R>], outputs: &mut [&mut [R]]) {
-        fill(outputs, |index| color_in_order(inputs[0].values[index]).mapped(|channel| channel.greater(R::of(0.0))));
+        fill(outputs, |index| {
+            let color = color_in_order(inputs[0].values[index]);
+            let color = if self.converts { converted(color) } else { color };
+            color.mapped(|channel| channel.greater(R::of(0.0)))
+        });
     }
 
     fn fold_constants_late(&self, inputs: &[f32]) -> Option<Vec<f32>> {
@@ -104,7 +129,14 @@ impl Evaluate for Blackbody {
     }
 
     fn enclose(&self, inputs: &[Interval], outputs: &mut [Interval]) {
-        for (output, channel) in outputs.iter_mut().zip(color(inputs[0])) {
+        let [red, green, blue] = color(inputs[0]);
+        let point = Interval::point;
+        let color = if self.converts {
+            PRIMARIES.mapped(|[r, g, b]| (point(r) * red + point(g) * green) + point(b) * blue)
+        } else {
+            [red, green, blue]
+        };
+        for (output, channel) in outputs.iter_mut().zip(color) {
             let positive = channel.greater(Interval::ZERO);
             // NaN becomes 0, also where the pieces that the numbers reach are constant.
             *output = if inputs[0].may_be_nan { positive.hull(Interval::ZERO) } else { positive };
@@ -129,8 +161,8 @@ pub fn color<Q: Quantity>(temperature: Q) -> [Q; 3] {
     })
 }
 
-/// Radiance per metre of a blackbody; see the module's text.
-pub fn emission<Q: Quantity>(intensity: Q, tint: [Q; 3], temperature: Q) -> [Q; 3] {
+/// Radiance per metre of a blackbody with the values of a release of Blender; see the module's text.
+pub fn emission<Q: Quantity>(intensity: Q, tint: [Q; 3], temperature: Q, release: Release) -> [Q; 3] {
     const SCALE: f64 = 5.670_373e-8 * 1e-6 / std::f64::consts::PI;
     let temperature = temperature.positive_part();
     let intensity = intensity.positive_part();
@@ -139,7 +171,12 @@ pub fn emission<Q: Quantity>(intensity: Q, tint: [Q; 3], temperature: Q) -> [Q; 
     let on =
         intensity.increasing_in_both(Q::of(0.0), |intensity, _| if intensity > 0.0 { 1.0 } else { 0.0 * intensity });
     let power = Q::of(SCALE) * (on * (Q::of(1.0) - intensity) + intensity * (square * square));
-    let color = color(temperature);
+    let mut color = color(temperature);
+    if converts(release) {
+        let [red, green, blue] = color;
+        let of = |factor: f32| Q::of(f64::from(factor));
+        color = PRIMARIES.mapped(|[r, g, b]| (of(r) * red + of(g) * green) + of(b) * blue);
+    }
     per_channel(|channel| tint[channel] * color[channel] * power)
 }
 
@@ -162,6 +199,24 @@ mod tests {
             for channel in 0..3 {
                 let error = (found[channel] - expected[channel]).abs();
                 assert!(error < 2e-6, "{temperature} K, channel {channel}: {} {error:e}", found[channel]);
+            }
+        }
+    }
+
+    #[test]
+    fn releases_5_1_and_5_2_convert_the_fit() {
+        // Rendered by Cycles 5.1.2 through Principled Volume, from which some 1e-5 can be read off; by 5.3.0 it is that of 5.0.1.
+        let square = 6_500.0_f64 * 6_500.0;
+        let unit = 5.670_373e-8 * 1e-6 / std::f64::consts::PI * square * square;
+        let at = |release| emission(1.0, [1.0; 3], 6_500.0, release).map(|radiance| radiance / unit);
+        for (release, expected) in [
+            (Release::V5_0, [1.042_552, 0.984_053, 1.035_272]),
+            (Release::V5_1, [1.042_716, 0.984_029, 1.035_023]),
+            (Release::V5_2, [1.042_716, 0.984_029, 1.035_023]),
+            (Release::V5_3, [1.042_552, 0.984_053, 1.035_272]),
+        ] {
+            for (found, expected) in at(release).into_iter().zip(expected) {
+                assert!((found - expected).abs() < 2e-6, "{release}: {found}");
             }
         }
     }
@@ -190,20 +245,21 @@ mod tests {
 
     #[test]
     fn the_node_drops_what_is_negative() {
+        let node = Blackbody { converts: false };
         let evaluated = |temperature: f32| {
             let mut output = [[0.0_f32]; 3];
             let mut outputs: Vec<&mut [f32]> = output.iter_mut().map(|values| values.as_mut_slice()).collect();
-            Blackbody.evaluate(&[Column { values: &[temperature], uniform: true }], &mut outputs);
+            node.evaluate(&[Column { values: &[temperature], uniform: true }], &mut outputs);
             output.map(|[channel]| channel)
         };
         assert_eq!(evaluated(0.0), [5.413_294_5, 0.0, 0.0]);
         assert_eq!(evaluated(f32::INFINITY), HOTTEST);
         assert_eq!(evaluated(f32::NAN), [0.0; 3]);
         let mut bounds = [Interval::ZERO; 3];
-        Blackbody.enclose(&[Interval::new(0.0, 100.0).or_nan(true)], &mut bounds);
+        node.enclose(&[Interval::new(0.0, 100.0).or_nan(true)], &mut bounds);
         assert!(bounds.iter().all(|bound| bound.has_zero() && !bound.may_be_nan));
         for (low, high) in [(700.0_f32, 900.0), (1_000.0, 1_000.0), (1_890.0, 3_400.0), (-1e9, 1e9)] {
-            Blackbody.enclose(&[Interval::new(low, high)], &mut bounds);
+            node.enclose(&[Interval::new(low, high)], &mut bounds);
             for step in 0..=20 {
                 let temperature = (low + (high - low) * step as f32 / 20.0).clamp(low, high);
                 let found = evaluated(temperature);
@@ -219,11 +275,11 @@ mod tests {
             [(0.0_f32, 20_000.0), (900.0, 1_000.0), (1_499.0, 1_501.0), (-5.0, 790.0), (11_990.0, 12_010.0)]
         {
             let tint = [Interval::point(1.0), Interval::point(0.5), Interval::point(2.0)];
-            let enclosed = emission(Interval::new(0.0, 1.5), tint, Interval::new(low, high));
+            let enclosed = emission(Interval::new(0.0, 1.5), tint, Interval::new(low, high), Release::V5_0);
             for step in 0..=200 {
                 let temperature = f64::from(low) + f64::from(high - low) * f64::from(step) / 200.0;
                 for intensity in [0.0, 1e-6, 0.5, 1.0, 1.5] {
-                    let found = emission(intensity, [1.0, 0.5, 2.0], temperature);
+                    let found = emission(intensity, [1.0, 0.5, 2.0], temperature, Release::V5_0);
                     for channel in 0..3 {
                         assert!(
                             enclosed[channel].contains(found[channel]),

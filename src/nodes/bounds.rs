@@ -14,6 +14,7 @@
 //! rounding is monotone and keeps 0. Comparisons and selections are exact and take no pad.
 
 use crate::base::arrays::Mapped;
+use crate::scene::Release;
 use std::ops::{Add, Mul, Neg, Sub};
 
 /// Relative widening after an operation; see the module's text.
@@ -482,6 +483,11 @@ impl Interval {
     /// 0 for base 0.
     #[must_use]
     pub fn safe_power(self, exponent: Self) -> Self {
+        self.power_with(exponent, 2_147_483_648.0)
+    }
+
+    /// [`Self::safe_power`] where exponents from `largest_whole` on count as fractional.
+    fn power_with(self, exponent: Self, largest_whole: f32) -> Self {
         let nan = self.may_be_nan || exponent.may_be_nan;
         let mut result: Option<Self> = None;
         let mut add = |part: Self| result = Some(result.map_or(part, |known| known.hull(part)));
@@ -497,8 +503,8 @@ impl Interval {
         if self.low < 0.0 {
             let magnitude = Self { low: (-self.high).max(0.0), high: -self.low, may_be_nan: nan };
             match exponent.as_point() {
-                Some(y) if y != y.trunc() || y.abs() >= 2_147_483_648.0 => add(Self::ZERO),
-                Some(y) if y % 2.0 == 0.0 => add(magnitude.power(exponent)),
+                Some(y) if y != y.trunc() || y.abs() >= largest_whole => add(Self::ZERO),
+                Some(y) if y % 2.0 == 0.0 || y.is_infinite() => add(magnitude.power(exponent)),
                 Some(_) => add(-magnitude.power(exponent)),
                 None => {
                     add(Self::ZERO);
@@ -518,6 +524,17 @@ impl Interval {
     pub fn safe_power_before_5(self, exponent: Self) -> Self {
         let has_pole = self.has_zero() && exponent.low < 0.0;
         if has_pole { Self::EVERYTHING } else { self.safe_power(exponent) }
+    }
+
+    /// The power of Math and Vector Math with the values of a release of Blender.
+    #[must_use]
+    pub fn power_of(self, release: Release, exponent: Self) -> Self {
+        match release {
+            Release::V4_5 => self.safe_power_before_5(exponent),
+            Release::V5_0 => self.safe_power(exponent),
+            // Every number of that size is an even one, infinities as well: none is at or beyond this limit.
+            _ => self.power_with(exponent, f32::NAN),
+        }
     }
 }
 

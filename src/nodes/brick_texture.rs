@@ -15,7 +15,7 @@ use crate::nodes::real::Real;
 use crate::nodes::{
     Column, Evaluate, InputSocket, Interval, NodeType, OutputSocket, Property, Role, always, vector_at,
 };
-use crate::scene::SocketType;
+use crate::scene::{Release, SocketType};
 
 /// Frequencies of the interface start at 1; 0 is legal in a file and means neither offset nor squash.
 const FREQUENCIES: [i32; 2] = [0, 99];
@@ -57,6 +57,7 @@ pub static TYPE: NodeType = NodeType {
                 squash: mode.number("squash"),
                 squash_frequency: mode.integer("squash_frequency"),
             },
+            release: mode.release(),
             color: mode.wants("Color"),
             factor: mode.wants("Fac"),
         })
@@ -95,6 +96,7 @@ impl Layout {
 /// The node in one mode.
 struct BrickTexture {
     layout: Layout,
+    release: Release,
     color: bool,
     factor: bool,
 }
@@ -109,13 +111,13 @@ fn brick_value<R: Real>(row: i32, column: i32) -> R {
     R::from_hash_31((n.wrapping_mul(square).wrapping_add(1_376_312_589) & MASK) as i32)
 }
 
-/// Number of the step in which a quotient lies, and that number as it is multiplied afterwards: outside of i32 it is
-/// -2^31, see [`Real::to_int`].
+/// Number of the step in which a quotient lies, and that number as it is multiplied afterwards: up to Blender 5.0 it is
+/// -2^31 outside of i32, see [`Real::to_int`].
 #[inline(always)]
-fn step_of<R: Real>(quotient: R) -> (i32, R) {
+fn step_of<R: Real>(quotient: R, release: Release) -> (i32, R) {
     let floor = quotient.round_coordinate().lattice_floor();
     let number = floor.to_int();
-    if number == i32::MIN { (number, R::of(i32::MIN as f32)) } else { (number, floor) }
+    if number == i32::MIN && release < Release::V5_1 { (number, R::of(i32::MIN as f32)) } else { (number, floor) }
 }
 
 /// Share of mortar at distance `edge` from the brick's edge.
@@ -155,14 +157,14 @@ impl Evaluate for BrickTexture {
             let at = |column: usize| inputs[column].values[index];
             let [x, y] = [0, 1].mapped(|axis| (at(axis) * at(SCALE)).round_coordinate());
             let (mut width, height) = (at(WIDTH), at(HEIGHT));
-            let (row, row_number) = step_of(y / height);
+            let (row, row_number) = step_of(y / height, self.release);
             let [squashed, shifted] = self.layout.differs(row);
             if squashed {
                 width = (width * R::of(self.layout.squash)).round_coordinate();
             }
             let shift = if shifted { (width * R::of(self.layout.offset)).round_coordinate() } else { R::of(0.0) };
             let x = (x + shift).round_coordinate();
-            let (column, column_number) = step_of(x / width);
+            let (column, column_number) = step_of(x / width, self.release);
             let x = x - width * column_number;
             let y = y - height * row_number;
             let edge = x.lesser(y).lesser((width - x).lesser(height - y));
@@ -307,17 +309,25 @@ impl BrickTexture {
         if let Some(found) = self.bounds_by_brick(inputs) {
             return found;
         }
-        // Any brick, any distance. NaN comes from what is not finite only: a division of 0 by 0 gives the brick
-        // number -2^31 and a place that is a number.
+        // Any brick, any distance. Up to Blender 5.0 NaN comes from what is not finite only: a division of 0 by 0 gives the brick
+        // number -2^31 and a place that is a number. Since 5.1 that number is what the division gives.
         let p = [0, 1].mapped(|axis| inputs[axis] * inputs[SCALE]);
         let width = inputs[WIDTH] * Interval::point(self.layout.squash.max(1.0));
         let shifted = p[0] + width;
         // The product with a brick number of up to 2^31 may overflow, and the difference of infinities is NaN.
         let sizes = [width, inputs[HEIGHT]];
         let nan = ![p[0], p[1], shifted, inputs[MORTAR_SIZE], inputs[MORTAR_SMOOTH]].iter().all(|x| x.is_finite())
-            || sizes.iter().any(|size| !size.is_finite() || size.magnitude() > 1e29);
+            || sizes.iter().any(|size| !size.is_finite() || size.magnitude() > 1e29)
+            || (self.release >= Release::V5_1 && !self.has_numbers([shifted.hull(p[0]), p[1]], inputs));
         let share = Interval::new(0.0, 1.0 + 2.0 * STEP_ERROR as f32).or_nan(nan);
         (share, self.color_bounds(inputs, share, Interval::UNIT))
+    }
+
+    /// Whether no quotient of a coordinate and a size is NaN or infinite.
+    fn has_numbers(&self, place: [Interval; 2], inputs: &[Interval]) -> bool {
+        let squashed = inputs[WIDTH] * Interval::point(self.layout.squash);
+        let is_number = |place: Interval, size: Interval| !size.flushed().has_zero() && place.divide(size).is_finite();
+        is_number(place[0], inputs[WIDTH]) && is_number(place[0], squashed) && is_number(place[1], inputs[HEIGHT])
     }
 
     /// Brick by brick, where there are few and all numbers are of ordinary size.
@@ -376,7 +386,7 @@ mod tests {
 
     fn node(offset: f32, offset_frequency: i32, squash: f32, squash_frequency: i32) -> BrickTexture {
         let layout = Layout { offset, offset_frequency, squash, squash_frequency };
-        BrickTexture { layout, color: true, factor: true }
+        BrickTexture { layout, release: Release::V5_0, color: true, factor: true }
     }
 
     /// Colour and factor with the given colours at a place in the plane, all else by default but for changes.

@@ -13,6 +13,10 @@ use crate::scene::Release;
 /// Luminance weights of linear Rec. 709 primaries.
 const LUMINANCE: [f32; 3] = [0.212_639_12, 0.715_169_13, 0.072_192_76];
 
+/// The weights of RGB to BW since Blender 5.1, as it gives them for pure colours: a last digit of two of them differs. (A color's
+/// conversion to a number keeps those of 5.0.)
+const LUMINANCE_OF_NODE_SINCE_5_1: [f32; 3] = [0.212_639_1, 0.715_169_13, 0.072_192_74];
+
 /// The weights of Blender 4.5, as its RGB to BW gives them for pure colours.
 const LUMINANCE_BEFORE_5: [f32; 3] = [0.212_674_04, 0.715_151_6, 0.072_175_42];
 
@@ -80,24 +84,27 @@ impl ColorSpace {
     }
 }
 
-/// Luminance of a colour.
+/// Luminance of a colour by these weights.
 #[inline(always)]
-pub fn luminance<R: Real>([red, green, blue]: [R; 3], release: Release) -> R {
-    let [r, g, b] = luminance_weights(release).mapped(R::of);
+pub fn luminance<R: Real>([red, green, blue]: [R; 3], weights: [f32; 3]) -> R {
+    let [r, g, b] = weights.mapped(R::of);
     (red * r + green * g) + blue * b
 }
 
 /// Encloses [`luminance`].
-pub fn enclose_luminance([red, green, blue]: [Interval; 3], release: Release) -> Interval {
-    let [r, g, b] = luminance_weights(release).mapped(Interval::point);
+pub fn enclose_luminance([red, green, blue]: [Interval; 3], weights: [f32; 3]) -> Interval {
+    let [r, g, b] = weights.mapped(Interval::point);
     (red * r + green * g) + blue * b
 }
 
-fn luminance_weights(release: Release) -> [f32; 3] {
-    match release {
-        Release::Newest => LUMINANCE,
-        Release::Before5 => LUMINANCE_BEFORE_5,
-    }
+/// Luminance weights of a colour's conversion to a number.
+pub fn conversion_weights(release: Release) -> [f32; 3] {
+    if release < Release::V5_0 { LUMINANCE_BEFORE_5 } else { LUMINANCE }
+}
+
+/// Luminance weights of RGB to BW.
+pub fn node_weights(release: Release) -> [f32; 3] {
+    if release >= Release::V5_1 { LUMINANCE_OF_NODE_SINCE_5_1 } else { conversion_weights(release) }
 }
 
 /// Largest channel, which is NaN only if all are, and smallest one.

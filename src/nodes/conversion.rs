@@ -6,12 +6,12 @@
 //! of Blender's default configuration. Constants are converted by Blender itself, with luminance
 //! weights of four digits and a division by three.
 
-use crate::nodes::color_space::{enclose_luminance, luminance};
+use crate::nodes::color_space::{conversion_weights, enclose_luminance, luminance};
 use crate::nodes::real::Real;
 use crate::nodes::{
     Column, Evaluate, InputSocket, Interval, NodeType, OutputSocket, Property, Role, Simplified, always, map,
 };
-use crate::scene::{Release, SocketType};
+use crate::scene::SocketType;
 
 /// The node type. It has no counterpart in Blender's interface.
 pub static TYPE: NodeType = NodeType {
@@ -23,7 +23,7 @@ pub static TYPE: NodeType = NodeType {
     inputs: &[InputSocket::vector("Vector", "Vector", &[0.0; 3], always)],
     outputs: &[OutputSocket::new("Value", SocketType::Float, always)],
     role: Role::Evaluated(|mode| {
-        Box::new(Conversion { luminance: mode.choice("from") == "COLOR", release: mode.release() })
+        Box::new(Conversion { luminance: mode.choice("from") == "COLOR", weights: conversion_weights(mode.release()) })
     }),
 };
 
@@ -32,13 +32,13 @@ const FOLDED_LUMINANCE: [f32; 3] = [0.2126, 0.7152, 0.0722];
 
 struct Conversion {
     luminance: bool,
-    release: Release,
+    weights: [f32; 3],
 }
 
 impl Evaluate for Conversion {
     fn evaluate<R: Real>(&self, inputs: &[Column<'_, R>], outputs: &mut [&mut [R]]) {
         if self.luminance {
-            map(inputs, [0, 1, 2], outputs[0], |color| luminance(color, self.release));
+            map(inputs, [0, 1, 2], outputs[0], |color| luminance(color, self.weights));
         } else {
             map(inputs, [0, 1, 2], outputs[0], |[x, y, z]: [R; 3]| ((x + y) + z) * R::of(1.0 / 3.0));
         }
@@ -58,7 +58,7 @@ impl Evaluate for Conversion {
     fn enclose(&self, inputs: &[Interval], outputs: &mut [Interval]) {
         let [x, y, z] = [inputs[0], inputs[1], inputs[2]];
         outputs[0] = if self.luminance {
-            enclose_luminance([x, y, z], self.release)
+            enclose_luminance([x, y, z], self.weights)
         } else {
             ((x + y) + z) * Interval::point(1.0 / 3.0)
         };

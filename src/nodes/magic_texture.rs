@@ -1,8 +1,8 @@
 //! Magic Texture (`ShaderNodeTexMagic`): sines and cosines of sums of the coordinates, fed into each other up to ten
 //! times.
 //!
-//! Coordinates are reduced modulo 2 pi before they are scaled, so the field is periodic only where five times the scale
-//! is a whole number. Color is 1/2 minus the three waves, unclamped; Factor is the mean of its channels. An error in a
+//! Up to Blender 5.1 coordinates are reduced modulo 2 pi before they are scaled, so the field is periodic only where five times
+//! the scale is a whole number. Since 5.2 they are reduced after that, and the field is periodic. Color is 1/2 minus the three waves, unclamped; Factor is the mean of its channels. An error in a
 //! wave grows with the power of the distortion that the depth says: beyond a distortion of 1 that limits how far any
 //! two implementations agree.
 
@@ -11,7 +11,7 @@ use crate::nodes::real::{Library, Real};
 use crate::nodes::{
     Column, Evaluate, InputSocket, Interval, NodeType, OutputSocket, Property, Role, always, vector_at,
 };
-use crate::scene::SocketType;
+use crate::scene::{Release, SocketType};
 
 /// The node type.
 pub static TYPE: NodeType = NodeType {
@@ -35,6 +35,7 @@ pub static TYPE: NodeType = NodeType {
     role: Role::Evaluated(|mode| {
         Box::new(Magic {
             depth: mode.integer("turbulence_depth"),
+            scales_first: mode.release() >= Release::V5_2,
             color: mode.wants("Color"),
             factor: mode.wants("Fac"),
         })
@@ -56,6 +57,8 @@ const REGULAR_DISTORTION: [f32; 2] = [1e-30, 1e30];
 /// The node in one mode.
 struct Magic {
     depth: i32,
+    /// Coordinates are scaled before they are reduced.
+    scales_first: bool,
     color: bool,
     factor: bool,
 }
@@ -84,8 +87,12 @@ impl Magic {
     #[inline(always)]
     fn color_all<R: Real>(&self, points: &mut [[R; 3]], scale: &[R], distortion: &[R]) {
         for (p, &scale) in points.iter_mut().zip(scale) {
-            let [a, b, c] = p.mapped(|x| x.fmod(R::of(TURN)));
-            let argument = |sum: R| ((sum * R::of(5.0)).round_coordinate() * scale).round_coordinate();
+            let scaled = if self.scales_first { p.mapped(|x| (x * scale).round_coordinate()) } else { *p };
+            let [a, b, c] = scaled.mapped(|x| x.fmod(R::of(TURN)));
+            let argument = |sum: R| {
+                let five = (sum * R::of(5.0)).round_coordinate();
+                if self.scales_first { five } else { (five * scale).round_coordinate() }
+            };
             *p = [argument(sum(a, b, c)), argument(sum(-a, b, -c)), argument(sum(-a, -b, c))];
         }
         for p in &mut *points {
@@ -137,8 +144,12 @@ impl Magic {
         if !still && !regular {
             return [Interval::EVERYTHING; 3];
         }
-        let [a, b, c] = p.mapped(enclose_remainder);
-        let argument = |sum: Interval| (sum * Interval::point(5.0)) * scale;
+        let scaled = if self.scales_first { p.mapped(|x| x * scale) } else { p };
+        let [a, b, c] = scaled.mapped(enclose_remainder);
+        let argument = |sum: Interval| {
+            let five = sum * Interval::point(5.0);
+            if self.scales_first { five } else { five * scale }
+        };
         let sum = |a: Interval, b: Interval, c: Interval| (a + b) + c;
         // What the distortion multiplies.
         let mut waves = [argument(sum(a, b, c)).sin(), argument(sum(-a, b, -c)).cos(), -argument(sum(-a, -b, c)).cos()];
@@ -248,7 +259,7 @@ mod tests {
     }
 
     fn node(depth: i32) -> Magic {
-        Magic { depth, color: true, factor: true }
+        Magic { depth, scales_first: false, color: true, factor: true }
     }
 
     #[test]

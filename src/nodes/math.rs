@@ -161,7 +161,9 @@ impl Math {
             "MULTIPLY" => binary!(|a, b| a * b),
             "DIVIDE" => binary!(R::safe_divide),
             "MULTIPLY_ADD" => ternary!(|a, b, c| a * b + c),
-            "POWER" if self.release == Release::Before5 => binary!(R::safe_power_before_5),
+            // Each a loop of its own: a function that is chosen at run time would not be inlined.
+            "POWER" if self.release == Release::V4_5 => binary!(R::safe_power_before_5),
+            "POWER" if self.release >= Release::V5_1 => binary!(R::safe_power_since_5_1),
             "POWER" => binary!(R::safe_power),
             "LOGARITHM" => binary!(|a: R, b: R| {
                 if a <= zero || b <= zero { zero } else { a.library(Library::Ln).safe_divide(b.library(Library::Ln)) }
@@ -221,7 +223,7 @@ impl Evaluate for Math {
 
     fn enclose(&self, inputs: &[Interval], outputs: &mut [Interval]) {
         let value = match (self.operation, inputs) {
-            ("POWER", &[base, exponent]) if self.release == Release::Before5 => base.safe_power_before_5(exponent),
+            ("POWER", &[base, exponent]) => base.power_of(self.release, exponent),
             _ => bounds::operation(self.operation, inputs),
         };
         outputs[0] = if self.clamp { value.saturate() } else { value };

@@ -46,8 +46,8 @@ pub static TYPE: NodeType = NodeType {
     role: Role::Evaluated(|mode| {
         let clamp_factor = mode.flag("clamp_factor");
         if is_color(mode) {
-            let kind = mode.choice("blend_type");
-            return Box::new(Blend { kind, clamp_factor, clamp_result: mode.flag("clamp_result") });
+            let (kind, release) = (mode.choice("blend_type"), mode.release());
+            return Box::new(Blend { kind, clamp_factor, clamp_result: mode.flag("clamp_result"), release });
         }
         let factors = if is_non_uniform(mode) { 3 } else { 1 };
         Box::new(Mix { factors, components: if is_vector(mode) { 3 } else { 1 }, clamp_factor })

@@ -24,6 +24,7 @@ pub static TYPE: NodeType = NodeType {
     ],
     outputs: &[OutputSocket::new("Color", SocketType::Color, always)],
     role: Role::Evaluated(|mode| {
-        Box::new(Blend { kind: mode.choice("blend_type"), clamp_factor: true, clamp_result: mode.flag("use_clamp") })
+        let (kind, release) = (mode.choice("blend_type"), mode.release());
+        Box::new(Blend { kind, clamp_factor: true, clamp_result: mode.flag("use_clamp"), release })
     }),
 };

@@ -8,6 +8,7 @@
 //! per point of a batch.
 
 pub mod add_shader;
+pub mod additions;
 pub mod affine;
 pub mod blackbody;
 pub mod bounds;
@@ -477,7 +478,7 @@ impl Mode {
             wanted: Vec::new(),
             texture: None,
             frame: None,
-            release: Release::Newest,
+            release: Release::V5_0,
         };
         for property in node_type.properties {
             let given = properties.get(property.identifier);
@@ -493,10 +494,12 @@ impl Mode {
                 PropertyValues::Choice(names) => {
                     let name = match given {
                         None => names[0],
-                        Some(value) => value
-                            .as_str()
-                            .and_then(|text| names.iter().find(|name| **name == text))
-                            .ok_or_else(|| wrong(format!("one of {}", names.join(", "))))?,
+                        Some(value) => {
+                            let added = additions::of(node_type.type_name, property.identifier);
+                            let mut known = names.iter().copied().chain(added.map(|addition| addition.value));
+                            let found = value.as_str().and_then(|text| known.find(|name| *name == text));
+                            found.ok_or_else(|| wrong(format!("one of {}", names.join(", "))))?
+                        }
                     };
                     mode.choices.push((property.identifier, name));
                 }
@@ -553,7 +556,7 @@ impl Mode {
             wanted: Vec::new(),
             texture: None,
             frame: None,
-            release: Release::Newest,
+            release: Release::V5_0,
         }
     }
 
@@ -673,12 +676,16 @@ impl Mode {
     }
 
     /// Shader definitions of this mode: `PROPERTY_VALUE` for choices, `PROPERTY` for flags that
-    /// are on, `OUTPUT_NAME` for wanted outputs, `BEFORE_BLENDER_5` for the values of Blender 4.5.
+    /// are on, `OUTPUT_NAME` for wanted outputs; for the values of releases other than 5.0 `BEFORE_BLENDER_5`, or
+    /// `SINCE_BLENDER_5_1` and so on up to the release.
     pub fn shader_definitions(&self) -> Vec<String> {
         let choices = self.choices.iter().map(|(name, value)| shader_name(&format!("{name}_{value}")));
         let flags = self.flags.iter().filter(|(_, on)| *on).map(|(name, _)| shader_name(name));
         let outputs = self.wanted.iter().map(|name| shader_name(&format!("output_{name}")));
-        let release = (self.release == Release::Before5).then(|| "BEFORE_BLENDER_5".to_owned());
+        let since = [(Release::V5_1, "5_1"), (Release::V5_2, "5_2"), (Release::V5_3, "5_3")];
+        let since = since.into_iter().filter(|(first, _)| self.release >= *first);
+        let since = since.map(|(_, name)| format!("SINCE_BLENDER_{name}"));
+        let release = (self.release == Release::V4_5).then(|| "BEFORE_BLENDER_5".to_owned()).into_iter().chain(since);
         choices.chain(flags).chain(outputs).chain(release).collect()
     }
 

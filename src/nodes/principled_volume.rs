@@ -10,7 +10,7 @@ use crate::base::arrays::Mapped;
 use crate::nodes::blackbody;
 use crate::nodes::closure::{ClosureRole, Coefficients, Formula, Phase, Quantity, WEIGHT, per_channel, triple};
 use crate::nodes::{InputSocket, NodeType, OutputSocket, Role, always};
-use crate::scene::SocketType;
+use crate::scene::{Release, SocketType};
 
 /// The node type.
 pub static TYPE: NodeType = NodeType {
@@ -35,10 +35,13 @@ pub static TYPE: NodeType = NodeType {
         WEIGHT,
     ],
     outputs: &[OutputSocket::new("Volume", SocketType::Shader, always)],
-    role: Role::Closure(ClosureRole::Medium(|_| Box::new(PrincipledVolume))),
+    role: Role::Closure(ClosureRole::Medium(|mode| Box::new(PrincipledVolume { release: mode.release() }))),
 };
 
-struct PrincipledVolume;
+struct PrincipledVolume {
+    /// Whose blackbody it has.
+    release: Release,
+}
 
 /// Where each input's components begin.
 mod at {
@@ -63,6 +66,7 @@ impl Formula for PrincipledVolume {
             inputs[at::BLACKBODY_INTENSITY],
             triple(inputs, at::BLACKBODY_TINT),
             inputs[at::TEMPERATURE],
+            self.release,
         );
         Coefficients {
             scattering: color.mapped(|color| (color * density).positive_part()),

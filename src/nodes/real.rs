@@ -142,6 +142,12 @@ pub trait Real:
         let is_fractional = exponent != Self::of(exponent.to_int() as f32);
         if self < Self::of(0.0) && is_fractional { Self::of(0.0) } else { self.powf(exponent) }
     }
+    /// [`Self::safe_power`] since Blender 5.1: exponents beyond 2^31 and infinite ones are whole numbers, too, even ones.
+    #[inline]
+    fn safe_power_since_5_1(self, exponent: Self) -> Self {
+        let (zero, is_whole) = (Self::of(0.0), exponent == exponent.trunc());
+        if is_whole && exponent != zero && self < zero { self.powf(exponent) } else { self.safe_power(exponent) }
+    }
     /// 1 where `condition` holds, which compares this number with `other`, and 0 elsewhere.
     #[inline(always)]
     fn decided(self, _other: Self, condition: bool) -> Self {

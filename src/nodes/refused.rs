@@ -2,7 +2,7 @@
 //!
 //! Whole node types ([`NODES`]) and parts of node types that are otherwise supported ([`PARTS`]). A value is never put in the
 //! place of a refused one: a graph that holds it where it reaches the volume is an error; elsewhere it does not matter.
-//! Type names and labels are those of Blender 5.0.1.
+//! Type names and labels are those of Blender 5.0.1, and of 5.3.0 what came later.
 
 use crate::base::error::Error;
 
@@ -185,6 +185,7 @@ pub static NODES: &[RefusedNode] = &[
         "was not measured against Cycles yet",
         "Make sectors of an angle: Math, Arctan2, of X and Y, then Math, Wrap.",
     ),
+    node("ShaderNodeRaycast", "Raycast", RAYS, FALLOFF_INSTEAD),
     node(
         "ShaderNodeScript",
         "Script",
@@ -310,7 +311,7 @@ pub static PARTS: &[RefusedPart] = &[
     ),
 ];
 
-/// The entry of a refused node type; none for supported types and for those that Blender 5.0.1 does not have.
+/// The entry of a refused node type; none for supported types and for those that Blender does not have.
 pub fn find(type_name: &str) -> Option<&'static RefusedNode> {
     NODES.iter().find(|node| node.type_name == type_name)
 }

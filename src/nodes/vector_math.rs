@@ -1,4 +1,4 @@
-//! Vector Math (`ShaderNodeVectorMath`): 29 operations on 3-vectors.
+//! Vector Math (`ShaderNodeVectorMath`): 30 operations on 3-vectors; Round came with Blender 5.1.
 //!
 //! Inputs a = `Vector`, b = `Vector_001`, c = `Vector_002`, s = `Scale`; result `Vector`, or
 //! `Value` for dot product, distance and length. Component-wise where nothing else is said.
@@ -37,7 +37,7 @@ pub static TYPE: NodeType = NodeType {
     }),
 };
 
-/// Blender's names of the operations.
+/// Blender's names of the operations; later ones are in [`crate::nodes::additions`].
 pub const OPERATIONS: &[&str] = &[
     "ADD",
     "SUBTRACT",
@@ -76,8 +76,8 @@ fn gives_value(operation: &str) -> bool {
 
 fn vectors_of(mode: &Mode) -> usize {
     match mode.choice("operation") {
-        "LENGTH" | "SCALE" | "NORMALIZE" | "ABSOLUTE" | "SIGN" | "FLOOR" | "CEIL" | "FRACTION" | "SINE" | "COSINE"
-        | "TANGENT" => 1,
+        "LENGTH" | "SCALE" | "NORMALIZE" | "ABSOLUTE" | "SIGN" | "ROUND" | "FLOOR" | "CEIL" | "FRACTION" | "SINE"
+        | "COSINE" | "TANGENT" => 1,
         "MULTIPLY_ADD" | "FACEFORWARD" | "WRAP" => 3,
         _ => 2,
     }
@@ -148,7 +148,7 @@ fn wrap<R: Real>(a: R, maximum: R, minimum: R) -> R {
 impl Evaluate for VectorMath {
     fn evaluate<R: Real>(&self, inputs: &[Column<'_, R>], outputs: &mut [&mut [R]]) {
         let zero = R::of(0.0);
-        let before_5 = self.release == Release::Before5;
+        let before_5 = self.release == Release::V4_5;
         let scale = 3 * self.vectors;
         if gives_value(self.operation) {
             for index in 0..outputs[0].len() {
@@ -210,10 +210,12 @@ impl Evaluate for VectorMath {
             "NORMALIZE" => unary!(safe_unit),
             "ABSOLUTE" => unary!(|a: [R; 3]| a.mapped(R::abs)),
             "POWER" if before_5 => binary!(|a, b| each(a, b, R::safe_power_before_5)),
+            "POWER" if self.release >= Release::V5_1 => binary!(|a, b| each(a, b, R::safe_power_since_5_1)),
             "POWER" => binary!(|a, b| each(a, b, R::safe_power)),
             "SIGN" => unary!(|a: [R; 3]| a.mapped(sign)),
             "MINIMUM" => binary!(|a, b| each(a, b, R::lesser)),
             "MAXIMUM" => binary!(|a, b| each(a, b, R::greater)),
+            "ROUND" => unary!(|a: [R; 3]| a.mapped(|x| (x + R::of(0.5)).floor())),
             "FLOOR" => unary!(|a: [R; 3]| a.mapped(R::floor)),
             "CEIL" => unary!(|a: [R; 3]| a.mapped(R::ceil)),
             "FRACTION" => unary!(|a: [R; 3]| a.mapped(R::fraction)),

@@ -12,7 +12,7 @@ use crate::nodes::{
     Column, Evaluate, InputSocket, Interval, Mode, NodeType, OutputSocket, Property, Role, Simplified, always,
     vector_at, vector_output,
 };
-use crate::scene::{Matrix, SocketType};
+use crate::scene::{Matrix, Release, SocketType};
 use std::fmt::Write;
 
 /// The node type. Its mode carries the object's [`Frame`].
@@ -51,10 +51,10 @@ impl Default for Frame {
 }
 
 impl Frame {
-    /// The frame of an object with this world matrix. `place` names the node in errors.
-    pub fn of(matrix_world: &Matrix, place: &str) -> Result<Self> {
+    /// The frame of an object with this world matrix, as a release of Blender has it. `place` names the node in errors.
+    pub fn of(matrix_world: &Matrix, release: Release, place: &str) -> Result<Self> {
         let to_world = [matrix_world[0], matrix_world[1], matrix_world[2]];
-        let to_object = inverse(&to_world);
+        let to_object = inverse(&to_world, release);
         if to_object.as_flattened().iter().all(|x| x.is_finite()) {
             return Ok(Self { to_world, to_object });
         }
@@ -67,9 +67,11 @@ impl Frame {
     }
 }
 
-/// The inverse bit for bit as Cycles 5.0.1 has it: cofactors, determinant and translation each with fused products in this
-/// order, times the reciprocal of the determinant. (Measured: equal for 56 random matrices.)
-fn inverse(rows: &Rows) -> Rows {
+/// The inverse bit for bit as Cycles has it: cofactors with one fused product, times the reciprocal of the determinant. In 5.0.1
+/// determinant and translation have fused products, too, in this order (measured: equal for 56 random matrices); since 5.1 they
+/// have none (equal for 80 random matrices in 5.1.2 and 5.3.0).
+fn inverse(rows: &Rows, release: Release) -> Rows {
+    let since_5_1 = release >= Release::V5_1;
     let column = |number: usize| rows.mapped(|row| row[number]);
     let [x, y, z, translation] = [0, 1, 2, 3].mapped(column);
     // A component of the cross product; one of its two products is rounded before they are subtracted.
@@ -77,16 +79,18 @@ fn inverse(rows: &Rows) -> Rows {
         let (j, k) = ((axis + 1) % 3, (axis + 2) % 3);
         if rounds_second { a[j].mul_add(b[k], -(a[k] * b[j])) } else { (-a[k]).mul_add(b[j], a[j] * b[k]) }
     };
-    let fused_dot = |a: [f32; 3], b: [f32; 3]| a[2].mul_add(b[2], a[0].mul_add(b[0], a[1] * b[1]));
+    let sum_of_products = |a: [f32; 3], b: [f32; 3]| {
+        if since_5_1 { dot(a, b) } else { a[2].mul_add(b[2], a[0].mul_add(b[0], a[1] * b[1])) }
+    };
     let adjugate: [[f32; 3]; 3] = [
-        [0, 1, 2].mapped(|axis| cofactor(y, z, axis, axis == 0)),
+        [0, 1, 2].mapped(|axis| cofactor(y, z, axis, since_5_1 || axis == 0)),
         [0, 1, 2].mapped(|axis| cofactor(z, x, axis, true)),
         [0, 1, 2].mapped(|axis| cofactor(x, y, axis, true)),
     ];
-    let reciprocal = 1.0 / fused_dot(x, adjugate[0]);
+    let reciprocal = 1.0 / sum_of_products(x, adjugate[0]);
     adjugate.mapped(|row| {
         let row = row.mapped(|entry| entry * reciprocal);
-        [row[0], row[1], row[2], -fused_dot(row, translation)]
+        [row[0], row[1], row[2], -sum_of_products(row, translation)]
     })
 }
 
@@ -217,7 +221,7 @@ mod tests {
         let properties = json!({"vector_type": kind, "convert_from": from, "convert_to": to});
         let mode = Mode::read(&TYPE, properties.as_object().expect("properties"), "test").expect("a mode");
         let Role::Evaluated(build) = TYPE.role else { unreachable!("it evaluates") };
-        build(&mode.with_frame(Frame::of(&MATRIX, "test").expect("an invertible matrix")))
+        build(&mode.with_frame(Frame::of(&MATRIX, Release::V5_0, "test").expect("an invertible matrix")))
     }
 
     fn value(evaluator: &dyn NodeEvaluator, vector: [f32; 3]) -> [f32; 3] {

@@ -60,6 +60,7 @@ pub static TYPE: NodeType = NodeType {
             metric: Metric::read(mode.choice("distance")),
             feature: Feature::read(mode.choice("feature")),
             hashing: Hashing::of(mode.release()),
+            hashes_negative_zero: mode.release() >= Release::V5_3 && mode.choice("voronoi_dimensions") == "1D",
             normalize: mode.flag("normalize"),
             has_exponent: has_exponent(mode),
             distance: mode.wants("Distance"),
@@ -183,8 +184,8 @@ pub(super) enum Hashing {
 impl Hashing {
     fn of(release: Release) -> Self {
         match release {
-            Release::Before5 => Self::Floats,
-            Release::Newest => Self::WholeNumbers,
+            Release::V4_5 => Self::Floats,
+            _ => Self::WholeNumbers,
         }
     }
 }
@@ -193,6 +194,9 @@ impl Hashing {
 pub(super) struct VoronoiTexture {
     dimensions: usize,
     hashing: Hashing,
+    /// Since Blender 5.3 the searches for the nearest and the second nearest point of one dimension hash the middle cell's own corner,
+    /// so that at the coordinate -0 the cell has another point than at 0. Its colour is that at 0.
+    hashes_negative_zero: bool,
     metric: Metric,
     feature: Feature,
     normalize: bool,
@@ -229,6 +233,8 @@ struct Found<R, const N: usize> {
 #[derive(Clone, Copy)]
 struct Cell<R, const N: usize> {
     hashing: Hashing,
+    /// The middle cell's corner is hashed as it is.
+    hashes_negative_zero: bool,
     floor: [R; N],
     index: [i32; N],
     local: [R; N],
@@ -239,6 +245,7 @@ impl<R: Real, const N: usize> Cell<R, N> {
         let floor = x.mapped(Real::lattice_floor);
         Self {
             hashing,
+            hashes_negative_zero: false,
             floor,
             index: floor.mapped(Real::to_int),
             local: each(|axis| (x[axis] - floor[axis]).round_coordinate()),
@@ -247,7 +254,9 @@ impl<R: Real, const N: usize> Cell<R, N> {
 
     /// Point of the cell at `offset`, relative to this cell's corner.
     fn point(&self, offset: [i32; N], randomness: R) -> [R; N] {
-        let hash: [R; N] = if N == 1 || self.hashing == Hashing::Floats {
+        let hash: [R; N] = if N == 1 && self.hashes_negative_zero && offset == [0; N] {
+            cell_of_floats(self.floor)
+        } else if N == 1 || self.hashing == Hashing::Floats {
             cell_of_floats(self.corner(offset))
         } else {
             pcg_values(each(|axis| self.index[axis].wrapping_add(offset[axis])))
@@ -314,7 +323,7 @@ fn neighbours<const N: usize>(radius: i32) -> impl Iterator<Item = [i32; N]> {
 
 impl VoronoiTexture {
     fn f1<R: Real, const N: usize>(&self, x: [R; N], parameters: &Parameters<R>) -> Found<R, N> {
-        let cell = Cell::of(x, self.hashing);
+        let cell = Cell { hashes_negative_zero: self.hashes_negative_zero, ..Cell::of(x, self.hashing) };
         let mut smallest = R::of(f32::MAX);
         let (mut nearest, mut target) = ([R::of(0.0); N], [0; N]);
         for offset in neighbours::<N>(1) {
@@ -336,7 +345,7 @@ impl VoronoiTexture {
     }
 
     fn f2<R: Real, const N: usize>(&self, x: [R; N], parameters: &Parameters<R>) -> Found<R, N> {
-        let cell = Cell::of(x, self.hashing);
+        let cell = Cell { hashes_negative_zero: self.hashes_negative_zero, ..Cell::of(x, self.hashing) };
         let start = (R::of(f32::MAX), [R::of(0.0); N], [0; N]);
         let (mut first, mut second) = (start, start);
         for offset in neighbours::<N>(1) {
@@ -714,8 +723,8 @@ mod tests {
         ];
         for (dimensions, expected) in expected {
             for (place, expected) in places.into_iter().zip(expected) {
-                assert_eq!(f1(dimensions, Release::Before5, place), expected, "{dimensions} {place:?}");
-                assert_ne!(f1(dimensions, Release::Newest, place), expected, "{dimensions} {place:?}");
+                assert_eq!(f1(dimensions, Release::V4_5, place), expected, "{dimensions} {place:?}");
+                assert_ne!(f1(dimensions, Release::V5_0, place), expected, "{dimensions} {place:?}");
             }
         }
     }

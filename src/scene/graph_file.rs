@@ -18,31 +18,43 @@ pub struct Graph {
     #[serde(default)]
     pub groups: Vec<Group>,
     /// The release of Blender whose values the nodes have.
-    #[serde(default, skip_serializing_if = "Release::is_newest")]
+    #[serde(default, skip_serializing_if = "Release::is_default")]
     pub blender: Release,
 }
 
 choice! {
     "kebab-case",
     /// A release of Blender whose values our nodes have.
-    #[derive(Default, Hash, JsonSchema)]
+    #[derive(Default, Hash, PartialOrd, Ord, JsonSchema)]
     pub enum Release {
         /// Blender 4.5: Voronoi textures in 2D to 4D, weights of luminance, powers of zero and remainders of vectors differ from 5.0.
         #[serde(rename = "4.5")]
         #[strum(serialize = "4.5")]
-        Before5,
+        V4_5,
         /// Blender 5.0.
         #[default]
         #[serde(rename = "5.0")]
         #[strum(serialize = "5.0")]
-        Newest,
+        V5_0,
+        /// Blender 5.1: Blackbody differs from 5.0 (2.4e-4), RGB to BW and Vector Transform in last digits, Vector Math has Round.
+        #[serde(rename = "5.1")]
+        #[strum(serialize = "5.1")]
+        V5_1,
+        /// Blender 5.2 LTS: as 5.1, and Magic Texture scales before it repeats.
+        #[serde(rename = "5.2")]
+        #[strum(serialize = "5.2")]
+        V5_2,
+        /// Blender 5.3: as 5.2, but Blackbody is that of 5.0, and Mix Color differs in last digits.
+        #[serde(rename = "5.3")]
+        #[strum(serialize = "5.3")]
+        V5_3,
     }
 }
 
 impl Release {
-    /// Whether it is the release that is meant where none is named.
-    pub fn is_newest(&self) -> bool {
-        *self == Self::Newest
+    /// Whether it is the release that is meant where none is named: what every older scene file was written for.
+    pub fn is_default(&self) -> bool {
+        *self == Self::default()
     }
 }
 

@@ -13,6 +13,23 @@ fn blend_mix(a: vec3f, b: vec3f, t: f32) -> vec3f {
     return a + t * (b - a);
 }
 
+// Since Blender 5.3 four modes have another order of operations.
+fn blend_mix_since_5_3(a: vec3f, b: vec3f, t: f32) -> vec3f {
+    return a * (1.0 - t) + b * t;
+}
+
+fn blend_multiply_since_5_3(a: vec3f, b: vec3f, t: f32) -> vec3f {
+    return a * ((1.0 - t) + t * b);
+}
+
+fn blend_add_since_5_3(a: vec3f, b: vec3f, t: f32) -> vec3f {
+    return a + t * b;
+}
+
+fn blend_subtract_since_5_3(a: vec3f, b: vec3f, t: f32) -> vec3f {
+    return a - t * b;
+}
+
 fn blend_darken(a: vec3f, b: vec3f, t: f32) -> vec3f {
     return blend_mix(a, min(a, b), t);
 }

@@ -8,6 +8,11 @@ fn luminance(color: vec3f) -> f32 {
     return (color.x * 0.21263912 + color.y * 0.71516913) + color.z * 0.07219276;
 }
 
+// With the weights of RGB to BW since Blender 5.1.
+fn luminance_of_node_since_5_1(color: vec3f) -> f32 {
+    return (color.x * 0.2126391 + color.y * 0.71516913) + color.z * 0.07219274;
+}
+
 // With the weights of Blender 4.5.
 fn luminance_before_5(color: vec3f) -> f32 {
     return (color.x * 0.21267404 + color.y * 0.7151516) + color.z * 0.07217542;

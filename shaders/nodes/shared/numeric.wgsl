@@ -235,6 +235,11 @@ fn safe_pow(a: f32, b: f32) -> f32 {
     return select(magnitude, -magnitude, a < 0.0 && (whole & 1) != 0);
 }
 
+// safe_pow since Blender 5.1: exponents beyond 2^31 are whole numbers, too, even ones.
+fn safe_pow_since_5_1(a: f32, b: f32) -> f32 {
+    return safe_pow(select(a, abs(a), abs(b) >= 2147483648.0), b);
+}
+
 // safe_pow up to Blender 4.5: negative powers of 0 are infinite.
 fn safe_pow_before_5(a: f32, b: f32) -> f32 {
     if b < 0.0 && abs(a) < SMALLEST_NORMAL {

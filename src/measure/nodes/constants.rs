@@ -11,7 +11,7 @@ use crate::graph::evaluate::Points;
 use crate::graph::{Program, Target};
 use crate::measure::errors::values::equal;
 use crate::measure::nodes::limits;
-use crate::measure::nodes::suite::{ModeComparison, Tally, json_number, modes, normal};
+use crate::measure::nodes::suite::{ModeComparison, Tally, json_number, modes_of, normal};
 use crate::nodes::{self, Mode, NodeType, Role};
 use crate::scene::{Release, Scene, SocketType, bare_scene};
 use rand::{Rng, SeedableRng};
@@ -172,7 +172,7 @@ pub fn cases(sets: usize, seed: u64, node: Option<&str>, release: Release) -> Re
         if !evaluated || node.is_some_and(|label| label != node_type.label) {
             continue;
         }
-        for properties in modes(node_type) {
+        for properties in modes_of(node_type, release) {
             for by in [FoldedBy::Blender, FoldedBy::Cycles] {
                 let seed = seed.wrapping_add(cases.len() as u64);
                 let mut case = Case::new(node_type, &properties, by, sets, seed)?;

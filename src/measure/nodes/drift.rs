@@ -291,8 +291,8 @@ pub fn measure(
             "Give more.",
         ));
     }
-    let cases = suite::cases(asked.points, asked.seed, asked.node.as_deref(), Selection::Everything)?;
-    let cases = suite::with_values_of(asked.blender, cases);
+    let node = asked.node.as_deref();
+    let cases = suite::cases_of(asked.blender, asked.points, asked.seed, node, Selection::Everything)?;
     experiment::run(&mut Running { asked, cases, scenes }, Some(folder), settings, progress)
 }
 
@@ -466,7 +466,7 @@ impl Experiment for Running {
         Ok(match *job {
             Job::Nodes(release) => {
                 let mut inputs = json!({"release": releases[release], "points": points, "seed": seed, "node": node});
-                if !blender.is_newest() {
+                if !blender.is_default() {
                     inputs["blender"] = json!(blender);
                 }
                 inputs
@@ -548,7 +548,7 @@ mod tests {
             node: None,
             samples: 1,
             replicas: 6,
-            blender: scene::Release::Newest,
+            blender: scene::Release::V5_0,
         };
         let drift = Drift {
             format: FORMAT.into(),
@@ -583,7 +583,7 @@ mod tests {
             node: None,
             samples: 1,
             replicas,
-            blender: scene::Release::Newest,
+            blender: scene::Release::V5_0,
         };
         let ask = |asked: Asked| measure(asked, Vec::new(), folder.path(), &Settings::default(), &|_, _| ());
         assert!(ask(asked("five", 6)).expect_err("refused").found.contains("five"));

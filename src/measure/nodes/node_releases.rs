@@ -97,7 +97,7 @@ impl NodeReleases {
     fn best_of(&self, label: &str) -> Vec<&NodeRelease> {
         let mut releases: IndexMap<&str, &NodeRelease> = IndexMap::new();
         for row in self.rows.iter().filter(|row| row.node == label) {
-            let rank = |row: &NodeRelease| (row.equal, row.ordinary, row.values.is_newest());
+            let rank = |row: &NodeRelease| (row.equal, row.ordinary, row.values.is_default());
             let best = releases.entry(&row.release).or_insert(row);
             if rank(row) > rank(best) {
                 *best = row;
@@ -142,7 +142,7 @@ impl NodeReleases {
 impl NodeRelease {
     /// Which of our values they are, unless the newest.
     fn option(&self) -> String {
-        if self.values.is_newest() { String::new() } else { format!(" by the values of {}", self.values) }
+        if self.values.is_default() { String::new() } else { format!(" by the values of {}", self.values) }
     }
 }
 
@@ -163,13 +163,13 @@ mod tests {
         let known = NodeReleases {
             format: FORMAT.into(),
             rows: vec![
-                row("5.0.1", Release::Newest, [4, 4, 4]),
-                row("4.5.15", Release::Newest, [4, 1, 2]),
-                row("4.5.15", Release::Before5, [4, 4, 4]),
-                row("4.4.0", Release::Newest, [4, 4, 4]),
-                row("4.4.0", Release::Before5, [4, 4, 4]),
-                row("4.2.23", Release::Newest, [4, 0, 3]),
-                row("4.3.0", Release::Newest, [4, 0, 4]),
+                row("5.0.1", Release::V5_0, [4, 4, 4]),
+                row("4.5.15", Release::V5_0, [4, 1, 2]),
+                row("4.5.15", Release::V4_5, [4, 4, 4]),
+                row("4.4.0", Release::V5_0, [4, 4, 4]),
+                row("4.4.0", Release::V4_5, [4, 4, 4]),
+                row("4.2.23", Release::V5_0, [4, 0, 3]),
+                row("4.3.0", Release::V5_0, [4, 0, 4]),
             ],
         };
         let expected = [

@@ -13,7 +13,7 @@ use crate::graph::{Program, Target};
 use crate::measure::errors::values::{equal, ulp_distance};
 use crate::measure::nodes::limits;
 use crate::measure::nodes::limits::Limit;
-use crate::nodes::{self, Mode, NodeType, PropertyValues, Role};
+use crate::nodes::{self, Mode, NodeType, PropertyValues, Role, additions};
 use crate::scene::{Release, Scene, bare_scene};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -180,12 +180,21 @@ pub struct ModeComparison {
     pub wgsl_worst: Option<String>,
 }
 
-/// All modes of a node type that differ from each other.
+/// All modes of a node type that differ from each other, as Blender 5.0 has them.
 pub fn modes(node_type: &NodeType) -> Vec<Map<String, Json>> {
+    modes_of(node_type, Release::default())
+}
+
+/// [`modes`] as a release has them: with what was added since 5.0, last.
+pub fn modes_of(node_type: &NodeType, release: Release) -> Vec<Map<String, Json>> {
     let mut modes = vec![Map::new()];
     for property in node_type.properties {
         let values: Vec<Json> = match property.values {
-            PropertyValues::Choice(names) => names.iter().map(|&name| name.into()).collect(),
+            PropertyValues::Choice(names) => {
+                let added = additions::of(node_type.type_name, property.identifier);
+                let added = added.filter(|addition| addition.since <= release).map(|addition| addition.value);
+                names.iter().copied().chain(added).map(Json::from).collect()
+            }
             PropertyValues::Flag(_) => vec![false.into(), true.into()],
             PropertyValues::Integer { probes, .. } => probes.iter().map(|&number| number.into()).collect(),
             PropertyValues::Number { probes, .. } => probes.iter().map(|&number| json_number(number)).collect(),
@@ -258,19 +267,25 @@ pub enum Selection {
     Jumping,
 }
 
-/// The cases with the values of a release of Blender, which is also asked for its own.
-pub fn with_values_of(release: Release, mut cases: Vec<Case>) -> Vec<Case> {
-    cases.iter_mut().for_each(|case| case.scene.graph_mut().blender = release);
-    cases
+/// [`cases_of`] Blender 5.0.
+pub fn cases(points: usize, seed: u64, node: Option<&str>, selection: Selection) -> Result<Vec<Case>> {
+    cases_of(Release::default(), points, seed, node, selection)
 }
 
-/// Every case, with about `points` points each; `node` restricts to one label.
-pub fn cases(points: usize, seed: u64, node: Option<&str>, selection: Selection) -> Result<Vec<Case>> {
+/// Every case with the values of a release of Blender, which is also asked for its own, with about `points` points each; `node`
+/// restricts to one label.
+pub fn cases_of(
+    release: Release,
+    points: usize,
+    seed: u64,
+    node: Option<&str>,
+    selection: Selection,
+) -> Result<Vec<Case>> {
     let mut cases = Vec::new();
     let evaluated = || nodes::registry().iter().filter(|node| matches!(node.role, Role::Evaluated(_)));
     for node_type in evaluated().filter(|node| node.type_name.starts_with("ShaderNode")) {
         if node.is_none_or(|label| label == node_type.label) {
-            for properties in modes(node_type) {
+            for properties in modes_of(node_type, release) {
                 if selection == Selection::Jumping {
                     let mode = Mode::read(node_type, &properties, node_type.label)?;
                     let normalized = properties.get("normalize") == Some(&Json::Bool(true));
@@ -305,6 +320,7 @@ pub fn cases(points: usize, seed: u64, node: Option<&str>, selection: Selection)
         )
         .with_setting("node"));
     }
+    cases.iter_mut().for_each(|case| case.scene.graph_mut().blender = release);
     Ok(cases)
 }
 

@@ -135,7 +135,7 @@ mod tests {
         let mut values: Vec<Vec<f32>> = (0..3).map(|axis| rows.iter().map(|row| row[axis]).collect()).collect();
         values.extend(color.iter().chain(&parameters).map(|&value| vec![value; rows.len()]));
         let inputs: Vec<Column<'_, f32>> = values.iter().map(|values| Column { values, uniform: false }).collect();
-        let node = BrickTexture { layout, color: true, factor: true };
+        let node = BrickTexture { layout, release: crate::scene::Release::V5_0, color: true, factor: true };
         let run = |on_lanes: bool| {
             let mut outputs = vec![vec![0.0; rows.len()]; 4];
             let mut slices: Vec<&mut [f32]> = outputs.iter_mut().map(Vec::as_mut_slice).collect();

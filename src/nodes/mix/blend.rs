@@ -9,6 +9,7 @@ use crate::nodes::color_space::{
 use crate::nodes::mix::folding;
 use crate::nodes::mix::formulas::*;
 use crate::nodes::{Column, Evaluate, Interval, Real, Simplified, map, vector_at};
+use crate::scene::Release;
 use std::ops::{Add, Mul, Sub};
 
 /// Blender's names of the blend modes; the first is the default.
@@ -325,6 +326,8 @@ pub struct Blend {
     pub clamp_factor: bool,
     /// The components of the result are.
     pub clamp_result: bool,
+    /// Whose values it has: Mix, Multiply, Add and Subtract have another order of operations since Blender 5.3.
+    pub release: Release,
 }
 
 impl Blend {
@@ -367,7 +370,12 @@ impl Blend {
 
     fn enclose_component(&self, a: Interval, b: Interval, t: Interval) -> Interval {
         let operands = [a, b, t];
+        let since_5_3 = self.release >= Release::V5_3;
         match self.kind {
+            "MIX" if since_5_3 => enclose_formula!(weighted, operands),
+            "MULTIPLY" if since_5_3 => enclose_formula!(multiply_since_5_3, operands),
+            "ADD" if since_5_3 => enclose_formula!(add_since_5_3, operands),
+            "SUBTRACT" if since_5_3 => enclose_formula!(subtract_since_5_3, operands),
             "MIX" => enclose_formula!(linear, operands),
             "DARKEN" => enclose_formula!(darken, operands),
             "MULTIPLY" => enclose_formula!(multiply, operands),
@@ -390,7 +398,12 @@ impl Blend {
 
 impl Evaluate for Blend {
     fn evaluate<R: Real>(&self, inputs: &[Column<'_, R>], outputs: &mut [&mut [R]]) {
+        let since_5_3 = self.release >= Release::V5_3;
         match self.kind {
+            "MIX" if since_5_3 => self.each(inputs, outputs, weighted),
+            "MULTIPLY" if since_5_3 => self.each(inputs, outputs, multiply_since_5_3),
+            "ADD" if since_5_3 => self.each(inputs, outputs, add_since_5_3),
+            "SUBTRACT" if since_5_3 => self.each(inputs, outputs, subtract_since_5_3),
             "MIX" => self.each(inputs, outputs, linear),
             "DARKEN" => self.each(inputs, outputs, darken),
             "MULTIPLY" => self.each(inputs, outputs, multiply),
@@ -531,7 +544,7 @@ mod tests {
     use super::*;
 
     fn blend(kind: &'static str) -> Blend {
-        Blend { kind, clamp_factor: false, clamp_result: false }
+        Blend { kind, clamp_factor: false, clamp_result: false, release: Release::V5_0 }
     }
 
     fn values<R: Real>(blend: &Blend, inputs: [f32; 7]) -> [R; 3] {
@@ -589,7 +602,7 @@ mod tests {
         assert!(at("BURN", [1.0, f32::NAN, 0.0, 0.0, 0.5, 0.5, 0.5])[0].is_nan());
         assert!(at("DODGE", [1.0, 0.5, 0.0, 0.0, f32::NAN, 0.5, 0.5])[0].is_nan());
         assert_eq!(at("EXCLUSION", [1.0, f32::NAN, 0.0, 0.0, 0.5, 0.5, 0.5])[0], 0.0);
-        let limited = Blend { kind: "MIX", clamp_factor: true, clamp_result: true };
+        let limited = Blend { kind: "MIX", clamp_factor: true, clamp_result: true, release: Release::V5_0 };
         assert_eq!(values::<f32>(&limited, [7.0, 0.0, 0.0, 0.0, 3.0, -3.0, f32::NAN]), [1.0, 0.0, 0.0]);
     }
 
@@ -598,7 +611,7 @@ mod tests {
         let inputs = [Some(0.0), None, None, None, None, None, None];
         assert_eq!(blend("SCREEN").simplify_constants(&inputs), Some(Simplified::Inputs(vec![1, 2, 3])));
         assert_eq!(blend("BURN").simplify_constants(&inputs), None);
-        let limited = Blend { kind: "MIX", clamp_factor: true, clamp_result: true };
+        let limited = Blend { kind: "MIX", clamp_factor: true, clamp_result: true, release: Release::V5_0 };
         assert_eq!(limited.simplify_constants(&inputs), None);
         let constant = [Some(5.0), None, None, None, Some(0.25), Some(2.0), Some(-1.0)];
         assert_eq!(limited.simplify_constants(&constant), Some(Simplified::Constant(vec![0.25, 1.0, 0.0])));
@@ -665,7 +678,7 @@ mod tests {
 
     #[test]
     fn limits_of_constants_keep_missing_numbers() {
-        let limited = Blend { kind: "ADD", clamp_factor: true, clamp_result: true };
+        let limited = Blend { kind: "ADD", clamp_factor: true, clamp_result: true, release: Release::V5_0 };
         assert_eq!(limited.fold_constants(&[7.0, 0.5, 0.0, 0.0, 3.0, -3.0, 0.25]), Some(vec![1.0, 0.0, 0.25]));
         let folded = limited.fold_constants(&[0.5, f32::NAN, 0.0, 0.5, 0.0, 0.0, 0.0]).expect("a rule");
         assert!(folded[0].is_nan() && folded[1..] == [0.0, 0.5]);
@@ -686,7 +699,7 @@ mod tests {
         constants[0] = Some(2.0);
         assert_eq!(at(&blend("SUBTRACT"), &constants), None);
         for clamp_result in [false, true] {
-            let limited = Blend { kind: "SUBTRACT", clamp_factor: true, clamp_result };
+            let limited = Blend { kind: "SUBTRACT", clamp_factor: true, clamp_result, release: Release::V5_0 };
             assert_eq!(at(&limited, &constants), Some(Simplified::Constant(vec![0.0; 3])));
         }
         // Equal constants count beside a link, but not alone.

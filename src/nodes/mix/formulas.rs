@@ -103,6 +103,24 @@ pub fn add<T: Arithmetic>(a: T, b: T, t: T) -> T {
     linear(a, a + b, t)
 }
 
+/// [`multiply`] since Blender 5.3; [`linear`] is [`weighted`] there.
+#[inline(always)]
+pub fn multiply_since_5_3<T: Arithmetic>(a: T, b: T, t: T) -> T {
+    a * ((one::<T>() - t) + t * b)
+}
+
+/// [`add`] since Blender 5.3.
+#[inline(always)]
+pub fn add_since_5_3<T: Arithmetic>(a: T, b: T, t: T) -> T {
+    a + t * b
+}
+
+/// [`subtract`] since Blender 5.3.
+#[inline(always)]
+pub fn subtract_since_5_3<T: Arithmetic>(a: T, b: T, t: T) -> T {
+    a - t * b
+}
+
 #[inline(always)]
 pub fn subtract<T: Arithmetic>(a: T, b: T, t: T) -> T {
     linear(a, a - b, t)

@@ -562,6 +562,9 @@ impl VoronoiTexture {
         parameters: &Parameters,
     ) -> Found<N> {
         let mut found = self.range(x, feature, parameters);
+        if self.hashes_negative_zero && x[0].flushed().has_zero() {
+            return found;
+        }
         let (Some(place), Some(shape)) = (self.place(x, parameters), self.shape::<N>(parameters)) else {
             return found;
         };

@@ -150,6 +150,9 @@ struct Plan {
     third: f32,
     /// Largest factor on an input coordinate, for the range check.
     largest_factor: f32,
+    /// Scaled coordinates below this magnitude, which an octave may turn into -0, are left to the scalar evaluation; 0 where it hashes
+    /// -0 as 0.
+    smallest: f32,
 }
 
 impl Plan {
@@ -199,6 +202,11 @@ impl Plan {
             position_factor,
             third: position_factor.map_or(0.0, |factor| third * factor),
             largest_factor: parameters.scale.abs() * largest_scale,
+            smallest: if node.hashes_negative_zero {
+                1e-30 / octaves.iter().map(|octave| octave.scale.abs()).fold(1.0, f32::min)
+            } else {
+                0.0
+            },
             octaves,
         })
     }
@@ -264,7 +272,13 @@ fn run_vectorized<S: Simd, const N: usize>(
                 redone.extend(lanes::marked::<S>(is_doubtful, true, used).map(|lane| start + lane));
             }
             Feature::NSphereRadius => sink.put::<S>(n_sphere_radius::<S, N>(simd, plan, q)),
-            _ => sink.put_found(simd, plan, &fractal::<S, N>(simd, plan, q)),
+            _ => {
+                sink.put_found(simd, plan, &fractal::<S, N>(simd, plan, q));
+                if plan.smallest > 0.0 {
+                    let is_small = q[0].abs().simd_lt(plan.smallest);
+                    redone.extend(lanes::marked::<S>(is_small, true, used).map(|lane| start + lane));
+                }
+            }
         }
     }
 }
@@ -526,6 +540,7 @@ mod tests {
                             let node = VoronoiTexture {
                                 dimensions,
                                 hashing: [Hashing::WholeNumbers, Hashing::Floats][(number + set / 2) % 2],
+                                hashes_negative_zero: dimensions == 1 && set % 2 == 1,
                                 metric,
                                 feature,
                                 normalize,
