@@ -60,6 +60,7 @@ pub const SCRIPTS: &[(&str, &str)] = scripts!(
     "node_data.py",
     "older_releases.py",
     "optimiser.py",
+    "picture_file.py",
     "picture_grid.py",
     "plots.py",
     "point_probe.py",
