@@ -1,8 +1,10 @@
 //! `cloudparity export`: a .blend as a scene file, a scene file as a .blend, a picture as a PNG.
 
+use crate::base::destination::Destination;
 use crate::base::error::{Error, Result};
 use crate::base::files;
 use crate::base::kinds::{self, FileKind};
+use crate::base::temporary;
 use crate::bridge;
 use crate::bridge::CyclesKernel;
 use crate::cli::choice::choice;
@@ -167,7 +169,7 @@ pub(super) fn export(
     let blend = std::path::absolute(blend).unwrap_or_else(|_| blend.to_owned());
     let chosen = (!objects.is_empty()).then_some(objects);
     // What has to be made for the scene, such as a picture of its world, waits here.
-    let folder = tempfile::tempdir().map_err(|cause| Error::io(&std::env::temp_dir(), "a temporary folder", &cause))?;
+    let folder = temporary::folder()?;
     let reasons: serde_json::Map<_, _> =
         refused::NODES.iter().map(|node| (node.type_name.to_owned(), json!([node.reason, node.instead]))).collect();
     let request =
@@ -244,6 +246,10 @@ pub(super) fn describe(scene: &Scene) -> String {
 
 /// Puts a file of the scene beside the scene file; another one of that name is not overwritten.
 fn write_beside(bytes: &[u8], target: &Path) -> Result<()> {
+    // A device or a pipe holds nothing to compare with; writing decides about it.
+    if Destination::find(target).is_ok_and(|found| matches!(found, Destination::Stream(_))) {
+        return files::write_atomically(target, bytes);
+    }
     match std::fs::read(target) {
         Ok(there) if there == bytes => Ok(()),
         Ok(_) => Err(Error::new(

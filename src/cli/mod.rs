@@ -226,18 +226,6 @@ pub fn run() -> ExitCode {
     })
 }
 
-/// A folder that is gone with its value.
-fn temporary_folder() -> Result<tempfile::TempDir> {
-    tempfile::tempdir().map_err(|cause| {
-        crate::base::error::Error::new(
-            "temporary folder",
-            cause.to_string(),
-            "a folder that can be made",
-            "Check the free space.",
-        )
-    })
-}
-
 /// A bar on stderr that moves while it waits, with the time that passed and an estimate of what is left; hidden where stderr is no terminal. Warnings are printed above it.
 pub(crate) fn progress_bar(length: u64) -> indicatif::ProgressBar {
     if !std::io::stderr().is_terminal() {

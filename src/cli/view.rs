@@ -55,6 +55,9 @@ pub(super) struct Arguments {
     /// tracing.
     #[arg(long, value_name = "FILE", num_args = 1..)]
     truth: Vec<PathBuf>,
+    /// Part, layer or pass of --truth, in files with several.
+    #[arg(long, value_name = "PART", requires = "truth")]
+    truth_part: Option<String>,
     /// The folder of a study, or of pairs that were recorded here: of its settings that nothing beats, the budget of milliseconds picks one.
     #[arg(long, value_name = "DIR")]
     study: Option<PathBuf>,
@@ -84,12 +87,23 @@ const COLOURS: usize = 97;
 const WINDOW: [f32; 2] = [1360.0, 640.0];
 
 pub(super) fn run(arguments: Arguments) -> Result<ExitCode> {
-    let Arguments { scene, preset, truth, study, engine, backend, shown, output, photograph, photograph_after } =
-        arguments;
+    let Arguments {
+        scene,
+        preset,
+        truth,
+        truth_part,
+        study,
+        engine,
+        backend,
+        shown,
+        output,
+        photograph,
+        photograph_after,
+    } = arguments;
     let scene = scene.load()?;
     let preset = preset.map(|path| super::engine::preset(&path, &scene)).transpose()?;
     engine.refuse_for_views(preset.is_some())?;
-    let pictures: Vec<Image> = truth.iter().map(|path| Image::read_exr(path)).collect::<Result<_>>()?;
+    let pictures = images::read(&truth, truth_part.as_deref(), "--truth-part")?;
     let size = scene.image_size().map(|side| side as usize);
     for (path, picture) in truth.iter().zip(&pictures) {
         if [picture.width, picture.height] != size {
@@ -278,7 +292,7 @@ impl Source for Viewed {
     }
 
     fn flip(&self, ours: &Image, truth: &Image) -> Result<Option<f64>> {
-        let folder = super::temporary_folder()?;
+        let folder = crate::base::temporary::folder()?;
         let [one, other] = ["ours.exr", "truth.exr"].map(|name| folder.path().join(name));
         ours.write_exr(&one, false)?;
         truth.write_exr(&other, false)?;
