@@ -47,7 +47,7 @@ fn is_escaped(c: char) -> bool {
 }
 
 /// The same of a text that may list things: line breaks before two spaces, and at the end, stay.
-fn plain_lines(text: &str) -> Cow<'_, str> {
+pub fn plain_lines(text: &str) -> Cow<'_, str> {
     if !text.contains('\n') {
         return plain_line(text);
     }

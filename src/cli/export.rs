@@ -211,6 +211,14 @@ pub(super) fn export(
     for (volume, graph) in scene.volumes()? {
         ClosureSum::compile(graph, volume).map_err(in_file)?;
     }
+    if let (Some((name, _)), Destination::Stream(_)) = (beside.first(), Destination::find(output)?) {
+        return Err(Error::new(
+            output.display().to_string(),
+            "a device or a pipe",
+            format!("a file in a folder, beside which the scene's file {name} can lie"),
+            "Name a file to write.",
+        ));
+    }
     for (name, bytes) in &beside {
         write_beside(bytes, &output.with_file_name(name))?;
     }
@@ -246,10 +254,7 @@ pub(super) fn describe(scene: &Scene) -> String {
 
 /// Puts a file of the scene beside the scene file; another one of that name is not overwritten.
 fn write_beside(bytes: &[u8], target: &Path) -> Result<()> {
-    // A device or a pipe holds nothing to compare with; writing decides about it.
-    if Destination::find(target).is_ok_and(|found| matches!(found, Destination::Stream(_))) {
-        return files::write_atomically(target, bytes);
-    }
+    files::check_input(target, "a file of the scene, or none")?;
     match std::fs::read(target) {
         Ok(there) if there == bytes => Ok(()),
         Ok(_) => Err(Error::new(
