@@ -64,6 +64,17 @@ pub fn check_input(path: &Path, expected: &str) -> Result<()> {
     Err(Error::new(path.display().to_string(), found, expected, remedy))
 }
 
+/// Makes a folder, and those above it, where it is not there; what else is there is an error.
+pub fn make_folder(path: &Path, expected: &str) -> Result<()> {
+    match std::fs::metadata(path).ok().filter(|metadata| !metadata.is_dir()) {
+        None => std::fs::create_dir_all(path).map_err(|cause| Error::io(path, expected, &cause)),
+        Some(metadata) => {
+            let found = super::destination::special(&metadata).unwrap_or("a file");
+            Err(Error::new(path.display().to_string(), found, expected, "Name another folder."))
+        }
+    }
+}
+
 /// Opens an ordinary file to be read.
 pub fn open_input(path: &Path, expected: &str) -> Result<std::fs::File> {
     check_input(path, expected)?;
@@ -234,7 +245,7 @@ impl Lock {
 
     /// Takes a name in a folder, which is made where it is missing; waits while another process has it.
     pub fn wait(folder: &Path, name: &str) -> Result<Self> {
-        std::fs::create_dir_all(folder).map_err(|cause| Error::io(folder, "a folder for locks", &cause))?;
+        make_folder(folder, "a folder for locks")?;
         let (file, path) = Self::open(folder, name)?;
         file.lock().map_err(|cause| Error::io(&path, "a file to lock", &cause))?;
         Ok(Self(file))

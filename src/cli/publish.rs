@@ -317,8 +317,7 @@ impl Publication<'_> {
         bar.finish_and_clear();
         let files = if *to == Target::Texture { field.textures() } else { BTreeMap::new() };
         if *to == Target::Vdb {
-            let made = std::fs::create_dir_all(folder);
-            made.map_err(|cause| Error::io(folder, "a folder that can be made", &cause))?;
+            files::make_folder(folder, "a folder that can be made")?;
             bridge::volume_grid::write(&field.grid(), &folder.join("density.vdb"), true)?;
             bridge::volume_grid::write(&field.grid_of_unreal(), &folder.join("density-unreal.vdb"), true)?;
         }

@@ -314,7 +314,7 @@ impl Source for Viewed {
 
     fn record(&self, record: &Record<'_>) -> Result<String> {
         let folder = self.free(|number| format!("pair-{number:03}"));
-        std::fs::create_dir_all(&folder).map_err(|cause| Error::io(&folder, "a folder that can be made", &cause))?;
+        files::make_folder(&folder, "a folder that can be made")?;
         let mut ours = record.shown.image.clone();
         ours.provenance.insert("milliseconds".into(), record.shown.milliseconds.to_string());
         ours.provenance.insert("worker".into(), record.shown.worker.clone());
@@ -367,8 +367,7 @@ impl Source for Viewed {
     }
 
     fn save_preset(&self, changes: &Changes) -> Result<String> {
-        std::fs::create_dir_all(&self.folder)
-            .map_err(|cause| Error::io(&self.folder, "a folder that can be made", &cause))?;
+        files::make_folder(&self.folder, "a folder that can be made")?;
         let path = self.free(|number| format!("view-{number:03}.preset.json"));
         self.preset_of(changes)?.write(&path)?;
         Ok(format!("{}: saved", path.display()))
