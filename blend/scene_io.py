@@ -130,7 +130,7 @@ def _is_stream(path, mode):
 
 
 def _no_output(path, found):
-    expected = "a file, a pipe that is read, or a device such as /dev/null"
+    expected = "a writable file, a pipe that is read, or a device such as /dev/null"
     return InputError(str(path), found, expected, "name a file to write")
 
 

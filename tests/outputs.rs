@@ -199,8 +199,9 @@ impl Disk {
     fn new(path: &Path, kib: u32) -> Option<Self> {
         fs::create_dir(path).expect("a folder");
         let size = format!("size={kib}k");
-        let mounted = Command::new("mount").args(["-t", "tmpfs", "-o", &size, "tmpfs"]).arg(path).stderr(Stdio::null());
-        mounted.status().is_ok_and(|status| status.success()).then(|| Self(path.to_owned()))
+        let mut mount = Command::new("mount");
+        mount.args(["-t", "tmpfs", "-o", &size, "tmpfs"]).arg(path).stderr(Stdio::null());
+        mount.status().is_ok_and(|status| status.success()).then(|| Self(path.to_owned()))
     }
 
     fn make_read_only(&self) {

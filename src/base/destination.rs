@@ -82,7 +82,7 @@ fn wrong(path: &Path, found: &str) -> Error {
     Error::new(
         path.display().to_string(),
         found,
-        "a file, a pipe that is read, or a device such as /dev/null",
+        "a writable file, a pipe that is read, or a device such as /dev/null",
         "Name a file to write.",
     )
 }

@@ -95,7 +95,7 @@ mod tests {
     #[test]
     fn a_repeated_key_is_an_error_with_its_place() {
         let cause = parse("{\"a\": [{\"x\": 1,\n \"y\": 2,\n \"x\": 1}]}").unwrap_err();
-        assert_eq!((cause.line(), cause.column()), (3, 5));
+        assert_eq!((cause.line(), cause.column()), (3, 4));
         assert!(cause.to_string().contains("a repeated key, \"x\""), "{cause}");
         assert!(parse("{\"a\": {\"x\": 1}, \"b\": {\"x\": 1}}").is_ok());
     }
