@@ -69,6 +69,12 @@ def require_working_space():
 def save_blend(path):
     """Save the open file as a compressed .blend at `path`; the file appears only when it is complete."""
     with replaced_file(path) as temporary:
-        bpy.ops.wm.save_as_mainfile(
-            filepath=str(temporary.absolute()), compress=True, copy=True, check_existing=False
-        )
+        try:
+            bpy.ops.wm.save_as_mainfile(
+                filepath=str(temporary.absolute()), compress=True, copy=True, check_existing=False
+            )
+        except RuntimeError as error:
+            found = " ".join(str(error).split()).replace(str(temporary.absolute()), "the file")
+            raise InputError(
+                str(path), found, "a writable file", "check the path, its permissions and the free space"
+            ) from None

@@ -1,9 +1,11 @@
 """Compares scene-linear EXR images and makes the pictures of a report. Runs with or without bpy.
 
-Requests (`op` chooses; files are paths, `part` is null or the name of a part of a multi-part EXR; SETTINGS is
+Requests (`op` chooses; files are paths; `part` is null or names the picture in files with several, and
+`integers` is null or says what integer values are, both as picture_file.read has them; SETTINGS is
 "view": "AgX", "look": "None", "exposure": 0, "gamma": 1, "background": null or [r, g, b]):
 
-  {"op": "diff", "ours": [EXR...], "reference": [EXR...], "part": null, "block": 8, "pixel_threshold": 0.001,
+  {"op": "diff", "ours": [EXR...], "reference": [EXR...], "part": null, "integers": null,
+   "ours_part": null, "reference_part": null (instead of `part`), "block": 8, "pixel_threshold": 0.001,
    "tolerances": {"channel_mean_relative": 0.01, "block_relmse": 0.01}, "out": DIR or null, "range": null,
    "display": null or {SETTINGS},
    "program": what asks (optional),
@@ -15,6 +17,7 @@ Requests (`op` chooses; files are paths, `part` is null or the name of a part of
   {"op": "combine", "images": [EXR...], "mean": EXR, "variance": EXR}
   {"op": "difference_map", "ours": [EXR...], "reference": [EXR...], "prefix": PATH, "part": null,
    "range": null}
+  {"op": "plain", "images": [{"exr": PICTURE, "plain": EXR}], "part": null, "option": "--part"}
   {"op": "flip", "pairs": [{"ours": [EXR...], "reference": [EXR...]}]}
   {"op": "field_slices", "slices": [{"title", "ours": NPY, "reference": NPY or null, "png_prefix": PATH}]}
 
@@ -40,6 +43,7 @@ import OpenImageIO as oiio
 import display_picture
 import false_colour
 import image_metrics
+import picture_file
 import protocol
 
 SCRIPT = "compare_images.py"
@@ -58,6 +62,7 @@ DEFAULT_BLOCK = 8
 DEFAULT_PIXEL_THRESHOLD = 1e-3
 MAP_QUANTILE = 0.95  # the automatic range of a difference map covers this share of the lit pixels
 RELMSE_DECADES = (-6, 0)  # range of the map of relative squared differences, powers of ten
+AS_IT_IS = {"view": "Raw", "look": "None", "exposure": 0.0, "gamma": 1.0}  # how display values are shown
 ERROR_DECADES = (-8, 0)  # range of the logarithmic error maps, powers of ten
 
 
@@ -71,6 +76,7 @@ def handle(request, messages):
         "difference_map": difference_map,
         "field_slices": field_slices,
         "flip": flip,
+        "plain": plain,
     }
     name = request["op"]
     if name not in operations:
@@ -195,25 +201,65 @@ def _set_allowance(settings, reference):
     settings["systematic_allowance"], settings["allowance_rule"] = found
 
 
-def _load_pair(request, block, messages, statistics=None):
-    cells = statistics["sub_pixels"] if statistics else None
-    part = request.get("part")
-    paths = [_paths(request, "ours"), _paths(request, "reference")]
-    total, sides = len(paths[0]) + len(paths[1]), []
-    for which, files in zip(("ours", "reference"), paths, strict=True):
-        before = len(paths[0]) * len(sides)
+def _choice(request, which=None):
+    """What picture_file.read takes, of a request and a side of it."""
+    own = request.get(f"{which}_part") if which else None
+    return {
+        "part": own or request.get("part"),
+        "integers": request.get("integers"),
+        "option": f"--{which}-part" if which else request.get("option") or "--part",
+    }
 
-        def progress(index, before=before, which=which):
-            messages.progress(0.8 * (before + index) / total, f"reading {which}")
+
+def _load_pair(request, block, messages, statistics=None):
+    """Both sides, with the channels that both have, and notes on what else they have."""
+    cells = statistics["sub_pixels"] if statistics else None
+    names = ("ours", "reference")
+    paths = [_paths(request, name) for name in names]
+    total, sides = len(paths[0]) + len(paths[1]), []
+
+    def load(index, as_luminance=False):
+        def progress(file):
+            messages.progress(0.8 * (len(paths[0]) * index + file) / total, f"reading {names[index]}")
 
         try:
-            sides.append(image_metrics.load_side(files, block, part, progress, statistics is not None, cells))
+            return image_metrics.load_side(
+                paths[index],
+                block,
+                progress,
+                statistics is not None,
+                cells,
+                as_luminance,
+                **_choice(request, names[index]),
+            )
         except image_metrics.Unreadable as error:
-            raise image_metrics.Unreadable(f"{which}: {error}") from None
+            raise image_metrics.Unreadable(f"{names[index]}: {error}") from None
+
+    sides = [load(index) for index in (0, 1)]
+    is_grey = ["Y" in side.names and "X" not in side.names for side in sides]
+    for index, side in enumerate(sides):
+        if is_grey[1 - index] and all(name in side.names for name in "RGB"):
+            sides[index] = load(index, as_luminance=True)
+            sides[index].notes.append(
+                f"{names[1 - index]} has luminance alone; the Rec.709 luminance of {names[index]} is "
+                "compared."
+            )
     image_metrics.check_comparable(*sides)
-    image_metrics.reorder(sides[0], sides[1].names)
+    shared = [name for name in sides[1].names if name in sides[0].names]
+    for index, side in enumerate(sides):
+        if "A" in side.names and "A" not in shared:
+            side.notes.append(
+                f"{names[1 - index]} has no alpha; colours alone are compared, with alpha multiplied in."
+            )
+    for side in sides:
+        image_metrics.reorder(side, shared)
+    if sides[0].origin != sides[1].origin:
+        sides[0].notes.append(
+            f"the display windows begin at {sides[0].origin} and {sides[1].origin}; pixels are compared by "
+            "their places within them."
+        )
     if statistics is not None:
-        image_metrics.check_replicas(dict(zip(("ours", "reference"), sides, strict=True)), cells)
+        image_metrics.check_replicas(dict(zip(names, sides, strict=True)), cells)
         _set_allowance(statistics, sides[1])
     return sides
 
@@ -303,18 +349,23 @@ def _judge_replicas(result, ours, reference, settings):
 
 
 def _describe_images(request, ours, reference):
-    window = reference.window
     return {
-        "ours": {"files": _names(ours), "replicas": ours.replicas, "colour_space": ours.colour_space},
-        "reference": {
-            "files": _names(reference),
-            "replicas": reference.replicas,
-            "colour_space": reference.colour_space,
-        },
-        "width": window[2],
-        "height": window[3],
+        "ours": _describe_side(ours),
+        "reference": _describe_side(reference),
+        "width": reference.size[0],
+        "height": reference.size[1],
         "channels": reference.names,
         "part": request.get("part"),
+    }
+
+
+def _describe_side(side):
+    return {
+        "files": _names(side),
+        "replicas": side.replicas,
+        "colour_space": side.colour_space,
+        "picture": side.picture,
+        "values": side.meaning,
     }
 
 
@@ -332,7 +383,8 @@ def _notes(ours, reference):
             notes.append(
                 f"{which} has {side.bad['negative']} negative values; they are compared as they are."
             )
-        if not side.colour_space:
+        notes += [f"{which}: {note}" for note in side.notes]
+        if not side.colour_space and side.meaning == "radiance":
             notes.append(f"{which} declares no colour space; linear Rec.709 is assumed.")
     shared = {item["sha256"] for item in ours.files} & {item["sha256"] for item in reference.files}
     if shared:
@@ -353,7 +405,7 @@ def _figures(result, ours, reference, block, threshold):
         )
     result["channels"] = image_metrics.channel_means(ours, reference)
     result["relmse"] = image_metrics.relmse(ours, reference, block)
-    result["flip"], flip_map = image_metrics.hdr_flip(a, b)
+    result["flip"], flip_map = image_metrics.hdr_flip(a, b, reference.meaning)
     return flip_map
 
 
@@ -366,6 +418,8 @@ def _checks(result, tolerances):
             value, outcome, reason = _check_relmse(result["relmse"], name.split("_")[0], limit)
         else:
             value, outcome, reason = _check_value(name, _plain_value(result, name), limit)
+            if name == "alpha_max_error" and value is None:
+                reason = "Alpha is not in both pictures."
         checks.append({"name": name, "value": value, "limit": limit, "outcome": outcome, "reason": reason})
     return checks
 
@@ -472,9 +526,13 @@ def _write_outputs(result, request, sides, flip_map, maps):
             result["files"] |= _write_picture(os.path.join(folder, "flip"), "flip", picture, legend)
         if maps is not None:
             result["files"] |= _write_statistics_maps(folder, maps, reference)
-        if request.get("display") is not None:
+        display = request.get("display")
+        if display is not None:
+            if reference.meaning == picture_file.DISPLAY:
+                # These are display values: they are shown as they are.
+                display = protocol.located(display | AS_IT_IS, display.place)
             for which, side in (("ours", ours), ("reference", reference)):
-                shown = _write_display(side, request["display"], os.path.join(folder, f"{which}.png"))
+                shown = _write_display(side, display, os.path.join(folder, f"{which}.png"))
                 result["files"] |= {which: shown["png"], f"{which}_view": shown["view_used"]}
         result["files"] = {key: os.path.basename(name) for key, name in result["files"].items()}
     text = json.dumps(result, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
@@ -522,13 +580,34 @@ def display(request, messages):
         messages.progress(index / len(request["images"]), f"picture {index + 1}")
         paths = item["exr"] if isinstance(item["exr"], list) else [item["exr"]]
         try:
-            side = image_metrics.load_side(paths, DEFAULT_BLOCK, item.get("part"))
+            side = image_metrics.load_side(paths, DEFAULT_BLOCK, **_choice(item))
         except image_metrics.Unreadable as error:
             raise protocol.InputError(
                 ", ".join(paths), str(error), "a readable scene-linear EXR", "give another file"
             ) from None
         results.append(_write_display(side, item, item["png"]))
     return {"images": results}
+
+
+def plain(request, messages):
+    """Write the picture of each file as a plain EXR, with what the file says of its making."""
+    for index, item in enumerate(request["images"]):
+        messages.progress(index / len(request["images"]), f"picture {index + 1}")
+        try:
+            picture = picture_file.read(item["exr"], **_choice(request))
+            if picture.meaning != "radiance":
+                raise image_metrics.Unreadable("integers are no radiance")
+            attributes = image_metrics.shared_attributes([item["exr"]])
+            attributes.pop("colorInteropID", None)
+            pixels, names = picture_file.colours(picture)
+        except image_metrics.Unreadable as error:
+            raise protocol.InputError(
+                item["exr"], str(error).rstrip("."), "a scene-linear picture", "give another file"
+            ) from None
+        display_picture.write_exr(item["plain"], pixels, names, attributes)
+        for note in picture.notes:
+            messages.warning(item["exr"], note)
+    return {}
 
 
 def flip(request, messages):
@@ -541,7 +620,7 @@ def flip(request, messages):
             paths = tuple(pair[name])
             try:
                 # Many pairs share their reference.
-                side = references.get(paths) or image_metrics.load_side(list(paths), DEFAULT_BLOCK, None)
+                side = references.get(paths) or image_metrics.load_side(list(paths), DEFAULT_BLOCK)
             except image_metrics.Unreadable as error:
                 raise protocol.InputError(
                     f"{pair.place}.{name}", str(error), "a readable scene-linear EXR", "give another file"
@@ -608,7 +687,7 @@ def combine(request, messages):
     """Write the mean of replicas and the variance of one of them (K - 1 degrees of freedom) per value."""
     paths = _paths(request, "images")
     try:
-        side = image_metrics.load_side(paths, DEFAULT_BLOCK, request.get("part"), keep=True)
+        side = image_metrics.load_side(paths, DEFAULT_BLOCK, keep=True, **_choice(request))
         image_metrics.check_one_side("images", side)
     except image_metrics.Unreadable as error:
         raise protocol.InputError(
@@ -667,7 +746,8 @@ def _write_difference_maps(ours, reference, prefix, request):
         prefix, "difference", signed, false_colour.legend(lines, false_colour.DIVERGING, ticks)
     )
     picture = false_colour.colour(absolute, 0.0, top, false_colour.SEQUENTIAL)
-    lines = ["Absolute difference, linear radiance", "of the worst colour channel"]
+    unit = "display values" if reference.meaning == picture_file.DISPLAY else "linear radiance"
+    lines = [f"Absolute difference, {unit}", "of the worst colour channel"]
     legend = false_colour.legend(lines, false_colour.SEQUENTIAL, false_colour.linear_ticks(0, top))
     files |= _write_picture(f"{prefix}_absolute", "difference_absolute", picture, legend)
     return {

@@ -38,7 +38,7 @@ def handle(request, messages):
     """Build the scene, keep it where it is asked for, and render the replicas."""
     import bpy
 
-    from blender_file import open_empty
+    from blender_file import open_empty, save_blend
     from cycles_settings import apply_settings
 
     open_empty()
@@ -59,7 +59,7 @@ def handle(request, messages):
         _common(scene, request)
         STAGES[stage](scene, described, request["folder"])
     if request["blend"]:
-        bpy.ops.wm.save_as_mainfile(filepath=request["blend"], copy=True, compress=True)
+        save_blend(request["blend"])
     replicas = []
     for index, replica in enumerate(request["replicas"]):
         messages.progress(index / len(request["replicas"]), "Cycles")

@@ -7,14 +7,13 @@ Without the package the only view is the sRGB transfer curve on the values as th
 """
 
 import importlib.util
-import os
 import pathlib
-import tempfile
 
 import numpy as np
 import OpenImageIO as oiio
 
 import protocol
+from scene_io import replaced_file
 
 SCENE_SPACE = "Linear Rec.709"
 DISPLAY = "sRGB"
@@ -112,7 +111,8 @@ def write_png(path, pixels):
         if not (output.close() and written):
             raise OSError(output.geterror() or "OpenImageIO wrote nothing")
 
-    _replace(path, ".png", save)
+    with replaced_file(path, make_folder=True) as temporary:
+        save(str(temporary))
 
 
 def write_exr(path, pixels, names, attributes=None):
@@ -135,32 +135,11 @@ def write_exr(path, pixels, names, attributes=None):
         if not (output.close() and written):
             raise OSError(output.geterror() or "OpenImageIO wrote nothing")
 
-    _replace(path, ".exr", save)
+    with replaced_file(path, make_folder=True) as temporary:
+        save(str(temporary))
 
 
 def write_text(path, text):
     """Write a text file through a temporary file and a rename."""
-    _replace(
-        path, os.path.splitext(path)[1], lambda temporary: pathlib.Path(temporary).write_text(text, "utf-8")
-    )
-
-
-def _replace(path, suffix, save):
-    folder = os.path.dirname(os.path.abspath(path))
-    temporary = None
-    try:
-        os.makedirs(folder, exist_ok=True)
-        handle, temporary = tempfile.mkstemp(prefix=".cloudparity-", suffix=suffix, dir=folder)
-        os.close(handle)
-        save(temporary)
-        os.chmod(temporary, 0o644)
-        os.replace(temporary, path)
-    except OSError as error:
-        if temporary and os.path.exists(temporary):
-            os.unlink(temporary)
-        raise protocol.InputError(
-            path,
-            error.strerror or str(error),
-            "a writable file",
-            "check the folder, its permissions and the space",
-        ) from None
+    with replaced_file(path, make_folder=True) as temporary:
+        temporary.write_text(text, "utf-8")

@@ -4,34 +4,33 @@
 and keeps their mean and the spread of their means. The functions below it turn two sides into figures. Every
 formula that is known under several definitions is written out in the result together with its epsilon.
 
-Limits: float or half EXR only; one part per comparison; rows count from the top, pixels from 0.
+Limits: one picture of each file (picture_file.py finds it); rows count from the top, pixels from 0, in the
+display window.
 """
 
 import hashlib
 import math
 import os
-import re
 
 import numpy as np
 import OpenImageIO as oiio
 
+import picture_file
 import protocol
+from picture_file import Unreadable, first_line
 
 LUMINANCE_WEIGHTS = (0.2126, 0.7152, 0.0722)  # Rec.709 primaries, D65
 RELATIVE_EPSILON = 0.01  # epsilon of every relative figure, as a share of the mean of the reference
 FLIP_MIDTONE = 0.85  # FLIP's exposures map the median and the maximum of the reference to this display value
 FLIP_TONEMAPPER = "ACES"
-TRANSMITTANCE = "transmittance."  # begins the channels that say what each colour lets through
-
-
-class Unreadable(Exception):
-    """Two sides cannot be compared; the text says why and what to do."""
 
 
 class Side:
     """The replicas of one side, averaged.
 
-    files: [{"file", "sha256"}]; names: channel names; window: x, y, width, height;
+    files: [{"file", "sha256"}]; names: channel names; size: width, height;
+    origin: x, y of the display window; meaning: "radiance" or one of picture_file.INTEGERS;
+    picture: part and layer in the files; notes: sentences;
     mean: float64 [h, w, c] over the replicas;
     pixel_variance: float64 [h, w, c] of one replica, or None for a single file;
     image_means: float64 [k, c], one row per replica; block_means: float64 [k, by, bx, c];
@@ -42,9 +41,7 @@ class Side:
     def __init__(
         self,
         files,
-        names,
-        window,
-        colour_space,
+        facts,
         mean,
         pixel_variance,
         image_means,
@@ -53,14 +50,18 @@ class Side:
         stack=None,
     ):
         self.files = files
-        self.window = window
-        self.names = names
+        self.names = facts["names"]
+        self.size = facts["size"]
+        self.origin = facts["origin"]
+        self.colour_space = facts["space"]
+        self.meaning = facts["meaning"]
+        self.picture = facts["picture"]
+        self.notes = facts["notes"]
         self.mean = mean
         self.pixel_variance = pixel_variance
         self.image_means = image_means
         self.block_means = block_means
         self.bad = bad
-        self.colour_space = colour_space
         self.stack = stack
 
     @property
@@ -83,61 +84,6 @@ def sha256(path):
     """SHA-256 of a file as 64 hexadecimal digits."""
     with open(path, "rb") as stream:
         return hashlib.file_digest(stream, "sha256").hexdigest()
-
-
-def read_image(path, part=None):
-    """Read one EXR as (float32 [h, w, c], channel names, pixel window, colour space name or None).
-
-    `part` names the part (a render pass) of a file with several; None is allowed only where there is one.
-    What a transparent picture keeps of each channel's transmittance beside its alpha is left out.
-    Raises Unreadable with the reason.
-    """
-    name = os.path.basename(path)
-    probe = oiio.ImageInput.open(path) if os.path.isfile(path) else None
-    if probe is None:
-        absent = "it is a folder" if os.path.isdir(path) else "no such file"
-        why = (oiio.geterror() or "no image in it") if os.path.isfile(path) else absent
-        raise Unreadable(f"{name} cannot be read: {first_line(why)}. Render or export it again.")
-    subimage = _find_part(probe, name, part)
-    spec = probe.spec(subimage, 0)
-    if str(spec.format) not in ("float", "half"):
-        probe.close()
-        raise Unreadable(
-            f"{name} stores {spec.format} values; a float or half EXR holds scene-linear values."
-        )
-    pixels = probe.read_image(subimage, 0, 0, spec.nchannels, oiio.FLOAT)
-    problem = probe.geterror()
-    probe.close()
-    if pixels is None or problem:
-        raise Unreadable(f"{name} is damaged: {first_line(problem or 'no pixels')}. Render it again.")
-    window = (spec.x, spec.y, spec.width, spec.height)
-    space = spec.get_string_attribute("colorInteropID") or None
-    kept = [i for i, channel in enumerate(spec.channelnames) if not channel.startswith(TRANSMITTANCE)]
-    return (
-        np.asarray(pixels, np.float32).reshape(spec.height, spec.width, -1)[..., kept],
-        [spec.channelnames[i] for i in kept],
-        window,
-        space,
-    )
-
-
-def first_line(text):
-    """The first line of a library's message, without the folders of a path in it."""
-    return re.sub(r"(?:/[^/\s\"']+)*/(?=[^/\s\"']+)", "", text.strip().splitlines()[0]).rstrip(".?! ")
-
-
-def _find_part(probe, name, part):
-    parts = []
-    while probe.seek_subimage(len(parts), 0):
-        parts.append(probe.spec().get_string_attribute("oiio:subimagename"))
-    if part is None and len(parts) == 1:
-        return 0
-    if part in parts:
-        return parts.index(part)
-    probe.close()
-    listed = ", ".join(repr(item) for item in parts)
-    wanted = "no part was chosen" if part is None else f"part {part!r} is not among them"
-    raise Unreadable(f"{name} has {len(parts)} part(s), {listed}, and {wanted}. Set `part` to one of them.")
 
 
 def check_replicas(sides, cells):
@@ -287,34 +233,49 @@ def sub_pixel_images(pixels, cells, name):
     return split.transpose(1, 3, 0, 2, 4).reshape(cells * cells, height // cells, width // cells, channels)
 
 
-def load_side(paths, block, part=None, progress=lambda index: None, keep=False, cells=None):
+def load_side(
+    paths, block, progress=lambda index: None, keep=False, cells=None, as_luminance=False, **choice
+):
     """Read and average the replicas of one side; raises Unreadable when they do not belong together.
 
     Replicas are read one by one, so memory hardly grows with their number (Welford's variance), unless `keep`
     asks for all of them. With `cells`, the only file is one picture whose cells of cells x cells pixels
-    become pixels, and `stack` holds its sub-pixel images.
+    become pixels, and `stack` holds its sub-pixel images. `as_luminance` takes colours as their luminance.
+    `choice` is what picture_file.read takes: which picture of a file, and what integers mean.
     """
     files, image_means, block_means, kept = [], [], [], []
     bad = {"nan": 0, "infinite": 0, "negative": 0}
     mean = spread = first = None
     for index, path in enumerate(paths):
         progress(index)
-        pixels, names, window, space = read_image(path, part)
+        picture = picture_file.read(path, **choice)
+        pixels, names = _luminance_of(picture) if as_luminance else (picture.pixels, picture.names)
+        height, width = pixels.shape[:2]
         if cells is not None:
             bad["negative"] += int((pixels < 0).sum())
             kept = sub_pixel_images(pixels, cells, os.path.basename(path))
             with np.errstate(invalid="ignore"):
                 pixels = kept.mean(axis=0, dtype=np.float64)
-            window = (window[0], window[1], window[2] // cells, window[3] // cells)
+            width, height = width // cells, height // cells
+        facts = {
+            "names": names,
+            "size": (width, height),
+            "origin": picture.origin,
+            "space": picture.space,
+            "meaning": picture.meaning,
+            "picture": picture.name,
+            "notes": picture.notes,
+        }
         if first is None:
-            first = (names, window, space)
+            first = facts | {"notes": []}
             mean = np.zeros(pixels.shape, np.float64)
             spread = np.zeros(pixels.shape, np.float64)
-        elif (names, window) != first[:2]:
+        elif any(facts[key] != first[key] for key in ("names", "size", "meaning")):
             raise Unreadable(
-                f"{os.path.basename(path)} is {describe(names, window)}, the first replica of its side is "
-                f"{describe(*first[:2])}. Average only renders of one picture."
+                f"{os.path.basename(path)} is {describe(facts)}, the first replica of its side is "
+                f"{describe(first)}. Average only renders of one picture."
             )
+        first["notes"] += [note for note in picture.notes if note not in first["notes"]]
         files.append({"file": os.path.basename(path), "sha256": sha256(path), "provenance": provenance(path)})
         bad["nan"] += int(np.isnan(pixels).sum())
         bad["infinite"] += int(np.isinf(pixels).sum())
@@ -330,7 +291,7 @@ def load_side(paths, block, part=None, progress=lambda index: None, keep=False, 
             block_means.append(blocks_of(pixels, block))
     return Side(
         files,
-        *first,
+        first,
         mean,
         spread / (len(files) - 1) if len(files) > 1 else None,
         np.array(image_means),
@@ -340,18 +301,38 @@ def load_side(paths, block, part=None, progress=lambda index: None, keep=False, 
     )
 
 
-def describe(names, window):
-    """Size and channels in words."""
-    origin = "" if window[:2] == (0, 0) else f" at ({window[0]}, {window[1]})"
-    return f"{window[2]} x {window[3]}{origin} with channels {', '.join(names)}"
+def _luminance_of(picture):
+    """Pixels and channel names of a picture with its colours as Rec.709 luminance, "Y"."""
+    names = picture.names
+    grey = luminance(picture.pixels[..., [names.index(name) for name in "RGB"]]).astype(np.float32)[..., None]
+    if "A" not in names:
+        return grey, ["Y"]
+    return np.concatenate([grey, picture.pixels[..., [names.index("A")]]], axis=-1), ["Y", "A"]
+
+
+def describe(facts):
+    """Size, channels and meaning of a picture in words."""
+    width, height = facts["size"]
+    values = "" if facts["meaning"] == "radiance" else f", {facts['meaning']} integers"
+    return f"{width} x {height} with channels {', '.join(facts['names'])}{values}"
+
+
+def _facts(side):
+    return {"names": side.names, "size": side.size, "meaning": side.meaning}
 
 
 def check_comparable(ours, reference):
-    """Raise Unreadable unless both sides have the same pixels, channels and declared colour space."""
-    if ours.window != reference.window or sorted(ours.names) != sorted(reference.names):
+    """Raise Unreadable unless both sides have the same size, colours, kind of values and colour space."""
+    colours = [[name for name in side.names if name != "A"] for side in (ours, reference)]
+    if ours.size != reference.size or sorted(colours[0]) != sorted(colours[1]):
         raise Unreadable(
-            f"ours is {describe(ours.names, ours.window)}, the reference is "
-            f"{describe(reference.names, reference.window)}. Render both with the same film settings."
+            f"ours is {describe(_facts(ours))}, the reference is {describe(_facts(reference))}. "
+            "Render both with the same film settings, or name the same pass of both: --part."
+        )
+    if (ours.meaning == picture_file.DISPLAY) != (reference.meaning == picture_file.DISPLAY):
+        raise Unreadable(
+            "one side has display values, the other scene-linear values. Make a PNG of the other by the view "
+            "that the first was saved with (cloudparity export), or decode the integers: --integers srgb."
         )
     if ours.colour_space and reference.colour_space and ours.colour_space != reference.colour_space:
         raise Unreadable(
@@ -361,7 +342,7 @@ def check_comparable(ours, reference):
 
 
 def reorder(side, names):
-    """Put the channels of a side into the order of `names` (the same set)."""
+    """Keep the channels `names` of a side, in this order."""
     order = [side.names.index(name) for name in names]
     side.names = list(names)
     side.mean = side.mean[..., order]
@@ -500,12 +481,13 @@ def luminance(rgb):
     return rgb.astype(np.float64) @ np.array(LUMINANCE_WEIGHTS)
 
 
-def hdr_flip(ours, reference):
+def hdr_flip(ours, reference, meaning="radiance"):
     """HDR-FLIP of two scene-linear [h, w, 3] arrays: (figures, error map float32 [h, w] or None).
 
     The exposures follow the reference alone, so they are the same for every candidate: the start exposure
     maps its largest luminance to the display value 0.85, the stop exposure the median luminance of its lit
     pixels (those above epsilon; the empty film would drive the median to 0). Negative values count as 0.
+    Display values (`meaning`) have no exposure, and so no HDR-FLIP.
     """
     figures = {
         "kind": "HDR-FLIP",
@@ -518,6 +500,9 @@ def hdr_flip(ours, reference):
         "tonemapper": FLIP_TONEMAPPER,
         "pixels_per_degree": None,
     }
+    if meaning == picture_file.DISPLAY:
+        figures["why_not"] = "display values have no exposures"
+        return figures, None
     bright = luminance(reference)
     lit = bright[bright > max(RELATIVE_EPSILON * bright.mean(), 0.0)]
     try:

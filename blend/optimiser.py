@@ -125,7 +125,7 @@ def _error(picture, truth):
 def read_mean(files):
     """The mean colour of replicas, scene-linear [h, w, 3]."""
     try:
-        side = image_metrics.load_side(list(files), BLOCK, None)
+        side = image_metrics.load_side(list(files), BLOCK)
     except image_metrics.Unreadable as error:
         raise protocol.InputError(
             "pictures", str(error), "readable scene-linear EXRs", "give others"

@@ -5,11 +5,9 @@ besides, so that they survive print in grey.
 """
 
 import itertools
-import os
-import pathlib
-import tempfile
 
 import protocol
+from scene_io import replaced_file
 
 BLACK = "#000000"
 BLUE = "#0072B2"
@@ -168,22 +166,9 @@ def save(figure, request, kinds=("svg", "png")):
 
 
 def _save(figure, path, kind, resolution, made_by=None):
-    folder = os.path.dirname(os.path.abspath(path))
-    temporary = None
-    try:
-        os.makedirs(folder, exist_ok=True)
-        handle, temporary = tempfile.mkstemp(prefix=".cloudparity-", suffix=f".{kind}", dir=folder)
-        os.close(handle)
-        # Without the date equal figures are equal files.
-        metadata = {"svg": {"Date": None}, "pdf": {"CreationDate": None}, "png": {}}[kind]
-        if made_by:
-            metadata[{"svg": "Description", "pdf": "Subject", "png": "Description"}[kind]] = made_by
+    # Without the date equal figures are equal files.
+    metadata = {"svg": {"Date": None}, "pdf": {"CreationDate": None}, "png": {}}[kind]
+    if made_by:
+        metadata[{"svg": "Description", "pdf": "Subject", "png": "Description"}[kind]] = made_by
+    with replaced_file(path, make_folder=True) as temporary:
         figure.savefig(temporary, format=kind, dpi=resolution or "figure", metadata=metadata)
-        os.chmod(temporary, 0o644)
-        os.replace(temporary, path)
-    except OSError as error:
-        if temporary:
-            pathlib.Path(temporary).unlink(missing_ok=True)
-        raise protocol.InputError(
-            path, error.strerror or str(error), "a writable file", "check the folder and the space"
-        ) from None

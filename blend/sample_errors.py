@@ -25,6 +25,7 @@ out slightly negative.
 import numpy as np
 
 import image_metrics
+import picture_file
 import protocol
 
 
@@ -113,9 +114,9 @@ def coarser(stack, cells, wanted):
 def _replicas(path, cells):
     """Colour of the sub-pixel images of a file: float64 [cells^2, h, w, 3]."""
     try:
-        pixels, names, _, _ = image_metrics.read_image(path, None)
-        positions = [names.index(name) for name in "RGB"]
-        return image_metrics.sub_pixel_images(pixels, cells, path)[..., positions].astype(np.float64)
+        picture = picture_file.read(path)
+        positions = [picture.names.index(name) for name in "RGB"]
+        return image_metrics.sub_pixel_images(picture.pixels, cells, path)[..., positions].astype(np.float64)
     except (image_metrics.Unreadable, ValueError) as error:
         raise protocol.InputError(
             path, str(error), "a picture with channels R, G, B", "render it again"

@@ -18,6 +18,7 @@ from pathlib import Path
 import numpy as np
 
 import protocol
+from scene_io import replaced_file
 
 # Voxels per side of a leaf of the tree.
 LEAF = 8
@@ -64,7 +65,8 @@ def write(path, values, to_object, name="density", half=False):
     rows = np.asarray(to_object, dtype=float).T
     grid.transform = openvdb.createLinearTransform(rows.tolist())
     grid.saveFloatAsHalf = half
-    openvdb.write(str(path), [grid])
+    with replaced_file(path) as temporary:
+        openvdb.write(str(temporary), [grid])
 
 
 def _split_tiles(grid, values):

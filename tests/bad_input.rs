@@ -1074,3 +1074,139 @@ fn blend_files_that_hold_no_volume() {
     export(&["picture.blend"]).is_refused("picture", &["picture.blend", "Image Texture", image.reason, image.instead]);
     assert!(!folder.path().join("x.scene.json").exists());
 }
+
+#[cfg(unix)]
+#[test]
+fn a_pipe_a_device_or_a_socket_as_an_input_is_rejected_and_not_waited_for() {
+    let folder = folder();
+    write(&folder, "x.scene.json", &cloud().to_string());
+    save_points(&folder, "p.npy", &[[0.0; 3]]);
+    let _socket = std::os::unix::net::UnixListener::bind(folder.path().join("socket")).expect("a socket");
+    let fifo = |name: &str| std::process::Command::new("mkfifo").arg(folder.path().join(name)).status();
+    for name in ["pipe", "pipe.scene.json", "pipe.npy", "pipe.preset.json", "pipe.study.toml", "pipe.exr", "pipe.blend"]
+    {
+        assert!(fifo(name).is_ok_and(|status| status.success()));
+    }
+    std::fs::create_dir(folder.path().join("folder.npy")).expect("a folder");
+    let commands: &[(&[&str], &str)] = &[
+        (&["explain", "pipe"], "a pipe"),
+        (&["explain", "pipe.scene.json"], "a pipe"),
+        (&["explain", "socket"], "a socket"),
+        (&["explain", "/dev/zero"], "a device"),
+        (&["init", "pipe.scene.json"], "a pipe"),
+        (&["export", "pipe.blend", "-o", "o.scene.json"], "a pipe"),
+        (&["eval", "x.scene.json", "--points", "pipe.npy", "-o", "v.npy"], "a pipe"),
+        (&["eval", "x.scene.json", "--points", "folder.npy", "-o", "v.npy"], "a folder"),
+        (&["render", "x.scene.json", "--preset", "pipe.preset.json", "-o", "o.exr"], "a pipe"),
+        (&["study", "pipe.study.toml", "-o", "out"], "a pipe"),
+        (&["publish", "x.scene.json", "--truth", "pipe.exr", "-o", "out"], "a pipe"),
+        (&["parity", "pipe", "-o", "out"], "a pipe"),
+        (&["bench-quick", "x.scene.json", "--baseline", "pipe"], "a pipe"),
+    ];
+    for (arguments, found) in commands {
+        run(folder.path(), arguments).is_refused(&arguments.join(" "), &[found]);
+    }
+    let mut scene = cloud();
+    scene["graph"] = json!({"file": "pipe"});
+    write(&folder, "g.scene.json", &scene.to_string());
+    run(folder.path(), &["explain", "g.scene.json"]).is_refused("a graph", &["pipe", "a pipe"]);
+    scene = cloud();
+    scene["world"]["image"] = json!({"file": "pipe.exr", "sha256": "0".repeat(64)});
+    write(&folder, "w.scene.json", &scene.to_string());
+    run(folder.path(), &["explain", "w.scene.json"]).is_refused("a picture", &["pipe.exr", "a pipe"]);
+}
+
+#[test]
+fn a_repeated_key_is_rejected_with_its_place() {
+    let folder = folder();
+    let text = serde_json::to_string_pretty(&cloud()).expect("JSON");
+    let (head, tail) = text.split_once("\n  \"film\"").expect("a film");
+    write(&folder, "x.scene.json", &format!("{head}\n  \"name\": \"other\",\n  \"film\"{tail}"));
+    let line = format!("x.scene.json: line {}", head.lines().count() + 1);
+    run(folder.path(), &["explain", "x.scene.json"]).is_refused("a key", &[&line, "repeated key, \"name\"", "once"]);
+    let preset = std::fs::read_to_string(support::project("parity/presets/clouds.preset.json")).expect("a preset");
+    let key = "\"format\":";
+    write(&folder, "x.preset.json", &preset.replacen(key, "\"build\": null, \"build\": null, \"format\":", 1));
+    write(&folder, "y.scene.json", &cloud().to_string());
+    let arguments = ["render", "y.scene.json", "--preset", "x.preset.json", "-o", "o.exr"];
+    run(folder.path(), &arguments).is_refused("a preset", &["x.preset.json, line", "repeated key, \"build\""]);
+    let study = std::fs::read_to_string(support::project("parity/studies/small.study.toml")).expect("a study");
+    let first = study.lines().find(|line| line.contains(" = ") && !line.starts_with('#')).expect("a key");
+    write(&folder, "x.study.toml", &study.replacen(first, &format!("{first}\n{first}"), 1));
+    run(folder.path(), &["study", "x.study.toml", "-o", "out"]).is_refused("a study", &["line", "duplicate key"]);
+}
+
+#[test]
+fn a_byte_order_mark_is_read_over() {
+    let folder = folder();
+    write(&folder, "x.scene.json", &format!("\u{feff}{}", cloud()));
+    write(&folder, "y.scene.json", &cloud().to_string());
+    let marked = run(folder.path(), &["explain", "x.scene.json"]);
+    marked.succeeds("a mark");
+    assert_eq!(marked.stdout, run(folder.path(), &["explain", "y.scene.json"]).stdout);
+    write(&folder, "x.scene.json", &format!("\u{feff}\u{feff}{}", cloud()));
+    run(folder.path(), &["explain", "x.scene.json"]).is_refused("two marks", &["line 1"]);
+    let study = std::fs::read_to_string(support::project("parity/studies/small.study.toml")).expect("a study");
+    write(&folder, "x.study.toml", &format!("\u{feff}{study}x"));
+    run(folder.path(), &["study", "x.study.toml", "-o", "out"]).is_refused("its text is read", &["x.study.toml, line"]);
+}
+
+#[cfg(unix)]
+#[test]
+fn a_name_with_a_line_break_is_escaped_in_messages() {
+    let folder = folder();
+    write(&folder, "a\nb.scene.json", "{");
+    let run_of = |arguments: &[&str]| run(folder.path(), arguments);
+    let broken = run_of(&["explain", "a\nb.scene.json"]);
+    broken.is_refused("a file", &["a\\nb.scene.json"]);
+    assert_eq!(broken.stderr.trim_end().lines().count(), 1, "{}", broken.stderr);
+    let no_such = run_of(&["explain", "c\x1b[31m\nd.scene.json"]);
+    no_such.is_refused("no file", &["c\\u{1b}[31m\\nd.scene.json"]);
+    assert!(!no_such.stderr.contains('\x1b'));
+    let mut scene = one_math(json!({"Value": 1.0}));
+    scene["graph"]["nodes"][2]["name"] = "Ma\nth".into();
+    write(&folder, "x.scene.json", &scene.to_string());
+    let dangling = run_of(&["explain", "x.scene.json"]);
+    dangling.is_refused("a node", &[]);
+    assert_eq!(dangling.stderr.trim_end().lines().count(), 1, "{}", dangling.stderr);
+}
+
+#[cfg(unix)]
+#[test]
+fn what_a_killed_probe_left_is_removed_by_the_next_run() {
+    if !support::require("bpy") {
+        return;
+    }
+    let folder = folder();
+    write(&folder, "x.scene.json", &cloud().to_string());
+    let temporary = folder.path().join("tmp");
+    std::fs::create_dir(&temporary).expect("a folder");
+    let left = || -> Vec<String> {
+        let entries = std::fs::read_dir(&temporary).expect("a folder");
+        entries.map(|entry| entry.expect("an entry").file_name().to_string_lossy().into_owned()).collect()
+    };
+    let mut probe = std::process::Command::new(env!("CARGO_BIN_EXE_cloudparity"))
+        .current_dir(folder.path())
+        .env("TMPDIR", &temporary)
+        .args(["probe", "x.scene.json", "--points", "1000"])
+        .stdout(std::process::Stdio::null())
+        .stderr(std::process::Stdio::null())
+        .spawn()
+        .expect("the program starts");
+    let begin = std::time::Instant::now();
+    while left().len() < 2 && begin.elapsed().as_secs() < 60 {
+        std::thread::sleep(std::time::Duration::from_millis(20));
+    }
+    probe.kill().expect("it is killed");
+    probe.wait().expect("it has ended");
+    assert!(!left().is_empty(), "a probe keeps its points in a temporary folder");
+    std::fs::create_dir(temporary.join("cloudparity-of-another-kind")).expect("a folder");
+    let environment = [("TMPDIR", temporary.to_str().expect("UTF-8"))];
+    run_with(
+        folder.path(),
+        &["render", "x.scene.json", "--resolution", "2x2", "--integrator", "march", "-o", "o.png"],
+        &environment,
+    )
+    .succeeds("a picture that needs a temporary folder");
+    assert_eq!(left(), ["cloudparity-of-another-kind"]);
+}

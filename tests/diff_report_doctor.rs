@@ -239,3 +239,98 @@ fn report_checks_a_certificate_and_says_so_by_its_exit_status() {
     std::fs::write(&certificate, "{}").expect("a writable folder");
     check().code(2).stderr(predicate::str::contains("certificate.json"));
 }
+
+/// The disc of `save_picture` as Blender's layer, cropped to `columns` of it.
+fn save_layer(folder: &Path, name: &str, size: usize, columns: std::ops::Range<usize>) -> PathBuf {
+    use exr::prelude::{
+        Encoding, Image, ImageAttributes, IntegerBounds, Layer, LayerAttributes, SpecificChannels, Vec2,
+    };
+    use exr::prelude::{WritableImage, f16};
+    let path = folder.join(name);
+    let (centre, left) = (size as f32 / 2.0, columns.start);
+    let channels = SpecificChannels::build()
+        .with_channel::<f32>("ViewLayer.Combined.R")
+        .with_channel::<f32>("ViewLayer.Combined.G")
+        .with_channel::<f32>("ViewLayer.Combined.B")
+        .with_channel::<f32>("ViewLayer.Combined.A")
+        .with_channel::<f16>("ViewLayer.Depth.Z")
+        .with_pixel_fn(move |at: Vec2<usize>| {
+            let (x, y) = ((at.x() + left) as f32, at.y() as f32);
+            let value = (1.0 - (x - centre).hypot(y - centre) / centre).max(0.0);
+            (value, value * 0.75, value * 0.5, value, f16::from_f32(1.0))
+        });
+    let window = IntegerBounds::new(Vec2(0, 0), Vec2(size, size));
+    let attributes =
+        LayerAttributes { layer_position: Vec2(i32::try_from(left).expect("small"), 0), ..LayerAttributes::default() };
+    let layer = Layer::new((columns.len(), size), attributes, Encoding::FAST_LOSSLESS, channels);
+    let image = Image { attributes: ImageAttributes::new(window), layer_data: layer };
+    image.write().to_file(&path).expect("a writable folder");
+    path
+}
+
+#[test]
+fn a_truth_is_read_in_the_forms_that_diff_reads() {
+    use cloudparity::measure::images;
+    use cloudparity::scene::image::Image;
+    if !require("bpy") {
+        return;
+    }
+    let folder = tempfile::tempdir().expect("a folder");
+    let plain = save_picture(folder.path(), "plain.exr", 32, 1.0);
+    let layer = save_layer(folder.path(), "layer.exr", 32, 0..32);
+    let cropped = save_layer(folder.path(), "cropped.exr", 32, 4..32);
+    let expected = Image::read_exr(&plain).expect("a plain file");
+    let read = |paths: &[&PathBuf], part| {
+        let paths: Vec<PathBuf> = paths.iter().map(|path| (*path).clone()).collect();
+        images::read(&paths, part, "--truth-part")
+    };
+    let found = read(&[&plain, &layer, &cropped], None).expect("they are read");
+    assert_eq!(found[0], expected);
+    assert_eq!(found[1].pixels, expected.pixels);
+    for (index, pixel) in found[2].pixels.iter().enumerate() {
+        let wanted = if index % 32 < 4 { [0.0; 4] } else { expected.pixels[index] };
+        assert_eq!(*pixel, wanted, "{index}");
+    }
+    assert_eq!(read(&[&layer], Some("Combined")).expect("by name")[0].pixels, expected.pixels);
+    let error = read(&[&layer], Some("Mist")).expect_err("no such layer").to_string();
+    assert!(error.contains("--truth-part") && error.contains("ViewLayer.Depth"), "{error}");
+    assert!(read(&[&layer], Some("Depth")).expect_err("no colours").to_string().contains("no colours"));
+    // What reads plain files alone does not take a part of the picture for the whole.
+    let error = Image::read_exr(&cropped).expect_err("a crop").to_string();
+    assert!(error.contains("28 x 32 at 4, 0 of the 32 x 32"), "{error}");
+}
+
+#[test]
+fn diff_takes_a_part_for_each_side_and_asks_what_integers_mean() {
+    if !require("bpy") {
+        return;
+    }
+    let folder = tempfile::tempdir().expect("a folder");
+    let plain = save_picture(folder.path(), "plain.exr", 32, 1.0);
+    let layer = save_layer(folder.path(), "layer.exr", 32, 0..32);
+    let diff = |ours: &Path, reference: &Path, more: &[&str]| {
+        let mut command = program();
+        command.arg("diff").arg("--ours").arg(ours).arg("--reference").arg(reference).args(["--max-error", "0"]);
+        command.args(more).assert()
+    };
+    let read = "'ViewLayer.Combined' is read, 1 of 2 in the file";
+    diff(&plain, &layer, &[]).code(0).stdout(predicate::str::contains(read));
+    diff(&layer, &plain, &["--ours-part", "Combined"]).code(0);
+    diff(&plain, &layer, &["--reference-part", "ViewLayer.Depth"])
+        .code(2)
+        .stdout(predicate::str::contains("channels Z"));
+    diff(&plain, &layer, &["--part", "Mist"]).code(2).stdout(predicate::str::contains("--ours-part NAME"));
+    let png = folder.path().join("plain.png");
+    program().arg("export").arg(&plain).args(["--view", "Standard", "-o"]).arg(&png).assert().code(0);
+    diff(&png, &plain, &[]).code(2).stdout(predicate::str::contains("--integers srgb"));
+    // Half a step of 8 bits by the curve's slope, and as much of alpha.
+    program()
+        .args(["diff", "--integers", "srgb", "--max-error", "0.0065", "--ours"])
+        .arg(&png)
+        .arg("--reference")
+        .arg(&plain)
+        .assert()
+        .code(0)
+        .stdout(predicate::str::contains("decoded by the sRGB curve"));
+    diff(&png, &png, &["--integers", "display"]).code(0).stdout(predicate::str::contains("no figure is of radiance"));
+}

@@ -1,9 +1,12 @@
 //! The one error type: where it happened, what was found there, what was expected, what to do.
 
+use std::borrow::Cow;
+
 /// A failure that a user can act on.
 ///
-/// Every field is a short phrase; [`std::fmt::Display`] joins them into one line. The library
-/// never prints and never panics on input: it returns this, and the program's edge prints it.
+/// Every field is a short phrase; [`std::fmt::Display`] joins them, with control characters of names
+/// escaped: no name of a file or of something in it breaks a line or speaks to the terminal. Lines
+/// that [`Error::found`] lists begin with two spaces and stay lines. The library never prints and never panics on input: it returns this, and the program's edge prints it.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("{}", described(self))]
 pub struct Error {
@@ -25,7 +28,8 @@ pub struct Error {
 /// One line; of several faults a line that counts them and a numbered line each.
 fn described(error: &Error) -> String {
     let line = |Error { place, found, expected, remedy, .. }: &Error| {
-        format!("{place}: found {found}; expected {expected}. {remedy}")
+        let [place, expected, remedy] = [place, expected, remedy].map(|text| plain_line(text));
+        format!("{place}: found {}; expected {expected}. {remedy}", plain_lines(found))
     };
     if error.others.is_empty() {
         return line(error);
@@ -38,6 +42,30 @@ fn described(error: &Error) -> String {
 
 /// The result type of the whole library.
 pub type Result<T> = std::result::Result<T, Error>;
+
+/// A text in one line: control characters escaped as in Rust, `\n` for a line break.
+pub fn plain_line(text: &str) -> Cow<'_, str> {
+    if !text.chars().any(is_escaped) {
+        return Cow::Borrowed(text);
+    }
+    let one = |c: char| if is_escaped(c) { c.escape_default().to_string() } else { c.to_string() };
+    Cow::Owned(text.chars().map(one).collect())
+}
+
+/// Control characters, and those that turn the direction of text or break lines elsewhere.
+fn is_escaped(c: char) -> bool {
+    c.is_control() || matches!(c, '\u{2028}' | '\u{2029}' | '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}')
+}
+
+/// The same of a text that may list things: line breaks before two spaces, and at the end, stay.
+pub fn plain_lines(text: &str) -> Cow<'_, str> {
+    if !text.contains('\n') {
+        return plain_line(text);
+    }
+    let (body, end) = text.strip_suffix('\n').map_or((text, ""), |body| (body, "\n"));
+    let lines: Vec<Cow<'_, str>> = body.split("\n  ").map(plain_line).collect();
+    Cow::Owned(lines.join("\n  ") + end)
+}
 
 impl Error {
     /// Builds an error from its four parts. What was found may be an empty text of a file, which is said.
@@ -96,5 +124,18 @@ impl Error {
             expected,
             "Check the path, its permissions and the free space.",
         )
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_do_not_break_lines() {
+        let error = Error::new("a\nb\x1b[31m.json", "\"x\ny\"", "e\t", "Do\r it.");
+        assert_eq!(error.to_string(), r#"a\nb\u{1b}[31m.json: found "x\ny"; expected e\t. Do\r it."#);
+        let list = Error::new("f", "2 errors:\n  $.a: \"p\nq\"\n  $.b\n", "é ß", "R.");
+        assert_eq!(list.to_string(), "f: found 2 errors:\n  $.a: \"p\\nq\"\n  $.b\n; expected é ß. R.");
     }
 }

@@ -20,34 +20,15 @@ pub fn replace_atomically(path: &Path, _write: impl FnOnce(&Path) -> std::io::Re
     Err(Error::io(path, "a library with the feature tools, which writes files", &cause))
 }
 
-/// Lets `write` fill a temporary file beside `path`, then renames it to `path`.
+/// Lets `write` fill a temporary file, which then takes the place of `path`. Links are followed; a device or a pipe is written to
+/// ([`crate::base::destination::Destination`]).
 #[cfg(feature = "tools")]
 pub fn replace_atomically(path: &Path, write: impl FnOnce(&Path) -> std::io::Result<()>) -> Result<()> {
-    let folder = match path.parent() {
-        Some(parent) if !parent.as_os_str().is_empty() => parent,
-        _ => Path::new("."),
-    };
-    let fail = |cause: &std::io::Error| Error::io(path, "a writable file", cause);
-    std::fs::create_dir_all(folder).map_err(|cause| fail(&cause))?;
-    let extension = path.extension().map(|e| format!(".{}", e.to_string_lossy())).unwrap_or_default();
-    let temporary = tempfile::Builder::new()
-        .prefix(TEMPORARY)
-        .suffix(&extension)
-        .tempfile_in(folder)
-        .map_err(|cause| fail(&cause))?
-        .into_temp_path();
-    write(&temporary).map_err(|cause| fail(&cause))?;
-    // Temporary files are private; the result gets the permissions of an ordinary new file.
-    #[cfg(unix)]
-    {
-        use std::os::unix::fs::PermissionsExt;
-        std::fs::set_permissions(&temporary, std::fs::Permissions::from_mode(0o644)).map_err(|cause| fail(&cause))?;
-    }
-    temporary.persist(path).map_err(|cause| fail(&cause.error))
+    crate::base::destination::write(path, write)
 }
 
 /// Beginning of the names of temporary files.
-const TEMPORARY: &str = ".cloudparity-";
+pub(super) const TEMPORARY: &str = ".cloudparity-";
 
 /// Removes what processes that were killed left while they wrote, in a folder and in those directly below it. Nobody may be writing there.
 pub fn remove_temporary(folder: &Path) -> Result<()> {
@@ -74,10 +55,46 @@ pub fn remove_temporary(folder: &Path) -> Result<()> {
 /// three million vertices is as long.
 const LONGEST_TEXT: u64 = 256;
 
-/// Reads a text file.
+/// Refuses what is no ordinary file as an input: a folder; a pipe, for whose writer reading would wait; a device, which has no end. A path
+/// where nothing is passes.
+pub fn check_input(path: &Path, expected: &str) -> Result<()> {
+    let found = std::fs::metadata(path).ok().and_then(|metadata| super::destination::special(&metadata));
+    let Some(found) = found else { return Ok(()) };
+    let remedy = if found == "a folder" { "Name the file in it." } else { "Write it to a file, and name that." };
+    Err(Error::new(path.display().to_string(), found, expected, remedy))
+}
+
+/// Makes a folder, and those above it, where it is not there; what else is there is an error.
+pub fn make_folder(path: &Path, expected: &str) -> Result<()> {
+    match std::fs::metadata(path).ok().filter(|metadata| !metadata.is_dir()) {
+        None => std::fs::create_dir_all(path).map_err(|cause| Error::io(path, expected, &cause)),
+        Some(metadata) => {
+            let found = super::destination::special(&metadata).unwrap_or("a file");
+            Err(Error::new(path.display().to_string(), found, expected, "Name another folder."))
+        }
+    }
+}
+
+/// Opens an ordinary file to be read.
+pub fn open_input(path: &Path, expected: &str) -> Result<std::fs::File> {
+    check_input(path, expected)?;
+    std::fs::File::open(path).map_err(|cause| Error::io(path, expected, &cause))
+}
+
+/// Reads an ordinary file.
+pub fn read_bytes(path: &Path, expected: &str) -> Result<Vec<u8>> {
+    let mut bytes = Vec::new();
+    open_input(path, expected)?.read_to_end(&mut bytes).map_err(|cause| Error::io(path, expected, &cause))?;
+    Ok(bytes)
+}
+
+/// What some editors write before a text in UTF-8.
+const BYTE_ORDER_MARK: char = '\u{feff}';
+
+/// Reads a text file, without a byte order mark.
 pub fn read_text(path: &Path, expected: &str) -> Result<String> {
     let fail = |cause: &std::io::Error| Error::io(path, expected, cause);
-    let file = std::fs::File::open(path).map_err(|cause| fail(&cause))?;
+    let file = open_input(path, expected)?;
     let most = LONGEST_TEXT << 20;
     let mut bytes = Vec::new();
     file.take(most + 1).read_to_end(&mut bytes).map_err(|cause| fail(&cause))?;
@@ -89,8 +106,13 @@ pub fn read_text(path: &Path, expected: &str) -> Result<String> {
             "Name the right file, or split what it holds.",
         ));
     }
-    String::from_utf8(bytes)
-        .map_err(|_| fail(&std::io::Error::new(std::io::ErrorKind::InvalidData, "stream did not contain valid UTF-8")))
+    let mut text = String::from_utf8(bytes).map_err(|_| {
+        fail(&std::io::Error::new(std::io::ErrorKind::InvalidData, "stream did not contain valid UTF-8"))
+    })?;
+    if text.starts_with(BYTE_ORDER_MARK) {
+        text.drain(..BYTE_ORDER_MARK.len_utf8());
+    }
+    Ok(text)
 }
 
 /// SHA-256 of `bytes` as 64 hexadecimal digits.
@@ -112,7 +134,7 @@ fn check_header(path: &Path) -> Result<()> {
         let remedy = "Write the file again with numpy.save; it is cut short or damaged.";
         Err(Error::new(path.display().to_string(), found, expected, remedy))
     };
-    let mut file = std::fs::File::open(path).map_err(|cause| fail(&cause))?;
+    let mut file = open_input(path, "a float32 .npy file")?;
     let size = file.metadata().map_err(|cause| fail(&cause))?.len();
     let mut start = Vec::new();
     (&mut file).take(LONGEST_HEADER + 12).read_to_end(&mut start).map_err(|cause| fail(&cause))?;
@@ -200,26 +222,30 @@ pub fn read_values(path: &Path) -> Result<(Vec<f32>, Vec<usize>)> {
 }
 
 /// A file that a process has locked. The system releases it when the process ends, however that comes about.
+#[derive(Debug)]
 pub struct Lock(#[expect(dead_code, reason = "held open")] std::fs::File);
 
 impl Lock {
+    /// Name of the file by which a folder is taken.
+    pub(super) const NAME: &str = "lock";
+
     /// Takes a folder for this process alone, or says that another process works in it.
     pub fn take(folder: &Path) -> Result<Self> {
-        let (file, path) = Self::open(folder, "lock")?;
+        let (file, path) = Self::open(folder, Self::NAME)?;
         Self::or_taken(file.try_lock(), folder, &path)?;
         Ok(Self(file))
     }
 
     /// Takes a folder together with others that share it, or says that a process has it alone.
     pub fn share(folder: &Path) -> Result<Self> {
-        let (file, path) = Self::open(folder, "lock")?;
+        let (file, path) = Self::open(folder, Self::NAME)?;
         Self::or_taken(file.try_lock_shared(), folder, &path)?;
         Ok(Self(file))
     }
 
     /// Takes a name in a folder, which is made where it is missing; waits while another process has it.
     pub fn wait(folder: &Path, name: &str) -> Result<Self> {
-        std::fs::create_dir_all(folder).map_err(|cause| Error::io(folder, "a folder for locks", &cause))?;
+        make_folder(folder, "a folder for locks")?;
         let (file, path) = Self::open(folder, name)?;
         file.lock().map_err(|cause| Error::io(&path, "a file to lock", &cause))?;
         Ok(Self(file))
@@ -227,6 +253,7 @@ impl Lock {
 
     fn open(folder: &Path, name: &str) -> Result<(std::fs::File, std::path::PathBuf)> {
         let path = folder.join(name);
+        check_input(&path, "a file to lock")?;
         let file = std::fs::File::create(&path).map_err(|cause| Error::io(&path, "a file to lock", &cause))?;
         Ok((file, path))
     }

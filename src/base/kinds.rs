@@ -1,6 +1,7 @@
 //! What kind of file a path is, told by its first bytes or its name: so that a .blend where a scene is wanted is not called broken JSON.
 
 use crate::base::error::{Error, Result};
+use crate::base::files;
 use std::io::Read;
 use std::path::Path;
 
@@ -40,7 +41,7 @@ impl FileKind {
             return Some(Self::Folder);
         }
         let mut start = Vec::new();
-        std::fs::File::open(path).ok()?.take(16).read_to_end(&mut start).ok()?;
+        files::open_input(path, "").ok()?.take(16).read_to_end(&mut start).ok()?;
         let name = path.file_name().unwrap_or_default().to_string_lossy().to_lowercase();
         // The OpenEXR and PNG signatures; OpenVDB's first four of eight bytes; Blender's name, or a compressed file that is called so.
         let by_bytes: [(&[u8], Self); 5] = [
@@ -109,7 +110,9 @@ impl FileKind {
 }
 
 /// Refuses a file of another kind than is wanted, and says what it is for. What has no kind that is known is left to its reader.
+/// What is no file at all, such as a pipe, is refused, too.
 pub fn want(path: &Path, wanted: FileKind) -> Result<()> {
+    files::check_input(path, wanted.described())?;
     match FileKind::of(path) {
         Some(found) if found != wanted => {
             Err(Error::new(path.display().to_string(), found.described(), wanted.described(), found.use_of(path) + "."))

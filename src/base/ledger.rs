@@ -163,7 +163,7 @@ pub enum Found<T> {
 impl Ledger {
     /// Opens a folder, or makes it; refuses one with another purpose or of another build.
     pub fn open(folder: &Path, purpose: Purpose, resume: &Resume, sharing: Sharing) -> Result<Self> {
-        std::fs::create_dir_all(folder).map_err(|cause| Error::io(folder, "a folder for results", &cause))?;
+        files::make_folder(folder, "a folder for results")?;
         let lock = match sharing {
             Sharing::Alone => files::Lock::take(folder)?,
             Sharing::Shared => files::Lock::share(folder)?,

@@ -3,11 +3,13 @@
 
 pub mod arrays;
 pub mod choice;
+pub mod destination;
 pub mod display_table;
 pub mod error;
 pub mod files;
 pub mod identity;
 pub mod interpolation;
+pub mod json;
 pub mod kinds;
 pub mod ktx2;
 #[cfg(feature = "tools")]
@@ -18,4 +20,6 @@ pub mod progress;
 pub mod recent;
 #[cfg(test)]
 mod source_hash;
+#[cfg(feature = "tools")]
+pub mod temporary;
 pub mod texture;

@@ -21,6 +21,7 @@ pub fn install() {
 }
 
 use crate::base::error::{Error, Result};
+use crate::base::temporary::{self, TemporaryFolder};
 use indexmap::IndexMap;
 pub use interpreter::INTERPRETER_VARIABLE;
 use limits::Limits;
@@ -63,6 +64,7 @@ pub const SCRIPTS: &[(&str, &str)] = scripts!(
     "older_releases.py",
     "optimiser.py",
     "overlaps.py",
+    "picture_file.py",
     "picture_grid.py",
     "plots.py",
     "point_probe.py",
@@ -164,6 +166,8 @@ pub struct Conversation {
     /// The last lines that it wrote to stderr, when it has ended.
     log: Option<JoinHandle<String>>,
     limits: Option<Limits>,
+    /// Where it, Blender and other libraries keep what they need for a while. Removed when the script has ended.
+    _temporary: TemporaryFolder,
     started: Instant,
     /// Its own words for what it works at, such as "opening a.blend".
     activity: Option<String>,
@@ -189,6 +193,8 @@ impl Conversation {
     fn start_within(name: &str, kernel: CyclesKernel, limits: Option<Limits>) -> Result<Self> {
         let python = interpreter();
         let mut command = isolated(&python);
+        let temporary = temporary::folder()?;
+        command.env("TMPDIR", temporary.path());
         command.args(["-c", START]).stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
         match kernel {
             CyclesKernel::Sse42 => command.env("CYCLES_CPU_NO_AVX2", "1"),
@@ -220,6 +226,7 @@ impl Conversation {
             activity: None,
             is_idle: false,
             limits: None,
+            _temporary: temporary,
         };
         let modules: serde_json::Map<String, Json> =
             SCRIPTS.iter().map(|(name, text)| ((*name).to_owned(), (*text).into())).collect();

@@ -2,6 +2,7 @@
 
 use crate::base::error::{Error, Result};
 use crate::base::files;
+use crate::base::temporary;
 use crate::bridge::{CyclesKernel, Message, releases, run_script};
 use crate::graph::Target;
 use crate::scene::{Release, Scene};
@@ -68,8 +69,7 @@ pub fn ask_on(
     threads: u32,
     receive: &mut dyn FnMut(Message),
 ) -> Result<Answers> {
-    let folder = tempfile::tempdir()
-        .map_err(|cause| Error::io(&std::env::temp_dir(), "a folder for temporary files", &cause))?;
+    let folder = temporary::folder()?;
     let mut requests = Vec::new();
     for (number, job) in jobs.iter().enumerate() {
         let save = |name: &str, points: &[[f32; 3]]| -> Result<String> {

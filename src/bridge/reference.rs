@@ -180,7 +180,7 @@ fn references_here(
     if missing.is_empty() {
         return Ok(found);
     }
-    std::fs::create_dir_all(cache).map_err(|cause| Error::io(cache, "a folder for references", &cause))?;
+    files::make_folder(cache, "a folder for references")?;
     let request = json!({
         "scene": scene,
         "folder": scene.folder,

@@ -1,6 +1,7 @@
 //! Releases of Blender besides the one that everything is measured with: each in an environment of its own, made when it is first asked for.
 
 use crate::base::error::{Error, Result};
+use crate::base::files;
 use crate::bridge::interpreter::{self, Version};
 use crate::bridge::saved_by::{Line, saved_by};
 use crate::bridge::{self, cache};
@@ -160,7 +161,7 @@ fn environment(release: &str) -> Result<PathBuf> {
     install.env("PIP_DISABLE_PIP_VERSION_CHECK", "1").args(["-m", "pip", "install", "-q"]);
     step(release, install.arg(format!("bpy=={release}")).args(requirements()))?;
     let stamp = folder.join(STAMP);
-    std::fs::write(&stamp, release).map_err(|cause| Error::io(&stamp, "a file that can be written", &cause))?;
+    files::write_atomically(&stamp, release.as_bytes())?;
     Ok(python)
 }
 

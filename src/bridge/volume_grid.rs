@@ -3,6 +3,7 @@
 use super::CyclesKernel;
 use crate::base::error::{Error, Result};
 use crate::base::files;
+use crate::base::temporary;
 use crate::scene::volume_grid::{DENSITY, MOST_VOXELS, VolumeGrid};
 use glam::{DAffine3, DMat3, DVec3};
 use ndarray::Array3;
@@ -11,7 +12,7 @@ use std::path::Path;
 
 /// Writes an OpenVDB file with one grid; `half` stores binary16.
 pub fn write(grid: &VolumeGrid, path: &Path, half: bool) -> Result<()> {
-    let folder = tempfile::tempdir().map_err(|cause| file_error("temporary folder", &cause))?;
+    let folder = temporary::folder()?;
     let values = folder.path().join("values.npy");
     files::write_array(&values, &grid.values)?;
     // Written beside and moved, so that an interruption leaves no half file.
@@ -31,7 +32,8 @@ pub fn write(grid: &VolumeGrid, path: &Path, half: bool) -> Result<()> {
 
 /// Reads the active part of a grid of an OpenVDB file.
 pub fn read(path: &Path, name: &str) -> Result<VolumeGrid> {
-    let folder = tempfile::tempdir().map_err(|cause| file_error("temporary folder", &cause))?;
+    files::check_input(path, "an OpenVDB file")?;
+    let folder = temporary::folder()?;
     let values = folder.path().join("values.npy");
     let found = run(&json!({ "read": path, "name": name, "values": values, "most": MOST_VOXELS }))?;
     let (values, shape) = files::read_values(&values)?;

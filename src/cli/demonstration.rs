@@ -108,8 +108,7 @@ struct Demo<'a> {
 
 /// Runs everything; `receive` hears the fraction of the present step and its name.
 pub fn run(settings: &Settings, receive: &(dyn Fn(f64, &str) + Sync)) -> Result<Outcome> {
-    std::fs::create_dir_all(&settings.output)
-        .map_err(|cause| Error::io(&settings.output, "a folder for the results", &cause))?;
+    files::make_folder(&settings.output, "a folder for the results")?;
     let value = serde_json::from_str(SCENE).expect("the committed scene is JSON");
     let scene = Scene::from_value(value, "the committed scene")?;
     let mut demo = Demo { settings, scene, run: Run::default(), gpu: None, receive };
@@ -248,7 +247,7 @@ impl Demo<'_> {
         let region = domain::region(&program, self.scene.volume.bounds)?;
         let planes = slices::planes(&region, &[0.25, 0.5], SIDE);
         let folder = self.path("slices");
-        std::fs::create_dir_all(&folder).map_err(|cause| Error::io(&folder, "a folder", &cause))?;
+        files::make_folder(&folder, "a folder")?;
         let evaluator = if self.gpu.is_some() { Evaluator::Gpu } else { Evaluator::Cpu };
         let messages = self.messages("slices of the field");
         let slices = slices::save(&self.scene, planes, &[evaluator], cycles, &folder, messages)?;

@@ -5,13 +5,14 @@ use crate::base::numbers::{figure, percent, signed_percent};
 use crate::bridge;
 use crate::bridge::CyclesKernel;
 use crate::measure::pictures::{
-    Check, DiffRequest, DiffResult, DisplaySettings, ImageFigures, Statistics, StatisticsSettings, Tolerances, Verdict,
+    Check, DiffRequest, DiffResult, DisplaySettings, ImageFigures, Integers, Statistics, StatisticsSettings,
+    Tolerances, Verdict,
 };
 use std::fmt::Write;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-/// Compare scene-linear EXR pictures: exit status 0 agrees, 1 differs, 2 could not tell.
+/// Compare pictures, scene-linear EXR files above all: exit status 0 agrees, 1 differs, 2 could not tell.
 ///
 /// Several files on a side are replicas, the same picture with other seeds; they are averaged and give standard
 /// errors. Replicas of both sides are judged by statistics: whether they show the same picture, as far as their noise
@@ -19,18 +20,28 @@ use std::process::ExitCode;
 /// is 2.
 #[derive(clap::Args)]
 #[command(
-    after_help = "Examples:\n  cloudparity diff --ours OURS.exr --reference CYCLES.exr --block-relmse 0.001 -o DIFFERENCE\n  cloudparity diff --ours OURS.seed-0.exr OURS.seed-1.exr --reference CYCLES.seed-5000.exr CYCLES.seed-5001.exr"
+    after_help = "Examples:\n  cloudparity diff --ours OURS.exr --reference CYCLES.exr --block-relmse 0.001 -o DIFFERENCE\n  cloudparity diff --ours OURS.seed-0.exr OURS.seed-1.exr --reference CYCLES.seed-5000.exr CYCLES.seed-5001.exr\n  cloudparity diff --ours OURS.exr --reference MULTILAYER.exr --reference-part ViewLayer.Combined --max-error 0.01"
 )]
 pub(super) struct Arguments {
-    /// Our EXR files.
+    /// Our pictures.
     #[arg(long, required = true, num_args = 1.., value_name = "EXR")]
     ours: Vec<PathBuf>,
-    /// The reference's EXR files.
+    /// The reference's pictures.
     #[arg(long, required = true, num_args = 1.., value_name = "EXR")]
     reference: Vec<PathBuf>,
-    /// Part (render pass) to compare in files with several.
+    /// Part, layer or pass to compare in files with several, by its name or the end of it: ViewLayer.Combined,
+    /// Combined. Without it: the only picture, else the one without a layer's name, else the only Combined.
     #[arg(long)]
     part: Option<String>,
+    /// That of our files, in the place of --part.
+    #[arg(long, value_name = "PART")]
+    ours_part: Option<String>,
+    /// That of the reference's files, in the place of --part.
+    #[arg(long, value_name = "PART")]
+    reference_part: Option<String>,
+    /// What the values of 8-bit and 16-bit pictures (PNG, TIFF, JPEG) mean; the files do not say.
+    #[arg(long, value_enum, value_name = "WHAT")]
+    integers: Option<Integers>,
     /// Every figure and check, with the formulas, instead of the short answer.
     #[arg(long, conflicts_with = "json")]
     verbose: bool,
@@ -163,6 +174,9 @@ impl Arguments {
             ours: self.ours.clone(),
             reference: self.reference.clone(),
             part: self.part.clone(),
+            ours_part: self.ours_part.clone(),
+            reference_part: self.reference_part.clone(),
+            integers: self.integers,
             block: self.block,
             pixel_threshold: self.pixel_threshold,
             tolerances: Tolerances {

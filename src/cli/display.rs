@@ -3,6 +3,7 @@
 use crate::base::display_table::DisplayTable;
 use crate::base::error::Result;
 use crate::base::files;
+use crate::base::temporary;
 use crate::bridge;
 use crate::bridge::CyclesKernel;
 use crate::measure::pictures::SCRIPT;
@@ -32,7 +33,7 @@ pub(super) struct DisplayArguments {
     /// Leave alpha out: the premultiplied colours, as in Blender's RGB files.
     #[arg(long)]
     rgb: bool,
-    /// Part (render pass) of a file with several.
+    /// Part, layer or pass of a file with several.
     #[arg(long, value_name = "PART")]
     part: Option<String>,
 }
@@ -70,7 +71,7 @@ pub(super) fn table(display: &Display, side: usize) -> Result<Option<DisplayTabl
     if (view_transform.as_str(), look.as_str(), *gamma) == ("Standard", "None", 1.0) {
         return Ok(None);
     }
-    let folder = super::temporary_folder()?;
+    let folder = temporary::folder()?;
     let values = folder.path().join("values.npy");
     let request = json!({
         "op": "cube", "axis": DisplayTable::axis(side), "values": values, "view": view_transform, "look": look, "gamma": gamma,

@@ -1,8 +1,10 @@
 //! `cloudparity export`: a .blend as a scene file, a scene file as a .blend, a picture as a PNG.
 
+use crate::base::destination::Destination;
 use crate::base::error::{Error, Result};
 use crate::base::files;
 use crate::base::kinds::{self, FileKind};
+use crate::base::temporary;
 use crate::bridge;
 use crate::bridge::CyclesKernel;
 use crate::bridge::releases::Reading;
@@ -179,7 +181,7 @@ pub(super) fn export(blend: &Path, wish: &Wish, output: &Path) -> Result<Scene> 
     let blend = std::path::absolute(blend).unwrap_or_else(|_| blend.to_owned());
     let chosen = (!wish.object.is_empty()).then_some(&wish.object);
     // What has to be made for the scene, such as a picture of its world, waits here.
-    let folder = tempfile::tempdir().map_err(|cause| Error::io(&std::env::temp_dir(), "a temporary folder", &cause))?;
+    let folder = temporary::folder()?;
     let reasons: serde_json::Map<_, _> =
         refused::NODES.iter().map(|node| (node.type_name.to_owned(), json!([node.reason, node.instead]))).collect();
     let request = json!({
@@ -225,6 +227,14 @@ pub(super) fn export(blend: &Path, wish: &Wish, output: &Path) -> Result<Scene> 
     if let Some(faults) = Error::of_all(compiled.filter_map(Result::err)) {
         return Err(in_file(faults));
     }
+    if let (Some((name, _)), Destination::Stream(_)) = (beside.first(), Destination::find(output)?) {
+        return Err(Error::new(
+            output.display().to_string(),
+            "a device or a pipe",
+            format!("a file in a folder, beside which the scene's file {name} can lie"),
+            "Name a file to write.",
+        ));
+    }
     for (name, bytes) in &beside {
         write_beside(bytes, &output.with_file_name(name))?;
     }
@@ -264,6 +274,7 @@ pub(super) fn describe(scene: &Scene) -> String {
 
 /// Puts a file of the scene beside the scene file; another one of that name is not overwritten.
 fn write_beside(bytes: &[u8], target: &Path) -> Result<()> {
+    files::check_input(target, "a file of the scene, or none")?;
     match std::fs::read(target) {
         Ok(there) if there == bytes => Ok(()),
         Ok(_) => Err(Error::new(

@@ -16,7 +16,7 @@ pub(super) struct Arguments {
 
 pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
     let folder = &arguments.output;
-    std::fs::create_dir_all(folder).map_err(|cause| Error::io(folder, "a folder for the pages", &cause))?;
+    files::make_folder(folder, "a folder for the pages")?;
     let mut all = super::command_line();
     all.build();
     write(&all, "cloudparity", folder)?;

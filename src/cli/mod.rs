@@ -145,6 +145,28 @@ fn command_line() -> clap::Command {
     all.disable_help_subcommand(true)
 }
 
+/// What of the command line takes a path: names of commands with their group, and the option (`--output`) or argument (`<SCENE>`). Tests
+/// compare it with the list of what they try.
+pub fn path_options() -> Vec<(String, String)> {
+    fn collect(command: &clap::Command, name: &str, found: &mut Vec<(String, String)>) {
+        for argument in command.get_arguments() {
+            if argument.get_value_parser().type_id() == std::any::TypeId::of::<std::path::PathBuf>() {
+                let shown = match argument.get_long() {
+                    Some(long) => format!("--{long}"),
+                    None => format!("<{}>", argument.get_id().as_str().to_uppercase()),
+                };
+                found.push((name.to_owned(), shown));
+            }
+        }
+        for below in command.get_subcommands() {
+            collect(below, format!("{name} {}", below.get_name()).trim_start(), found);
+        }
+    }
+    let mut found = Vec::new();
+    collect(&command_line(), "", &mut found);
+    found
+}
+
 /// A subcommand's example, as it stands in its help, without the program's and the group's names.
 fn example_of(group: &clap::Command) -> String {
     let of = |command: &clap::Command| {
@@ -223,18 +245,6 @@ pub fn run() -> ExitCode {
         }
         eprintln!("error: {}", options::message(&error, Some(command)));
         ExitCode::from(COULD_NOT)
-    })
-}
-
-/// A folder that is gone with its value.
-fn temporary_folder() -> Result<tempfile::TempDir> {
-    tempfile::tempdir().map_err(|cause| {
-        crate::base::error::Error::new(
-            "temporary folder",
-            cause.to_string(),
-            "a folder that can be made",
-            "Check the free space.",
-        )
     })
 }
 

@@ -2,6 +2,7 @@
 //!
 //! The library hands what its caller should know and did not ask for to the facade `log` and prints nothing.
 
+use crate::base::error::plain_lines;
 use indicatif::{ProgressBar, WeakProgressBar};
 use log::{Level, LevelFilter, Log, Metadata, Record};
 use std::sync::{Mutex, PoisonError};
@@ -47,7 +48,7 @@ impl Log for Notices {
         if !self.enabled(record.metadata()) {
             return;
         }
-        let line = format!("{}: {}", name(record.level()), record.args());
+        let line = format!("{}: {}", name(record.level()), plain_lines(&record.args().to_string()));
         let bar = BAR.lock().unwrap_or_else(PoisonError::into_inner).as_ref().and_then(WeakProgressBar::upgrade);
         match bar {
             Some(bar) => bar.suspend(|| eprintln!("{line}")),

@@ -20,6 +20,7 @@ use crate::engines::bundle::{Bundle, Origin, Other};
 use crate::engines::render::{self, EngineJitter};
 use crate::gpu::{Backend, Gpu};
 use crate::measure::errors;
+use crate::measure::images;
 use crate::measure::pictures::{DiffRequest, DiffResult, Tolerances};
 use crate::measure::tuning::file::{Owner, owner};
 use crate::scene::Scene;
@@ -78,6 +79,9 @@ pub(super) struct Arguments {
     /// certificate.
     #[arg(long, value_name = "FILE", num_args = 1..)]
     truth: Vec<PathBuf>,
+    /// Part, layer or pass of --truth, in files with several.
+    #[arg(long, value_name = "PART", requires = "truth")]
+    truth_part: Option<String>,
     /// Have the density's parameters as constants of the shader: its host cannot change them, and publishing is done sooner.
     #[arg(long)]
     fixed_density: bool,
@@ -100,7 +104,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
         ));
     }
     let engines = arguments.engines(&scene)?;
-    let truth = Truth::read(&arguments.truth)?;
+    let truth = Truth::read(&arguments.truth, arguments.truth_part.as_deref())?;
     if engines.len() > 1 {
         return several(arguments, &engines, truth.as_ref());
     }
@@ -227,11 +231,11 @@ struct Truth {
 }
 
 impl Truth {
-    fn read(paths: &[PathBuf]) -> Result<Option<Self>> {
+    fn read(paths: &[PathBuf], part: Option<&str>) -> Result<Option<Self>> {
         if paths.is_empty() {
             return Ok(None);
         }
-        let replicas: Vec<Image> = paths.iter().map(|path| Image::read_exr(path)).collect::<Result<_>>()?;
+        let replicas = images::read(paths, part, "--truth-part")?;
         let mean = Image::mean_of(&replicas)?;
         Ok(Some(Self { replicas, mean }))
     }
@@ -313,8 +317,7 @@ impl Publication<'_> {
         bar.finish_and_clear();
         let files = if *to == Target::Texture { field.textures() } else { BTreeMap::new() };
         if *to == Target::Vdb {
-            let made = std::fs::create_dir_all(folder);
-            made.map_err(|cause| Error::io(folder, "a folder that can be made", &cause))?;
+            files::make_folder(folder, "a folder that can be made")?;
             bridge::volume_grid::write(&field.grid(), &folder.join("density.vdb"), true)?;
             bridge::volume_grid::write(&field.grid_of_unreal(), &folder.join("density-unreal.vdb"), true)?;
         }
@@ -404,12 +407,13 @@ impl Publication<'_> {
 
     /// Puts into a part of a certificate what a picture differs by from double precision and from the truth.
     fn compare(&self, into: &mut Value, ours: &Path, double: &Path) -> Result<()> {
-        let found = compared(vec![ours.to_owned()], vec![double.to_owned()])?;
+        let found = compared(vec![ours.to_owned()], vec![double.to_owned()], None)?;
         let colour = found.colour.ok_or_else(|| uncompared(&found.reasons))?;
         into["largest_difference"] = colour.max_error.into();
         into["root_mean_square_difference"] = colour.rms_error.into();
         if let Some(Truth { replicas, .. }) = self.truth {
-            let found = compared(vec![ours.to_owned()], self.arguments.truth.clone())?;
+            let found =
+                compared(vec![ours.to_owned()], self.arguments.truth.clone(), self.arguments.truth_part.clone())?;
             let error = found.relmse.ok_or_else(|| uncompared(&found.reasons))?;
             into["truth_replicas"] = replicas.len().into();
             into["truth_relmse"] = error.pixel.into();
@@ -456,8 +460,8 @@ fn write_certificate(folder: &Path, certificate: &Value) -> Result<()> {
     files::write_atomically(&folder.join("certificate.json"), text.as_bytes())
 }
 
-fn compared(ours: Vec<PathBuf>, reference: Vec<PathBuf>) -> Result<DiffResult> {
-    let request = DiffRequest::new(ours, reference, Tolerances::default());
+fn compared(ours: Vec<PathBuf>, reference: Vec<PathBuf>, reference_part: Option<String>) -> Result<DiffResult> {
+    let request = DiffRequest { reference_part, ..DiffRequest::new(ours, reference, Tolerances::default()) };
     request.run(|script, request| bridge::run_script(script, request, CyclesKernel::Default, |_| ()))
 }
 

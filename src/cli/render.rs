@@ -1,6 +1,7 @@
 //! `cloudparity render`: a picture of a scene.
 
 use super::choice::choice;
+use crate::base::destination::Destination;
 use crate::base::error::{Error, Result};
 use crate::cli::cycles::CyclesArguments;
 use crate::cli::engine::EngineArguments;
@@ -247,7 +248,9 @@ impl Arguments {
             let mut state = exr.to_owned().into_os_string();
             state.push(".state");
             let state = State { path: state.as_ref(), resume: self.path.resume.resume() };
-            let image = path::render(scene, &settings, self.backend, Some(&state), &report)?;
+            // Beside a device or a pipe nothing is kept.
+            let is_file = matches!(Destination::find(exr)?, Destination::File(_));
+            let image = path::render(scene, &settings, self.backend, is_file.then_some(&state), &report)?;
             bar.finish_and_clear();
             image.write_exr(exr, self.allow_nonfinite)?;
             return Ok(format!("path tracing, {} samples", image.provenance.get("samples").map_or("?", |s| s)));

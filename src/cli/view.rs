@@ -55,6 +55,9 @@ pub(super) struct Arguments {
     /// tracing.
     #[arg(long, value_name = "FILE", num_args = 1..)]
     truth: Vec<PathBuf>,
+    /// Part, layer or pass of --truth, in files with several.
+    #[arg(long, value_name = "PART", requires = "truth")]
+    truth_part: Option<String>,
     /// The folder of a study, or of pairs that were recorded here: of its settings that nothing beats, the budget of milliseconds picks one.
     #[arg(long, value_name = "DIR")]
     study: Option<PathBuf>,
@@ -84,12 +87,23 @@ const COLOURS: usize = 97;
 const WINDOW: [f32; 2] = [1360.0, 640.0];
 
 pub(super) fn run(arguments: Arguments) -> Result<ExitCode> {
-    let Arguments { scene, preset, truth, study, engine, backend, shown, output, photograph, photograph_after } =
-        arguments;
+    let Arguments {
+        scene,
+        preset,
+        truth,
+        truth_part,
+        study,
+        engine,
+        backend,
+        shown,
+        output,
+        photograph,
+        photograph_after,
+    } = arguments;
     let scene = scene.load()?;
     let preset = preset.map(|path| super::engine::preset(&path, &scene)).transpose()?;
     engine.refuse_for_views(preset.is_some())?;
-    let pictures: Vec<Image> = truth.iter().map(|path| Image::read_exr(path)).collect::<Result<_>>()?;
+    let pictures = images::read(&truth, truth_part.as_deref(), "--truth-part")?;
     let size = scene.image_size().map(|side| side as usize);
     for (path, picture) in truth.iter().zip(&pictures) {
         if [picture.width, picture.height] != size {
@@ -278,7 +292,7 @@ impl Source for Viewed {
     }
 
     fn flip(&self, ours: &Image, truth: &Image) -> Result<Option<f64>> {
-        let folder = super::temporary_folder()?;
+        let folder = crate::base::temporary::folder()?;
         let [one, other] = ["ours.exr", "truth.exr"].map(|name| folder.path().join(name));
         ours.write_exr(&one, false)?;
         truth.write_exr(&other, false)?;
@@ -300,7 +314,7 @@ impl Source for Viewed {
 
     fn record(&self, record: &Record<'_>) -> Result<String> {
         let folder = self.free(|number| format!("pair-{number:03}"));
-        std::fs::create_dir_all(&folder).map_err(|cause| Error::io(&folder, "a folder that can be made", &cause))?;
+        files::make_folder(&folder, "a folder that can be made")?;
         let mut ours = record.shown.image.clone();
         ours.provenance.insert("milliseconds".into(), record.shown.milliseconds.to_string());
         ours.provenance.insert("worker".into(), record.shown.worker.clone());
@@ -353,8 +367,7 @@ impl Source for Viewed {
     }
 
     fn save_preset(&self, changes: &Changes) -> Result<String> {
-        std::fs::create_dir_all(&self.folder)
-            .map_err(|cause| Error::io(&self.folder, "a folder that can be made", &cause))?;
+        files::make_folder(&self.folder, "a folder that can be made")?;
         let path = self.free(|number| format!("view-{number:03}.preset.json"));
         self.preset_of(changes)?.write(&path)?;
         Ok(format!("{}: saved", path.display()))

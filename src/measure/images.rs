@@ -1,11 +1,15 @@
 //! What several questions ask of pictures: HDR-FLIP between them, and how they are displayed.
 
 use crate::base::error::{Error, Result};
+use crate::base::files;
+use crate::base::kinds::{self, FileKind};
+use crate::base::temporary;
 use crate::bridge;
 use crate::bridge::CyclesKernel;
 use crate::scene::Display;
+use crate::scene::image::Image;
 use serde::{Deserialize, Serialize};
-use serde_json::json;
+use serde_json::{Value as Json, json};
 use std::path::PathBuf;
 
 /// The script that computes everything here.
@@ -46,6 +50,30 @@ pub struct FlipPair {
     pub ours: Vec<PathBuf>,
     /// Replicas of the reference.
     pub reference: Vec<PathBuf>,
+}
+
+/// Pictures of the user's, in any form that `diff` reads: plain ones here, others by the script that knows what the parts, layers and
+/// windows of a file mean. `part` names one of several, `option` gives it.
+pub fn read(paths: &[PathBuf], part: Option<&str>, option: &str) -> Result<Vec<Image>> {
+    let mut others = Vec::new();
+    for path in paths {
+        files::open_input(path, "a picture")?;
+        kinds::want(path, FileKind::Exr)?;
+        let is_plain = || Ok(FileKind::of(path) == Some(FileKind::Exr) && Image::why_not_plain(path)?.is_none());
+        others.push(part.is_some() || !is_plain()?);
+    }
+    let folder = temporary::folder()?;
+    let plain = |number: usize| folder.path().join(format!("{number}.exr"));
+    let requested: Vec<Json> = (0..paths.len())
+        .filter(|number| others[*number])
+        .map(|number| json!({"exr": paths[number], "plain": plain(number)}))
+        .collect();
+    if !requested.is_empty() {
+        let request = json!({"op": "plain", "images": requested, "part": part, "option": option});
+        bridge::run_script(SCRIPT, &request, CyclesKernel::Default, |_| ())?;
+    }
+    let read = |number: usize| Image::read_exr(&if others[number] { plain(number) } else { paths[number].clone() });
+    (0..paths.len()).map(read).collect()
 }
 
 /// Mean HDR-FLIP of each pair, in one run of the script.

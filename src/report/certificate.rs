@@ -73,7 +73,7 @@ fn files_of(directory: &Path) -> Vec<String> {
 
 /// The hash of a file.
 fn hash(path: &Path) -> Result<String> {
-    std::fs::read(path).map(|bytes| files::sha256(&bytes)).map_err(|cause| Error::io(path, "a readable file", &cause))
+    files::read_bytes(path, "a readable file").map(|bytes| files::sha256(&bytes))
 }
 
 /// The certificate of a run directory.

@@ -475,7 +475,7 @@ fn parse<T: DeserializeOwned>(value: Value, path: &Path) -> Result<T> {
 }
 
 fn read_picture(path: &Path, name: &str) -> Result<Picture> {
-    let bytes = std::fs::read(path).map_err(|cause| Error::io(path, "a readable picture", &cause))?;
+    let bytes = files::read_bytes(path, "a readable picture")?;
     let encoded = base64::engine::general_purpose::STANDARD.encode(&bytes);
     let file = name.to_owned();
     if name.ends_with(".svg") {

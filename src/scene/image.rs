@@ -144,10 +144,45 @@ impl Image {
         exr::image::Image { attributes: window, layer_data: Layer { channel_data, attributes, size, encoding } }
     }
 
-    /// Reads the first part of an EXR with channels R, G, B and, if there are, A (else 1) and the transmittance's.
+    /// Why a file is no plain EXR, which is one part with channels R, G and B in floats over its whole display window, as this program and
+    /// Blender write; none where it is one, or cannot be read at all, which the reader explains.
+    pub fn why_not_plain(path: &Path) -> Result<Option<String>> {
+        files::check_input(path, FileKind::Exr.described())?;
+        let Ok(file) = exr::meta::MetaData::read_from_file(path, false) else { return Ok(None) };
+        let [header] = file.headers.as_slice() else {
+            return Ok(Some(format!("{} parts", file.headers.len())));
+        };
+        let shown = header.shared_attributes.display_window;
+        let (at, size) = (header.own_attributes.layer_position, header.layer_size);
+        if header.deep {
+            return Ok(Some("a deep picture".into()));
+        }
+        if (shown.position, shown.size) != (at, size) {
+            let pixels = |size: Vec2<usize>, at: Vec2<i32>| format!("{} x {} at {}, {}", size.0, size.1, at.0, at.1);
+            let (stored, shown) = (pixels(size, at), pixels(shown.size, shown.position));
+            return Ok(Some(format!("{stored} of the {shown} pixels of its display window")));
+        }
+        let missing = ["R", "G", "B"].into_iter().find(|name| {
+            let is_it = |channel: &exr::meta::attribute::ChannelDescription| {
+                channel.name.eq(name) && channel.sample_type != exr::meta::attribute::SampleType::U32
+            };
+            !header.channels.list.iter().any(is_it)
+        });
+        Ok(missing.map(|name| format!("no channel {name} of floats")))
+    }
+
+    /// Reads a plain EXR ([`Self::why_not_plain`]) with channels R, G, B and, if there are, A (else 1) and the transmittance's.
     pub fn read_exr(path: &Path) -> Result<Self> {
         kinds::want(path, FileKind::Exr)?;
         let place = path.display().to_string();
+        if let Some(found) = Self::why_not_plain(path)? {
+            return Err(Error::new(
+                place,
+                found,
+                "one picture with channels R, G, B in floats over its whole display window",
+                "Save the one picture that is meant by itself, uncropped.",
+            ));
+        }
         let [red, green, blue] = TRANSMITTANCE;
         let image = exr::prelude::read()
             .no_deep_data()

@@ -20,6 +20,7 @@ pub use bare::bare_scene;
 
 use crate::base::error::{Error, Result};
 use crate::base::files;
+use crate::base::json;
 use crate::base::kinds::{self, FileKind};
 use crate::scene::volume_grid::{DENSITY, GridHandle};
 use schemars::JsonSchema;
@@ -484,18 +485,7 @@ pub struct TextureSpace {
 
 /// Refuses a file beside the scene that is not the one the scene was made with. `what` it is, and where the hash `wanted` stands.
 fn check_hash(path: &Path, what: &str, wanted_at: &str, wanted: &str) -> Result<()> {
-    let fail = |cause: &std::io::Error| Error::io(path, what, cause);
-    // A device has no end.
-    if !std::fs::metadata(path).map_err(|cause| fail(&cause))?.is_file() {
-        return Err(Error::new(
-            path.display().to_string(),
-            "a folder or a device",
-            what,
-            "Name the file beside the scene; export the scene again if it is not there.",
-        ));
-    }
-    let bytes = std::fs::read(path).map_err(|cause| fail(&cause))?;
-    let found = files::sha256(&bytes);
+    let found = files::sha256(&files::read_bytes(path, what)?);
     if found == wanted {
         return Ok(());
     }
@@ -887,13 +877,16 @@ pub(crate) fn parse<T: serde::de::DeserializeOwned>(text: &str, place: &str, exp
 /// Reads JSON, with line and column in errors, and refuses numbers beyond the f32 range, which would otherwise turn into infinities
 /// without a word.
 fn read_json(text: &str, place: &str) -> Result<serde_json::Value> {
-    let value: serde_json::Value = serde_json::from_str(text).map_err(|cause| {
-        Error::new(
-            format!("{place}: line {}, column {}", cause.line(), cause.column()),
-            cause.to_string(),
-            "complete JSON with finite numbers (NaN and Infinity do not exist in JSON)",
-            "Repair the file or export it again.",
-        )
+    let value = json::parse(text).map_err(|cause| {
+        let message = cause.to_string();
+        let (expected, remedy) = match message.starts_with(json::REPEATED) {
+            true => ("every key once in an object", "Remove one of the two: which is meant cannot be told."),
+            false => (
+                "complete JSON with finite numbers (NaN and Infinity do not exist in JSON)",
+                "Repair the file or export it again.",
+            ),
+        };
+        Error::new(format!("{place}: line {}, column {}", cause.line(), cause.column()), message, expected, remedy)
     })?;
     check_numbers(&value, &mut String::from("$"), place)?;
     Ok(value)

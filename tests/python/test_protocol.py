@@ -86,9 +86,7 @@ def test_messages_go_to_the_descriptor_that_is_given():
 
 def test_an_unexpected_exception_is_an_error_of_the_file_without_a_traceback(tmp_path):
     # A library that fails at a file in a way that no script foresees.
-    (tmp_path / "OpenImageIO.py").write_text(
-        "class ImageInput:\n    @staticmethod\n    def open(path):\n        1 / 0\n"
-    )
+    (tmp_path / "OpenImageIO.py").write_text("def ImageSpec():\n    1 / 0\n")
     picture = tmp_path / "a.exr"
     picture.write_text("no picture")
     request = {"op": "display", "images": [{"exr": str(picture), "png": str(tmp_path / "a.png")}]}

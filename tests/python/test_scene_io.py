@@ -41,7 +41,7 @@ def test_hash_depends_on_values_and_not_on_order():
 def test_failed_write_leaves_the_old_file_and_nothing_else(tmp_path):
     target = tmp_path / "scene.json"
     target.write_text("old")
-    with pytest.raises(OSError), scene_io.replaced_file(target) as temporary:
+    with pytest.raises(InputError, match="disk full"), scene_io.replaced_file(target) as temporary:
         temporary.write_text("half")
         raise OSError("disk full")
     assert target.read_text() == "old"

@@ -258,8 +258,7 @@ pub(super) fn write_into(
     for (name, bytes) in files {
         let path = folder.join(name);
         let parent = path.parent().unwrap_or(folder);
-        let made = std::fs::create_dir_all(parent);
-        made.map_err(|cause| Error::io(parent, "a folder that can be made", &cause))?;
+        files::make_folder(parent, "a folder that can be made")?;
         files::write_atomically(&path, bytes)?;
     }
     let text = serde_json::to_string_pretty(manifest).expect("a manifest is JSON");

@@ -195,7 +195,7 @@ impl Bundle {
         for kernel in &manifest.kernels {
             for name in kernel.bindings.iter().filter_map(|binding| binding.file.as_ref()).chain([&kernel.file]) {
                 let path = folder.join(name);
-                let bytes = std::fs::read(&path).map_err(|cause| Error::io(&path, "a file of the bundle", &cause))?;
+                let bytes = files::read_bytes(&path, "a file of the bundle")?;
                 found.insert(name.clone(), bytes);
             }
         }

@@ -97,6 +97,7 @@ impl Accumulation {
 
     /// Goes on from a state file, if there is one; one of another picture is an error, and one of another build, unless these may be mixed.
     pub(crate) fn load(path: &Path, fresh: Self, resume: &Resume) -> Result<Self> {
+        files::check_input(path, "the state of an interrupted render")?;
         let bytes = match std::fs::read(path) {
             Ok(bytes) => bytes,
             Err(cause) if cause.kind() == std::io::ErrorKind::NotFound => return Ok(fresh),

@@ -177,7 +177,7 @@ pub fn run(
         )
         .with_setting("model"));
     }
-    std::fs::create_dir_all(folder).map_err(|cause| Error::io(folder, "a folder for the results", &cause))?;
+    files::make_folder(folder, "a folder for the results")?;
     let engine = |defects: &Defects| model.engine(scene, values, defects, 0.0);
     let corrected = engine(&Defects::NONE)?;
     let (extinction, light) = (corrected.extinction, corrected.light.clone());

@@ -73,7 +73,7 @@ impl Merge {
             }
             return Ok(());
         }
-        std::fs::create_dir_all(folder).map_err(|cause| Error::io(folder, "a folder for results", &cause))?;
+        files::make_folder(folder, "a folder for results")?;
         // Shards that begin together do so one after another.
         let _turn = files::Lock::wait(&folder.join(LOCKS), "mark")?;
         purpose.begin_as(folder, &builds)
@@ -286,7 +286,7 @@ fn walk(folder: &Path) -> Result<Vec<(String, bool)>> {
 fn take(from: &Path, to: &Path) -> Result<()> {
     // The common case without a temporary file: nothing is there.
     if let Some(parent) = to.parent() {
-        std::fs::create_dir_all(parent).map_err(|cause| Error::io(parent, "a folder for results", &cause))?;
+        files::make_folder(parent, "a folder for results")?;
     }
     if std::fs::hard_link(from, to).is_ok() {
         return Ok(());

@@ -82,8 +82,8 @@ fn absorbing(density: f64, cubes: &Cubes) -> Json {
     let mut volumes = cubes.iter().enumerate().map(|(number, &(half, at))| {
         json!({
             "object": format!("Cube {number}"), "matrix_world": identity(at), "shape": {"type": "box"},
-            "bounds": {"min": [-half; 3], "max": [half; 3]},
-            "texture_space": {"location": [0; 3], "size": [half; 3]},
+            "bounds": {"min": [-half, -half, -half], "max": [half, half, half]},
+            "texture_space": {"location": [0, 0, 0], "size": [half, half, half]},
             "material": "Absorbing", "volume_step_rate": 1,
         })
     });

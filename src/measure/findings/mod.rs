@@ -509,7 +509,7 @@ impl Experiment for Running {
         let (case, folder) = (self.case(job), desk.folder()?);
         let begin = Instant::now();
         let scenes = folder.join("scenes");
-        std::fs::create_dir_all(&scenes).map_err(|cause| Error::io(&scenes, "a folder that can be made", &cause))?;
+        files::make_folder(&scenes, "a folder that can be made")?;
         // Blender has a working folder of its own.
         let scenes = std::path::absolute(&scenes).unwrap_or(scenes);
         let request = case.request();

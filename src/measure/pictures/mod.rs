@@ -104,6 +104,33 @@ pub struct Tolerances {
     pub flip_mean: Option<f64>,
 }
 
+/// What the values of a picture in integers (PNG, TIFF, JPEG) mean. The file does not say.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
+#[serde(rename_all = "snake_case")]
+pub enum Integers {
+    /// Scene-linear, from 0 to 1.
+    Linear,
+    /// Light of a display, stored by the sRGB curve: decoded. Radiance only under the view Standard.
+    Srgb,
+    /// Display values, compared with display values as they are.
+    Display,
+}
+
+/// What the values of a side are.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Values {
+    /// Scene-linear floats.
+    #[default]
+    Radiance,
+    /// [`Integers::Linear`].
+    Linear,
+    /// [`Integers::Srgb`].
+    Srgb,
+    /// [`Integers::Display`].
+    Display,
+}
+
 /// One comparison. Several files on a side are replicas of one picture with other seeds; they are
 /// averaged.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -112,8 +139,14 @@ pub struct DiffRequest {
     pub ours: Vec<PathBuf>,
     /// The reference's EXR files, at least one.
     pub reference: Vec<PathBuf>,
-    /// Part (render pass) to compare in files with several.
+    /// Part, layer or pass to compare in files with several.
     pub part: Option<String>,
+    /// That of our files, where it is another.
+    pub ours_part: Option<String>,
+    /// That of the reference's files, where it is another.
+    pub reference_part: Option<String>,
+    /// What the values of pictures in integers mean; without it such pictures are not compared.
+    pub integers: Option<Integers>,
     /// Edge of a block in pixels, 1 to 4096.
     pub block: u32,
     /// A pixel fails where a colour channel differs by more than this, linear radiance.
@@ -138,6 +171,9 @@ impl DiffRequest {
             ours,
             reference,
             part: None,
+            ours_part: None,
+            reference_part: None,
+            integers: None,
             block: 8,
             pixel_threshold: 1e-3,
             tolerances,
@@ -262,6 +298,12 @@ pub struct SideFiles {
     pub replicas: u32,
     /// The colour space that the file declares.
     pub colour_space: Option<String>,
+    /// Part and layer that were read; empty where the file names none.
+    #[serde(default)]
+    pub picture: String,
+    /// What its values are: radiance, or integers as the request stated.
+    #[serde(default)]
+    pub values: Values,
 }
 
 /// A file by name and content.

@@ -124,7 +124,7 @@ fn put_grid_into(cache: &Path, scene: &mut Scene, grid: &VolumeGrid) -> Result<(
     let name = format!("{sha256}.vdb");
     let path = cache.join(&name);
     if !path.exists() {
-        std::fs::create_dir_all(cache).map_err(|cause| Error::io(cache, "a folder for references", &cause))?;
+        files::make_folder(cache, "a folder for references")?;
         crate::bridge::volume_grid::write(grid, &path, false)?;
     }
     let bytes = std::fs::read(&path).map_err(|cause| Error::io(&path, "an OpenVDB file", &cause))?;

@@ -6,6 +6,7 @@
 use crate::base::error::{Error, Result};
 use crate::base::files;
 use crate::base::identity::Identity;
+use crate::base::json;
 use crate::base::kinds::{self, FileKind};
 use crate::base::ledger::to_json;
 use crate::engines::Engine;
@@ -112,6 +113,13 @@ impl Preset {
         kinds::want(path, FileKind::Preset)?;
         let text = files::read_text(path, "a preset (*.preset.json)")?;
         let place = path.display().to_string();
+        // Of a repeated key the second value would count, without a word.
+        if let Err(cause) = json::parse(&text)
+            && cause.to_string().starts_with(json::REPEATED)
+        {
+            let at = format!("{place}, line {}, column {}", cause.line(), cause.column());
+            return Err(Error::new(at, cause.to_string(), "every key once in an object", "Remove one of the two."));
+        }
         let mut deserializer = serde_json::Deserializer::from_str(&text);
         let preset: Self = serde_path_to_error::deserialize(&mut deserializer).map_err(|cause| {
             let at = format!("{place}, line {}, $.{}", cause.inner().line(), cause.path());
