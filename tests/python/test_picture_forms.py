@@ -257,7 +257,8 @@ def test_integers_are_compared_as_stated_and_never_silently(tmp_path, plain, end
     output.close()
     text = reason(path, plain)
     assert all(f"--integers {choice}" in text for choice in ("srgb", "linear", "display"))
-    # Half a step of the curve, whose slope is at most 2.4 / 1.055 in linear values, and half one of alpha.
+    # Half a step of the curve, whose slope is at most 2.4 / 1.055 in linear values, and half one of
+    # alpha.
     limit = 0.5 / steps * (2.4 / 1.055 + 1)
     limits = {"max_error": limit, "alpha_max_error": 0.5 / steps * 1.001}
     result = agrees(path, plain, limits, integers="srgb")
