@@ -2,7 +2,7 @@
 
 use crate::base::error::{Error, Result};
 use crate::base::files::Lock;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::Once;
 
 /// Beginning of their names; the process's number follows.
@@ -57,7 +57,7 @@ fn sweep(place: &Path) {
 /// Whether a path is a folder of a process of this user that has ended. A number may belong to a
 /// process of a container that shares the folder: what is alive holds the lock, whatever its
 /// number.
-fn is_left(path: &PathBuf) -> bool {
+fn is_left(path: &Path) -> bool {
     let name = path.file_name().unwrap_or_default().to_string_lossy();
     let number = name.strip_prefix(PREFIX).and_then(|rest| rest.split_once('-')).map(|(number, _)| number.parse());
     let (Some(Ok(process)), Ok(metadata)) = (number, std::fs::symlink_metadata(path)) else { return false };
