@@ -211,6 +211,16 @@ def _choice(request, which=None):
     }
 
 
+def _scene_linear(request):
+    """The same for requests that take radiance alone: integers are rejected by what they are."""
+    return _choice(request) | {"integers": picture_file.LINEAR}
+
+
+def _check_radiance(picture):
+    if picture.meaning != "radiance":
+        raise image_metrics.Unreadable("its values are integers, which are no radiance")
+
+
 def _load_pair(request, block, messages, statistics=None):
     """Both sides, with the channels that both have, and notes on what else they have."""
     cells = statistics["sub_pixels"] if statistics else None
@@ -580,7 +590,8 @@ def display(request, messages):
         messages.progress(index / len(request["images"]), f"picture {index + 1}")
         paths = item["exr"] if isinstance(item["exr"], list) else [item["exr"]]
         try:
-            side = image_metrics.load_side(paths, DEFAULT_BLOCK, **_choice(item))
+            side = image_metrics.load_side(paths, DEFAULT_BLOCK, **_scene_linear(item))
+            _check_radiance(side)
         except image_metrics.Unreadable as error:
             raise protocol.InputError(
                 ", ".join(paths), str(error), "a readable scene-linear EXR", "give another file"
@@ -594,9 +605,8 @@ def plain(request, messages):
     for index, item in enumerate(request["images"]):
         messages.progress(index / len(request["images"]), f"picture {index + 1}")
         try:
-            picture = picture_file.read(item["exr"], **_choice(request))
-            if picture.meaning != "radiance":
-                raise image_metrics.Unreadable("integers are no radiance")
+            picture = picture_file.read(item["exr"], **_scene_linear(request))
+            _check_radiance(picture)
             attributes = image_metrics.shared_attributes([item["exr"]])
             attributes.pop("colorInteropID", None)
             pixels, names = picture_file.colours(picture)

@@ -21,7 +21,8 @@ LINEAR, SRGB, DISPLAY = INTEGERS = ("linear", "srgb", "display")
 # Pixels of a display window at most: 3 GiB of RGB in f32. A damaged header may announce any number.
 MOST_PIXELS = 1 << 28
 
-# Rec.709 primaries and white, as x and y of red, green, blue, white: OpenEXR's where none are given.
+# Rec.709 primaries and white, as x and y of red, green, blue, white: OpenEXR's where none are
+# given.
 REC_709 = (0.64, 0.33, 0.30, 0.60, 0.15, 0.06, 0.3127, 0.329)
 SAME_PRIMARIES = 2e-3  # chromaticities are written with three or four decimals
 

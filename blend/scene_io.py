@@ -166,8 +166,8 @@ def replaced_file(path, make_folder=False):
             raise InputError(
                 str(path), f"no folder {target.parent}", "an existing folder", "create the folder"
             )
-        # The system says why a file cannot be made, which libraries keep to themselves. It does not stay:
-        # Blender would keep it as an earlier version.
+        # The system says why a file cannot be made, which libraries keep to themselves. It does not
+        # stay: Blender would keep it as an earlier version.
         os.close(os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL))
         temporary.unlink()
         yield temporary

@@ -1,4 +1,5 @@
-//! Everything that writes, against what is no ordinary file: a device, a pipe, a link, a folder, a full disk, a disk that is read-only.
+//! Everything that writes, against what is no ordinary file: a device, a pipe, a link, a folder, a
+//! full disk, a disk that is read-only.
 //!
 //! Nodes are made here, in temporary folders; those of the machine are never named.
 
@@ -22,7 +23,8 @@ enum Use {
     WritesFile(&'static str, &'static str),
     /// A folder is made; the same.
     WritesFolder(&'static str, &'static str),
-    /// It is written, and why this is not tried: the sources are (`files_are_written_in_one_place`).
+    /// It is written, and why this is not tried: the sources are
+    /// (`files_are_written_in_one_place`).
     Untried(&'static str),
 }
 
@@ -30,7 +32,8 @@ use Use::{Reads, Untried, WritesFile, WritesFolder};
 
 const SCENE: &str = "homogeneous-cube.scene.json";
 
-/// Every path of the command line. `SCENE` stands for a scene file, `POINTS` for points, `@FILE` for a file of the project.
+/// Every path of the command line. `SCENE` stands for a scene file, `POINTS` for points, `@FILE`
+/// for a file of the project.
 const USES: &[(&str, &str, Use)] = &[
     // Pictures and scenes that are made.
     ("init", "<FILE>", Reads),
@@ -383,7 +386,8 @@ fn files_are_written_in_one_place() {
         }
     }
     found.sort();
-    // What the rule itself does, and what writes into the temporary file that it gives, or into a temporary folder.
+    // What the rule itself does, and what writes into the temporary file that it gives, or into a
+    // temporary folder.
     let known = [
         "blend/compare_images.py .write_text(",
         "blend/compare_images.py np.save(",

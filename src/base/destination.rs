@@ -1,4 +1,5 @@
-//! What stands where an output is to go, and writing there: an ordinary file is replaced as a whole, a device or a pipe is written to.
+//! What stands where an output is to go, and writing there: an ordinary file is replaced as a
+//! whole, a device or a pipe is written to.
 //!
 //! The same rule for Python is `scene_io.replaced_file`.
 
@@ -15,7 +16,8 @@ const MOST_LINKS: usize = 40;
 pub enum Destination {
     /// A file, new or to be replaced; links on the way to it are followed.
     File(PathBuf),
-    /// A device, a pipe, or what the program has open already (`/dev/stdout`): it stays, and the bytes go into it.
+    /// A device, a pipe, or what the program has open already (`/dev/stdout`): it stays, and the
+    /// bytes go into it.
     Stream(PathBuf),
 }
 
@@ -93,7 +95,8 @@ fn is_open_file(link: &Path) -> bool {
     folder.is_some_and(|folder| folder.starts_with("/proc") && folder.ends_with("fd"))
 }
 
-/// Lets `write` fill a temporary file, whose content then goes to `path`. On failure what is at `path` stays as it is, and nothing else is left.
+/// Lets `write` fill a temporary file, whose content then goes to `path`. On failure what is at
+/// `path` stays as it is, and nothing else is left.
 #[cfg(feature = "tools")]
 pub(super) fn write(path: &Path, write: impl FnOnce(&Path) -> std::io::Result<()>) -> Result<()> {
     let fail = |cause: &IoError| Error::io(path, "a writable file", cause);
@@ -126,9 +129,11 @@ fn replace(target: &Path, write: impl FnOnce(&Path) -> std::io::Result<()>) -> s
         .tempfile_in(folder)?
         .into_temp_path();
     write(&temporary)?;
-    // Writers of formats may leave their last bytes to a buffer whose end nobody watches: a full disk shows here.
+    // Writers of formats may leave their last bytes to a buffer whose end nobody watches: a full
+    // disk shows here.
     std::fs::OpenOptions::new().write(true).open(&temporary)?.sync_all()?;
-    // Temporary files are private; the result has the permissions of the file that it replaces, or of an ordinary new one.
+    // Temporary files are private; the result has the permissions of the file that it replaces, or
+    // of an ordinary new one.
     #[cfg(unix)]
     {
         use std::os::unix::fs::{MetadataExt, PermissionsExt};

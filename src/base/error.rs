@@ -4,9 +4,10 @@ use std::borrow::Cow;
 
 /// A failure that a user can act on.
 ///
-/// Every field is a short phrase; [`std::fmt::Display`] joins them, with control characters of names
-/// escaped: no name of a file or of something in it breaks a line or speaks to the terminal. Lines
-/// that [`Error::found`] lists begin with two spaces and stay lines. The library never prints and never panics on input: it returns this, and the program's edge prints it.
+/// Every field is a short phrase; [`std::fmt::Display`] joins them, with control characters of
+/// names escaped: no name of a file or of something in it breaks a line or speaks to the terminal.
+/// Lines that [`Error::found`] lists begin with two spaces and stay lines. The library never prints
+/// and never panics on input: it returns this, and the program's edge prints it.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("{}", described(self))]
 pub struct Error {

@@ -20,8 +20,8 @@ pub fn replace_atomically(path: &Path, _write: impl FnOnce(&Path) -> std::io::Re
     Err(Error::io(path, "a library with the feature tools, which writes files", &cause))
 }
 
-/// Lets `write` fill a temporary file, which then takes the place of `path`. Links are followed; a device or a pipe is written to
-/// ([`crate::base::destination::Destination`]).
+/// Lets `write` fill a temporary file, which then takes the place of `path`. Links are followed; a
+/// device or a pipe is written to ([`crate::base::destination::Destination`]).
 #[cfg(feature = "tools")]
 pub fn replace_atomically(path: &Path, write: impl FnOnce(&Path) -> std::io::Result<()>) -> Result<()> {
     crate::base::destination::write(path, write)
@@ -55,8 +55,8 @@ pub fn remove_temporary(folder: &Path) -> Result<()> {
 /// three million vertices is as long.
 const LONGEST_TEXT: u64 = 256;
 
-/// Refuses what is no ordinary file as an input: a folder; a pipe, for whose writer reading would wait; a device, which has no end. A path
-/// where nothing is passes.
+/// Refuses what is no ordinary file as an input: a folder; a pipe, for whose writer reading would
+/// wait; a device, which has no end. A path where nothing is passes.
 pub fn check_input(path: &Path, expected: &str) -> Result<()> {
     let found = std::fs::metadata(path).ok().and_then(|metadata| super::destination::special(&metadata));
     let Some(found) = found else { return Ok(()) };

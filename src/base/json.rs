@@ -1,4 +1,5 @@
-//! JSON that people write: as `serde_json` reads it, but a key that is repeated in an object is an error.
+//! JSON that people write: as `serde_json` reads it, but a key that is repeated in an object is an
+//! error.
 
 use serde::de::{Deserialize, Deserializer, Error as _, MapAccess, SeqAccess, Visitor};
 use serde_json::{Map, Number, Value};

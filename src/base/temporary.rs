@@ -2,13 +2,14 @@
 
 use crate::base::error::{Error, Result};
 use crate::base::files::Lock;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::Once;
 
 /// Beginning of their names; the process's number follows.
 const PREFIX: &str = "cloudparity-run-";
 
-/// A folder that is gone with its value, or with the next run of the program if this process is killed.
+/// A folder that is gone with its value, or with the next run of the program if this process is
+/// killed.
 #[derive(Debug)]
 pub struct TemporaryFolder {
     // Before the folder: released before it is removed.
@@ -44,7 +45,8 @@ fn make(place: &Path, process: u32) -> Result<TemporaryFolder> {
     Ok(TemporaryFolder { _lock: Lock::take(folder.path())?, folder })
 }
 
-/// Removes the folders of this module whose process has ended. What cannot be told or removed stays.
+/// Removes the folders of this module whose process has ended. What cannot be told or removed
+/// stays.
 fn sweep(place: &Path) {
     let Ok(entries) = std::fs::read_dir(place) else { return };
     for path in entries.flatten().map(|entry| entry.path()).filter(|path| is_left(path)) {
@@ -52,9 +54,10 @@ fn sweep(place: &Path) {
     }
 }
 
-/// Whether a path is a folder of a process of this user that has ended. A number may belong to a process of a container that shares the
-/// folder: what is alive holds the lock, whatever its number.
-fn is_left(path: &PathBuf) -> bool {
+/// Whether a path is a folder of a process of this user that has ended. A number may belong to a
+/// process of a container that shares the folder: what is alive holds the lock, whatever its
+/// number.
+fn is_left(path: &Path) -> bool {
     let name = path.file_name().unwrap_or_default().to_string_lossy();
     let number = name.strip_prefix(PREFIX).and_then(|rest| rest.split_once('-')).map(|(number, _)| number.parse());
     let (Some(Ok(process)), Ok(metadata)) = (number, std::fs::symlink_metadata(path)) else { return false };

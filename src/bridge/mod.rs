@@ -166,7 +166,8 @@ pub struct Conversation {
     /// The last lines that it wrote to stderr, when it has ended.
     log: Option<JoinHandle<String>>,
     limits: Option<Limits>,
-    /// Where it, Blender and other libraries keep what they need for a while. Removed when the script has ended.
+    /// Where it, Blender and other libraries keep what they need for a while. Removed when the
+    /// script has ended.
     _temporary: TemporaryFolder,
     started: Instant,
     /// Its own words for what it works at, such as "opening a.blend".

@@ -12,7 +12,8 @@ use std::fmt::Write;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-/// Compare pictures, scene-linear EXR files above all: exit status 0 agrees, 1 differs, 2 could not tell.
+/// Compare pictures, scene-linear EXR files above all: exit status 0 agrees, 1 differs, 2 could not
+/// tell.
 ///
 /// Several files on a side are replicas, the same picture with other seeds; they are averaged and give standard
 /// errors. Replicas of both sides are judged by statistics: whether they show the same picture, as far as their noise
@@ -29,8 +30,9 @@ pub(super) struct Arguments {
     /// The reference's pictures.
     #[arg(long, required = true, num_args = 1.., value_name = "EXR")]
     reference: Vec<PathBuf>,
-    /// Part, layer or pass to compare in files with several, by its name or the end of it: ViewLayer.Combined,
-    /// Combined. Without it: the only picture, else the one without a layer's name, else the only Combined.
+    /// Part, layer or pass to compare in files with several, by its name or the end of it:
+    /// ViewLayer.Combined, Combined. Without it: the only picture, else the one without a layer's
+    /// name, else the only Combined.
     #[arg(long)]
     part: Option<String>,
     /// That of our files, in the place of --part.

@@ -145,8 +145,8 @@ fn command_line() -> clap::Command {
     all.disable_help_subcommand(true)
 }
 
-/// What of the command line takes a path: names of commands with their group, and the option (`--output`) or argument (`<SCENE>`). Tests
-/// compare it with the list of what they try.
+/// What of the command line takes a path: names of commands with their group, and the option
+/// (`--output`) or argument (`<SCENE>`). Tests compare it with the list of what they try.
 pub fn path_options() -> Vec<(String, String)> {
     fn collect(command: &clap::Command, name: &str, found: &mut Vec<(String, String)>) {
         for argument in command.get_arguments() {

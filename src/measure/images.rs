@@ -52,8 +52,9 @@ pub struct FlipPair {
     pub reference: Vec<PathBuf>,
 }
 
-/// Pictures of the user's, in any form that `diff` reads: plain ones here, others by the script that knows what the parts, layers and
-/// windows of a file mean. `part` names one of several, `option` gives it.
+/// Pictures of the user's, in any form that `diff` reads: plain ones here, others by the script
+/// that knows what the parts, layers and windows of a file mean. `part` names one of several,
+/// `option` gives it.
 pub fn read(paths: &[PathBuf], part: Option<&str>, option: &str) -> Result<Vec<Image>> {
     let mut others = Vec::new();
     for path in paths {

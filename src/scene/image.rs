@@ -144,8 +144,9 @@ impl Image {
         exr::image::Image { attributes: window, layer_data: Layer { channel_data, attributes, size, encoding } }
     }
 
-    /// Why a file is no plain EXR, which is one part with channels R, G and B in floats over its whole display window, as this program and
-    /// Blender write; none where it is one, or cannot be read at all, which the reader explains.
+    /// Why a file is no plain EXR, which is one part with channels R, G and B in floats over its
+    /// whole display window, as this program and Blender write; none where it is one, or cannot be
+    /// read at all, which the reader explains.
     pub fn why_not_plain(path: &Path) -> Result<Option<String>> {
         files::check_input(path, FileKind::Exr.described())?;
         let Ok(file) = exr::meta::MetaData::read_from_file(path, false) else { return Ok(None) };
@@ -171,7 +172,8 @@ impl Image {
         Ok(missing.map(|name| format!("no channel {name} of floats")))
     }
 
-    /// Reads a plain EXR ([`Self::why_not_plain`]) with channels R, G, B and, if there are, A (else 1) and the transmittance's.
+    /// Reads a plain EXR ([`Self::why_not_plain`]) with channels R, G, B and, if there are, A (else
+    /// 1) and the transmittance's.
     pub fn read_exr(path: &Path) -> Result<Self> {
         kinds::want(path, FileKind::Exr)?;
         let place = path.display().to_string();

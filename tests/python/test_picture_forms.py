@@ -5,6 +5,8 @@ folder are read where it is there.
 """
 
 import itertools
+import json
+import os
 import pathlib
 import struct
 
@@ -13,7 +15,7 @@ import OpenImageIO as oiio
 import pytest
 
 import picture_file
-from test_compare_images import HEIGHT, WIDTH, diff, picture, save
+from test_compare_images import HEIGHT, WIDTH, diff, picture, run, save
 
 FAULTS = pathlib.Path(__file__).resolve().parents[3] / "shared" / "faults" / "exr"
 EXACT = {"max_error": 0.0, "alpha_max_error": 0.0}
@@ -257,7 +259,8 @@ def test_integers_are_compared_as_stated_and_never_silently(tmp_path, plain, end
     output.close()
     text = reason(path, plain)
     assert all(f"--integers {choice}" in text for choice in ("srgb", "linear", "display"))
-    # Half a step of the curve, whose slope is at most 2.4 / 1.055 in linear values, and half one of alpha.
+    # Half a step of the curve, whose slope is at most 2.4 / 1.055 in linear values, and half one of
+    # alpha.
     limit = 0.5 / steps * (2.4 / 1.055 + 1)
     limits = {"max_error": limit, "alpha_max_error": 0.5 / steps * 1.001}
     result = agrees(path, plain, limits, integers="srgb")
@@ -311,8 +314,6 @@ def test_a_display_window_that_no_memory_holds(tmp_path, plain):
 
 
 def test_pipes_are_no_pictures(tmp_path, plain):
-    import os
-
     path = str(tmp_path / "pipe.exr")
     os.mkfifo(path)
     assert "a pipe" in reason(path, plain)
@@ -340,3 +341,20 @@ def test_blenders_files_of_every_kind(tmp_path):
     assert found["RGB", "32"].names == list("RGB")
     agrees(paths["RGB", "32"], paths["RGBA", "32"], COLOURS)
     agrees(paths["RGBA", "16"], paths["RGBA", "32"], {"max_error": HALF})
+
+
+def test_what_takes_radiance_alone_takes_no_integers(tmp_path):
+    path = str(tmp_path / "shown.tif")
+    spec = oiio.ImageSpec(WIDTH, HEIGHT, 3, "uint16")
+    output = oiio.ImageOutput.create(path)
+    assert output.open(path, spec) and output.write_image(picture()[..., :3])
+    output.close()
+    shown = VIEW | {"exr": path, "png": str(tmp_path / "a.png")}
+    for request in (
+        {"op": "display", "images": [shown]},
+        {"op": "plain", "images": [{"exr": path, "plain": str(tmp_path / "a.exr")}]},
+    ):
+        status, event = run(request)
+        assert status == 1 and "integers, which are no radiance" in event["found"]
+        assert event["place"] == path and "--integers" not in json.dumps(event)
+    assert os.listdir(tmp_path) == ["shown.tif"]

@@ -110,7 +110,8 @@ pub struct Tolerances {
 pub enum Integers {
     /// Scene-linear, from 0 to 1.
     Linear,
-    /// Light of a display, stored by the sRGB curve: decoded. Radiance only under the view Standard.
+    /// Light of a display, stored by the sRGB curve: decoded. Radiance only under the view
+    /// Standard.
     Srgb,
     /// Display values, compared with display values as they are.
     Display,
