@@ -1,7 +1,8 @@
 """Exports a .blend file with a volume material as a scene.
 
 Request: {"blend": "F.blend", "object": null or "NAME" or ["NAME", ...], "frame": null or NUMBER, "folder":
-null or "PATH", "refused": null or {NODE TYPE: [REASON, WHAT TO DO]}}.
+null or "PATH", "refused": null or {NODE TYPE: [REASON, WHAT TO DO]}, "world_nodes": null or {NODE TYPE: null
+or [OUTPUT, ...]}}: with `world_nodes`, a world of these nodes (all outputs, or the named ones) is a graph.
 Result: {"scene": {...}, "files": {NAME: PATH}}: the scene in the format cloudparity-scene/1, and the files
 that belong beside the scene file under these names. What has to be made for it is written to `folder`.
 Scripts in the file never run.
@@ -24,6 +25,7 @@ def handle(request, messages):
         request.get("frame"),
         request.get("folder"),
         request.get("refused"),
+        request.get("world_nodes"),
     )
     return {"scene": found.scene, "files": found.files}
 

@@ -70,12 +70,13 @@ class ReadScene:
         self.files = files
 
 
-def read_scene(path, object_names, messages, frame=None, folder=None, refused=None):
+def read_scene(path, object_names, messages, frame=None, folder=None, refused=None, world_nodes=None):
     """Return the open file, loaded from `path`, as a ReadScene.
 
     `object_names` names the volume objects; None takes every object with a volume material. `frame` is the
     frame to read it at, the file's current one if None. What has to be made beside the scene file is written
-    to `folder`; without one what needs it is refused. `refused` is as in `read_graph`.
+    to `folder`; without one what needs it is refused. `refused` is as in `read_graph`, `world_nodes` as `nodes`
+    in `read_world`.
     """
     scene = bpy.context.scene
     _go_to_frame(scene, frame)
@@ -85,7 +86,7 @@ def read_scene(path, object_names, messages, frame=None, folder=None, refused=No
         scene,
         lambda depsgraph: _read_parts(depsgraph, path, object_names, camera, messages, folder, refused),
     )
-    world = read_world(bpy.context.view_layer.world_override or scene.world, messages, folder)
+    world = read_world(bpy.context.view_layer.world_override or scene.world, messages, folder, world_nodes)
     taken = {light["name"] for light in entry["lights"]}
     for light in world.lights:
         own, number = light["name"], 2

@@ -12,6 +12,7 @@ use crate::engines;
 use crate::engines::defects::Defects;
 use crate::engines::parameters::Values;
 use crate::graph::closures::ClosureSum;
+use crate::graph::world::{self, WorldValues};
 use crate::nodes::refused;
 use crate::scene::{Release, Scene, Shape};
 use serde_json::json;
@@ -45,6 +46,10 @@ pub(super) struct Arguments {
     /// Of a .blend: the release of Blender whose values the nodes get, for who works with an older one.
     #[arg(long, value_name = "RELEASE", value_parser = choice::<Release>(), default_value_t)]
     blender: Release,
+    /// Of a .blend: a world that is no colour and no picture as its nodes, where all of them are supported, or as a picture of them, which
+    /// Cycles renders.
+    #[arg(long, value_name = "FORM", value_enum, default_value_t = AroundAs::Nodes)]
+    world: AroundAs,
     /// The file to write.
     #[arg(short, long, value_name = "FILE")]
     output: PathBuf,
@@ -76,6 +81,16 @@ pub(super) struct Arguments {
     sun_elevation: Option<f64>,
     #[command(flatten)]
     display: DisplayArguments,
+}
+
+/// How the world of a .blend comes into the scene file.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, clap::ValueEnum)]
+pub(super) enum AroundAs {
+    /// Evaluated.
+    #[default]
+    Nodes,
+    /// Rendered into a picture.
+    Baked,
 }
 
 pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
@@ -112,7 +127,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
         build::build(first, output)?;
         super::print(&format!("{}\n", output.display()))?;
     } else {
-        let scene = export(first, &arguments.object, arguments.frame, arguments.blender, output)?;
+        let scene = export(first, &arguments.object, arguments.frame, arguments.blender, arguments.world, output)?;
         super::print(&format!("{}: {}\n", output.display(), describe(&scene)))?;
     }
     Ok(ExitCode::SUCCESS)
@@ -159,6 +174,7 @@ pub(super) fn export(
     objects: &[String],
     frame: Option<i32>,
     release: Release,
+    around: AroundAs,
     output: &Path,
 ) -> Result<Scene> {
     let place = blend.display().to_string();
@@ -170,8 +186,11 @@ pub(super) fn export(
     let folder = tempfile::tempdir().map_err(|cause| Error::io(&std::env::temp_dir(), "a temporary folder", &cause))?;
     let reasons: serde_json::Map<_, _> =
         refused::NODES.iter().map(|node| (node.type_name.to_owned(), json!([node.reason, node.instead]))).collect();
-    let request =
-        json!({"blend": blend, "object": chosen, "frame": frame, "folder": folder.path(), "refused": reasons});
+    let world_nodes = (around == AroundAs::Nodes).then(world::vocabulary);
+    let request = json!({
+        "blend": blend, "object": chosen, "frame": frame, "folder": folder.path(), "refused": reasons,
+        "world_nodes": world_nodes,
+    });
     // Blender names objects and nodes; which file they are in is known here.
     let in_file = |error: Error| match error.place.contains(&place) {
         true => error,
@@ -185,6 +204,9 @@ pub(super) fn export(
         scene["graph"]["blender"] = json!(release);
         let others = scene.get_mut("other_graphs").and_then(serde_json::Value::as_array_mut);
         others.into_iter().flatten().for_each(|graph| graph["blender"] = json!(release));
+        if let Some(graph) = scene["world"].get_mut("graph") {
+            graph["blender"] = json!(release);
+        }
     }
     let text = serde_json::to_string_pretty(&result["scene"]).expect("JSON serialises") + "\n";
     let mut beside = Vec::new();
@@ -209,6 +231,9 @@ pub(super) fn export(
     for (volume, graph) in scene.volumes()? {
         ClosureSum::compile(graph, volume).map_err(in_file)?;
     }
+    if let Some(graph) = &scene.world.graph {
+        WorldValues::compile(graph).map_err(in_file)?;
+    }
     for (name, bytes) in &beside {
         write_beside(bytes, &output.with_file_name(name))?;
     }
@@ -230,6 +255,7 @@ pub(super) fn describe(scene: &Scene) -> String {
         several => format!("{several} lights"),
     };
     let world = match (&scene.world.image, scene.world.strength * scene.world.color.iter().sum::<f32>() > 0.0) {
+        _ if scene.world.graph.is_some() => "a world of nodes".to_owned(),
         (Some(image), _) => format!("the world {}", image.file),
         (None, true) => "a world of one colour".to_owned(),
         (None, false) => "a black world".to_owned(),

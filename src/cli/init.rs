@@ -5,6 +5,7 @@ use crate::base::error::{Error, Result};
 use crate::base::files;
 use crate::base::kinds::FileKind;
 use crate::cli::choice::choice;
+use crate::cli::export::AroundAs;
 use crate::scene::{Release, Scene};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -24,6 +25,9 @@ pub(super) struct Arguments {
     /// Of a .blend: the release of Blender whose values the nodes get, for who works with an older one.
     #[arg(long, value_name = "RELEASE", value_parser = choice::<Release>(), default_value_t)]
     blender: Release,
+    /// Of a .blend: a world that is no colour and no picture as its nodes, where all of them are supported, or as a picture of them.
+    #[arg(long, value_name = "FORM", value_enum, default_value_t = AroundAs::Nodes)]
+    world: AroundAs,
     /// The folder to write; without it one beside the .blend that is named after it.
     #[arg(short, long, value_name = "DIR")]
     output: Option<PathBuf>,
@@ -61,7 +65,14 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
     let scene = if is_scene {
         Scene::load(file)?
     } else {
-        super::export::export(file, &arguments.object, arguments.frame, arguments.blender, &scene_file)?
+        super::export::export(
+            file,
+            &arguments.object,
+            arguments.frame,
+            arguments.blender,
+            arguments.world,
+            &scene_file,
+        )?
     };
     // A scene that is there already stays where it is.
     let scene_file = if is_scene { file.clone() } else { scene_file };

@@ -182,8 +182,8 @@ impl<'a> PathKernel<'a> {
         }
         let World::Constant(world) = tracer.world else {
             return Err(Error::new(
-                "path tracing on the adapter, $.world.image",
-                "a picture around the scene",
+                "path tracing on the adapter, $.world",
+                "a picture around the scene, or a world of nodes",
                 "a constant world: the adapter knows no other yet",
                 "Trace on the CPU.",
             )
