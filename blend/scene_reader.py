@@ -75,8 +75,8 @@ def read_scene(path, object_names, messages, frame=None, folder=None, refused=No
 
     `object_names` names the volume objects; None takes every object with a volume material. `frame` is the
     frame to read it at, the file's current one if None. What has to be made beside the scene file is written
-    to `folder`; without one what needs it is refused. `refused` is as in `read_graph`, `world_nodes` as `nodes`
-    in `read_world`.
+    to `folder`; without one what needs it is refused. `refused` is as in `read_graph`, and `world_nodes` is
+    `nodes` of `read_world`.
     """
     scene = bpy.context.scene
     _go_to_frame(scene, frame)

@@ -1,4 +1,4 @@
-"""Reads the world: a constant, a picture, a node graph, or a picture that Cycles makes of what its nodes show.
+"""Reads the world: a constant, a picture, a node graph, or a picture that Cycles makes of its nodes.
 
 A world whose nodes the caller evaluates is read as a graph. Any other one is rendered by Cycles itself,
 alone, into an equirectangular picture of scene-linear f32: one ray through the centre of each pixel, which

@@ -104,6 +104,11 @@ impl WorldValues {
         Ok(Self { values: Shared::new(program)?, hash })
     }
 
+    /// The program of the graph ([`Program::world`]).
+    pub fn program(&self) -> &Program {
+        self.values.program()
+    }
+
     /// Calls `see` with the radiance from each of these directions, unit vectors that point away from the scene, in their
     /// order. The bits are those of Cycles; what is no finite number is 0.
     pub fn radiance(&self, directions: &[DVec3], mut see: impl FnMut(usize, [f64; 3])) {

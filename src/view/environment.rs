@@ -13,6 +13,7 @@
 //! follow the picture, and counts in full there.
 
 use crate::base::error::{Error, Result};
+use crate::graph::Program;
 use crate::graph::world::WorldValues;
 use crate::scene::Scene;
 use crate::scene::image::Image;
@@ -177,6 +178,11 @@ impl Environment {
             (1.0 - up) * ((1.0 - right) * a[channel] + right * b[channel])
                 + up * ((1.0 - right) * c[channel] + right * d[channel])
         })
+    }
+
+    /// The program that gives what is seen, of a world of nodes.
+    pub fn program(&self) -> Option<&Program> {
+        self.values.as_ref().map(|values| values.program())
     }
 
     /// Whether nothing arrives from anywhere. Of a graph that is not known: something may lie between the places of its table.

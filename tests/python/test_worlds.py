@@ -14,6 +14,8 @@ from protocol import located
 bpy = pytest.importorskip("bpy")
 
 import bmesh  # noqa: E402
+
+import world_reader  # noqa: E402
 from build_scene import handle as build  # noqa: E402
 from export_scene import handle as export  # noqa: E402
 
@@ -36,7 +38,7 @@ SAMPLES = 64
 
 @pytest.fixture
 def tree():
-    """The node tree of the world of a file with a cube of fog and a camera that sees the fog and the world."""
+    """The node tree of the world around a cube of fog, both of which the camera sees."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
     scene = bpy.context.scene
     scene.render.engine = "CYCLES"
@@ -175,7 +177,7 @@ def groups(tree):
 
 
 def muted_nodes(tree):
-    """A muted node hands on what it reads; a muted closure its first one; a link that is muted carries nothing."""
+    """A muted node hands on what it reads, a muted closure its first one; a muted link carries nothing."""
     parts = new(tree, "SeparateXYZ", {0: new(tree, "TexCoord").outputs["Reflection"]})
     half = new(tree, "Math", {0: parts.outputs["X"], 1: 0.7}, operation="MULTIPLY_ADD", mute=True)
     bright = new(tree, "Math", {0: half.outputs[0], 1: 1.1}, operation="ADD")
@@ -458,7 +460,9 @@ def test_a_missing_picture_is_magenta_as_in_cycles(tree, tmp_path, missing, kind
     np.testing.assert_allclose(values, np.broadcast_to([1.5, 0.0, 1.5], values.shape), rtol=1e-6)
 
 
-def test_a_picture_that_its_library_lacks_is_what_blender_generates(tree, tmp_path):
+def test_a_picture_that_its_library_lacks_is_what_blender_generates(tree, tmp_path, monkeypatch):
+    # Any resolution shows that it is rendered.
+    monkeypatch.setattr(world_reader, "WIDTHS", (64,))
     image, reason = of_a_library(tmp_path)
     show(tree, new(tree, "TexEnvironment", image=image).outputs[0], 1.5)
     document, warnings, files = exported(tmp_path)
