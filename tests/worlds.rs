@@ -130,7 +130,7 @@ fn what_is_no_number_counts_as_nothing() {
 fn the_table_of_a_graph_has_its_mean_and_samples_it() {
     let scene = lit_by(half_lit());
     let environment = Environment::load(&scene).expect("it compiles").expect("there is one");
-    // The mean of max(x, 0) over the sphere is 1/4; midpoints of 2048 x 1024 places err by (2 pi / 2048)^2 / 24.
+    // The mean of max(x, 0) over the sphere is 1/4; midpoints of 4096 x 2048 places err by (2 pi / 4096)^2 / 24.
     for (channel, mean) in environment.mean_radiance().into_iter().enumerate() {
         assert!((mean - 4.0 * (channel + 1) as f64 / 4.0).abs() < 1e-4, "{mean}");
     }

@@ -28,7 +28,7 @@ const LUMINANCE: [f64; 3] = [0.212_639, 0.715_169, 0.072_192];
 /// Width and height of the picture by which a graph is sampled.
 const TABLE: [usize; 2] = [1024, 512];
 /// Values along a side of a pixel of that picture.
-const TABLE_SUBPIXELS: usize = 2;
+const TABLE_SUBPIXELS: usize = 4;
 
 /// The picture with what sampling needs.
 #[derive(Debug, Clone, PartialEq)]
