@@ -54,6 +54,11 @@ def build_material(graph, object_for, warn, groups=None):
     return _GraphBuilder(graph, object_for, warn, groups or SharedGroups([graph])).build()
 
 
+def build_world(graph, object_for, warn, groups):
+    """`build_material` of a world's graph; returns the new world."""
+    return _GraphBuilder(graph, object_for, warn, groups).build_world()
+
+
 class _GraphBuilder:
     def __init__(self, graph, object_for, warn, groups):
         self._graph = graph
@@ -67,6 +72,12 @@ class _GraphBuilder:
         material.node_tree.nodes.clear()
         self._fill_tree(material.node_tree, self._graph["nodes"], "graph", _Identifiers())
         return material
+
+    def build_world(self):
+        world = bpy.data.worlds.new(self._graph["material"])
+        world.node_tree.nodes.clear()
+        self._fill_tree(world.node_tree, self._graph["nodes"], "world.graph", _Identifiers())
+        return world
 
     def _group(self, name, place):
         """The node group `name` and its _Identifiers, built when first asked for."""

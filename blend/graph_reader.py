@@ -36,6 +36,7 @@ OUTPUT_VALUE_NODES = {"ShaderNodeValue", "ShaderNodeRGB", "ShaderNodeNormal"}
 LAYOUT_NODES = {"NodeFrame", "NodeGroupInput"}
 # In shaders since Blender 5.2. A scene file is of one frame: its outputs are the numbers that Cycles gets.
 SCENE_TIME = "GeometryNodeInputSceneTime"
+OUTPUT_NODES = {"ShaderNodeOutputMaterial", "ShaderNodeOutputWorld"}
 IDENTITY_MAPPING = {
     "translation": [0.0, 0.0, 0.0],
     "rotation": [0.0, 0.0, 0.0],
@@ -126,7 +127,13 @@ def read_graph(material, warn, depsgraph=None, refused=None):
     that reaches the volume raises InputError. Objects are where `depsgraph` puts them; without one, where the
     open file does. `refused` {node type: [reason, what to do instead]} says why a type is not supported.
     """
-    return _GraphReader(material, warn, depsgraph, refused or {}).read()
+    return _GraphReader(material, volume_output(material), "Volume", warn, depsgraph, refused or {}).read()
+
+
+def read_world_graph(world, warn, depsgraph=None, refused=None):
+    """`read_graph` of a world, whose Surface the active output reads; `material` is the world's name."""
+    output = world.node_tree.get_output_node("CYCLES")
+    return _GraphReader(world, output, "Surface", warn, depsgraph, refused or {}).read()
 
 
 class Reach:
@@ -199,6 +206,7 @@ def unique_name(item):
         "OBJECT": bpy.data.objects,
         "MATERIAL": bpy.data.materials,
         "NODETREE": bpy.data.node_groups,
+        "WORLD": bpy.data.worlds,
     }
     collection = collections.get(item.id_type)
     if collection is None or sum(other.name == item.name for other in collection) == 1:
@@ -207,19 +215,22 @@ def unique_name(item):
 
 
 class _GraphReader:
-    def __init__(self, material, warn, depsgraph, refused):
-        self._material = material
+    """Reads the tree of `owner`, a material or a world, whose `output` node is read at its input `end`."""
+
+    def __init__(self, owner, output, end, warn, depsgraph, refused):
+        self._owner = owner
         self._warn = warn
         self._depsgraph = depsgraph or bpy.context.evaluated_depsgraph_get()
         self._refused = refused
-        self._output = volume_output(material)
-        self._reach = Reach(self._output.inputs["Volume"])
+        self._output = output
+        self._end = end
+        self._reach = Reach(output.inputs[end])
 
     def read(self):
         self._groups = {}
-        nodes = self._read_nodes(self._material.node_tree)
+        nodes = self._read_nodes(self._owner.node_tree)
         return {
-            "material": unique_name(self._material),
+            "material": unique_name(self._owner),
             "nodes": nodes,
             "groups": [self._groups[name] for name in sorted(self._groups)],
         }
@@ -232,9 +243,7 @@ class _GraphReader:
             if node.bl_idname == SCENE_TIME:
                 entries.update(_time_values(node))
                 continue
-            place = (
-                f'material "{self._material.name}", tree "{tree.name}", node "{node.name}" ({node.bl_idname})'
-            )
+            place = f'{self._place()}, tree "{tree.name}", node "{node.name}" ({node.bl_idname})'
             try:
                 entries[node.name] = self._read_node(node, place)
             except Inexpressible as problem:
@@ -245,16 +254,21 @@ class _GraphReader:
                         found = f"{node.bl_label} ({node.bl_idname}), which {reason}"
                         expected = "a supported node (`cloudparity nodes` lists them)"
                     raise InputError(place, found, expected, remedy) from None
-                self._warn(place, f"left out, it does not reach the volume: {found}")
+                reached = "world" if self._end == "Surface" else "volume"
+                self._warn(place, f"left out, it does not reach the {reached}: {found}")
         self._drop_dangling(entries, tree)
         return list(entries.values())
+
+    def _place(self):
+        kind = "world" if self._end == "Surface" else "material"
+        return f'{kind} "{self._owner.name}"'
 
     def _is_left_out_by_kind(self, node):
         if node.bl_idname in LAYOUT_NODES:
             return True
         if node.bl_idname == "NodeGroupOutput":
             return not node.is_active_output
-        return node.bl_idname == "ShaderNodeOutputMaterial" and node != self._output
+        return node.bl_idname in OUTPUT_NODES and node != self._output
 
     def _drop_dangling(self, entries, tree):
         """Leave out, one after the other, the nodes that are fed by a node that was left out."""
@@ -341,7 +355,7 @@ class _GraphReader:
         links = self._reach.links_of(node.id_data)
         inputs = {}
         for socket in node.inputs:
-            if not is_available(socket) or (node == self._output and socket.identifier != "Volume"):
+            if not is_available(socket) or (node == self._output and socket.identifier != self._end):
                 continue
             link = links.get((node.name, socket.identifier))
             if link is not None:

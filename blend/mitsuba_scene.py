@@ -129,6 +129,7 @@ def _sun(light):
 
 def _world(world):
     _require("image" not in world, "scene.world.image", "a picture", "a constant world")
+    _require("graph" not in world, "scene.world.graph", "nodes", "a constant world")
     return {
         "type": "constant",
         "radiance": _rgb([world["strength"] * channel for channel in world["color"]]),

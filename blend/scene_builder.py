@@ -7,7 +7,7 @@ import bpy
 import numpy as np
 from mathutils import Matrix
 
-from graph_builder import SharedGroups, build_material
+from graph_builder import SharedGroups, build_material, build_world
 from protocol import InputError
 from rna import set_fields, set_value
 from scene_reader import (
@@ -46,8 +46,17 @@ def build_scene(scene, warn, folder=None):
     set_fields(target.view_settings, DISPLAY_FIELDS, scene["display"])
     for light in scene["lights"]:
         _build_light(objects, light)
-    target.world = _build_world(scene["world"], folder)
-    materials = _build_materials(objects, scene, warn)
+    # Blender knows groups by name: those of the world and of the materials are the same.
+    graphs = [scene["graph"], *scene.get("other_graphs", [])]
+    around = scene["world"].get("graph")
+    groups = SharedGroups(graphs if around is None else [*graphs, around])
+    if around is None:
+        target.world = _build_world(scene["world"], folder)
+    else:
+        target.world = build_world(around, objects.for_pointer, warn, groups)
+    materials = {
+        graph["material"]: build_material(graph, objects.for_pointer, warn, groups) for graph in graphs
+    }
     volumes = [scene["volume"], *scene.get("other_volumes", [])]
     return [_build_volume(objects, entry, materials, folder) for entry in volumes]
 
@@ -181,13 +190,6 @@ def _checked_file(entry, folder, expected):
     if hashlib.sha256(content).hexdigest() != entry["sha256"]:
         raise InputError(str(path), "another file", f"SHA-256 {entry['sha256']}", "restore the file")
     return path
-
-
-def _build_materials(objects, scene, warn):
-    """The materials of all volumes by name. Groups that several graphs hold are built once."""
-    graphs = [scene["graph"], *scene.get("other_graphs", [])]
-    groups = SharedGroups(graphs)
-    return {graph["material"]: build_material(graph, objects.for_pointer, warn, groups) for graph in graphs}
 
 
 def _build_volume(objects, entry, materials, folder):

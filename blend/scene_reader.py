@@ -96,12 +96,13 @@ class Wish:
         self.include_hidden = include_hidden
 
 
-def read_scene(path, wish, messages, taken_out, folder=None, refused=None):
+def read_scene(path, wish, messages, taken_out, folder=None, refused=None, world_nodes=None):
     """Return the open file, loaded from `path`, as a ReadScene of what the Wish asks for.
 
     `taken_out` is what opening it has left out (blender_file.open_blend).
     What has to be made beside the scene file is written to `folder`; without one what needs it is rejected.
-    `refused` is as in `read_graph`. Raises one InputError with all faults of the file.
+    `refused` is as in `read_graph`, and `world_nodes` is `nodes` of `read_world`. Raises one InputError with
+    all faults of the file.
     """
     scene = bpy.context.scene
     faults = Faults()
@@ -138,7 +139,7 @@ def read_scene(path, wish, messages, taken_out, folder=None, refused=None):
     world = None
     with faults.noted():
         own = bpy.context.view_layer.world_override or scene.world
-        world = read_world(own, messages, folder, only_check=bool(faults.found))
+        world = read_world(own, messages, folder, world_nodes, only_check=bool(faults.found))
     faults.require_none()
     taken = {light["name"] for light in entry["lights"]}
     for light in world.lights:

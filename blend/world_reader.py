@@ -1,9 +1,9 @@
-"""Reads the world: a constant, a picture, or a picture that Cycles makes of what its nodes show.
+"""Reads the world: a constant, a picture, a node graph, or a picture that Cycles makes of its nodes.
 
-A world of other nodes than one Background is rendered by Cycles itself, alone, into an equirectangular
-picture of scene-linear f32: one ray through the centre of each pixel, which has no noise. What comes out
-the same in every direction is a constant. Else the picture is made larger until interpolating it differs
-little from the world's own values in directions between its pixels.
+A world whose nodes the caller evaluates is read as a graph. Any other one is rendered by Cycles itself,
+alone, into an equirectangular picture of scene-linear f32: one ray through the centre of each pixel, which
+has no noise. What comes out the same in every direction is a constant. Else the picture is made larger until
+interpolating it differs little from the world's own values in directions between its pixels.
 """
 
 import hashlib
@@ -13,7 +13,15 @@ from pathlib import Path
 import bpy
 import numpy as np
 
-from graph_reader import Inexpressible, Reach, live_links, missing_reason, require_identity
+from graph_reader import (
+    LAYOUT_NODES,
+    Inexpressible,
+    Reach,
+    live_links,
+    missing_reason,
+    read_world_graph,
+    require_identity,
+)
 from protocol import InputError
 from scene_io import shortest, shortest_list
 
@@ -36,7 +44,19 @@ REFUSED_NODES = {
     "ShaderNodeScript": "runs a program that the file brings along",
     "ShaderNodeTexIES": "holds a lamp's file",
 }
-REFUSED_COORDINATES = ("Window", "Camera", "Reflection")
+REFUSED_COORDINATES = ("Window", "Camera")
+PICTURE_NODES = ("ShaderNodeTexEnvironment", "ShaderNodeTexImage")
+# Nodes that the reader of graphs resolves.
+STRUCTURE_NODES = {
+    *LAYOUT_NODES,
+    "NodeGroupOutput",
+    "NodeReroute",
+    "ShaderNodeGroup",
+    "ShaderNodeOutputWorld",
+}
+# What stands in for a missing picture.
+MAGENTA = "Blender and Cycles show magenta (1, 0, 1) in its place"
+GENERATED = "Blender and Cycles show a picture that Blender generates in its place"
 
 
 class World:
@@ -48,8 +68,9 @@ class World:
         self.files = files or {}
 
 
-def read_world(world, messages, folder=None, only_check=False):
-    """Read a world. `folder` is where a baked picture is written; without one, such a world is refused.
+def read_world(world, messages, folder=None, nodes=None, only_check=False):
+    """Read a world. `folder` is where a baked picture is written; without one, such a world is rejected.
+    `nodes` {node type: None or the outputs} are what the caller evaluates in a world; without it nothing.
     `only_check` looks for faults and returns None where the world would have to be rendered."""
     if world is None:
         return World({"color": [0.0, 0.0, 0.0], "strength": 1.0})
@@ -71,11 +92,20 @@ def read_world(world, messages, folder=None, only_check=False):
     if output is None or (output.name, "Surface") not in links:
         return World({"color": [0.0, 0.0, 0.0], "strength": 1.0})
     _require_seen_alike(world, place)
-    plain = _plain_background(links[output.name, "Surface"].from_node, links, place)
+    plain = _plain_background(links[output.name, "Surface"].from_node, links, place, messages)
     if plain is not None:
         return plain
     reach = Reach(output.inputs["Surface"])
     _require_bakeable(reach, place)
+    _report_pictures(reach, place, messages)
+    # What is the same in every direction is found to be a constant below.
+    if nodes is not None and any(_may_vary(node) for node in reach.nodes.values()):
+        reason = _reason_to_bake(reach, nodes)
+        if reason is None:
+            return World(
+                {"color": [1.0] * 3, "strength": 1.0, "graph": read_world_graph(world, messages.warning)}
+            )
+        messages.warning(place, f"is not evaluated as nodes but as a picture of them: {reason}")
     if only_check:
         return None
     if folder is None:
@@ -99,7 +129,7 @@ def _require_seen_alike(world, place):
             )
 
 
-def _plain_background(background, links, place):
+def _plain_background(background, links, place, messages):
     """The world of one Background with a colour of its own or a picture as it is; None for any other."""
     if background.bl_idname != "ShaderNodeBackground" or background.mute:
         return None
@@ -111,6 +141,12 @@ def _plain_background(background, links, place):
         color = shortest_list(background.inputs["Color"].default_value[:3], place)
         return World({"color": color, "strength": strength})
     node = link.from_node
+    if node.bl_idname in PICTURE_NODES and not node.mute and link.from_socket.identifier == "Color":
+        missing = _missing_picture(node)
+        # Blender generates a picture in place of a data-block that is missing from its library.
+        if missing is not None and not (node.image and node.image.is_missing):
+            _report_picture(node, missing, place, messages)
+            return World({"color": [1.0, 0.0, 1.0], "strength": strength})
     if node.bl_idname != "ShaderNodeTexEnvironment" or node.mute:
         return None
     path = _picture_as_it_is(node, links)
@@ -160,21 +196,81 @@ def _require_bakeable(reach, place):
                 "a world that depends on the direction alone",
                 "take the node out; of a Mix Shader that it drives, link the side that lights the volume",
             )
-        if node.bl_idname in ("ShaderNodeTexEnvironment", "ShaderNodeTexImage"):
-            _require_picture(node, where)
 
 
-def _require_picture(node, place):
+def _may_vary(node):
+    """Whether a node may give different values in different directions, whatever it reads."""
+    return "Tex" in node.bl_idname or node.bl_idname == "ShaderNodeNewGeometry"
+
+
+def _reason_to_bake(reach, known):
+    """Why the nodes that are reached are no graph for the caller, which evaluates the `known` ones; None
+    where they are."""
+    for (tree, name), node in reach.nodes.items():
+        if node.bl_idname in STRUCTURE_NODES:
+            continue
+        label = f'node "{node.name}" ({node.bl_idname})'
+        if node.bl_idname not in known:
+            return f"{label} is none of those that are"
+        if node.mute:
+            continue
+        outputs = known[node.bl_idname]
+        read = {output for owner, other, output in reach.outputs if (owner, other) == (tree, name)}
+        others = sorted(read - set(read if outputs is None else outputs))
+        if others:
+            return f"{label} is read at its output {', '.join(others)}"
+        if node.bl_idname == "ShaderNodeTexCoord" and node.object is not None and node.object.is_missing:
+            return f"the object of {label} is missing"
+    return None
+
+
+def _report_pictures(reach, place, messages):
+    """Warn of every picture that is missing and reached. Cycles renders the world as it is."""
+    for node in reach.nodes.values():
+        if node.bl_idname in PICTURE_NODES and not node.mute:
+            missing = _missing_picture(node)
+            if missing is not None:
+                _report_picture(node, missing, place, messages)
+
+
+def _report_picture(node, missing, place, messages):
+    shown = GENERATED if node.image and node.image.is_missing else MAGENTA
+    messages.warning(
+        f'{place}, node "{node.name}" ({node.bl_idname})',
+        f"its picture is missing: {missing}; {shown}, and so does this scene: choose the picture again or "
+        "put it back, and export again",
+    )
+
+
+def _missing_picture(node):
+    """What is wrong with the picture of a texture node where it cannot be shown; else None."""
     image = node.image
-    if image is None or image.packed_file is not None or image.source == "GENERATED":
-        return
+    if image is None:
+        return "none is chosen"
     if image.is_missing:
-        raise InputError(place, *missing_reason(image))
-    path = Path(bpy.path.abspath(image.filepath, library=image.library))
-    if image.source == "FILE" and not path.is_file():
-        raise InputError(
-            place, f"the file {path}, which is not there", "a picture that exists", "choose the picture again"
-        )
+        return f"the library {image.library.filepath} does not hold it"
+    if image.source == "GENERATED":
+        return None
+    if image.packed_file is None and not image.packed_files:
+        for path in _picture_paths(node):
+            if not path.is_file():
+                return f"there is no file {path}"
+    if image.source in ("FILE", "TILED") and 0 in image.size:
+        where = "packed into the file" if image.packed_files else str(_picture_paths(node)[0])
+        return f"what is {where} cannot be read as a picture"
+    return None
+
+
+def _picture_paths(node):
+    """The files that the picture of a texture node is read from, at the frame that is read."""
+    image = node.image
+    if image.source == "TILED":
+        names = [image.filepath.replace("<UDIM>", str(tile.number)) for tile in image.tiles]
+    else:
+        # Only the evaluated node knows its frame.
+        tree = node.id_data.evaluated_get(bpy.context.evaluated_depsgraph_get())
+        names = [image.filepath_from_user(image_user=tree.nodes[node.name].image_user)]
+    return [Path(bpy.path.abspath(name, library=image.library)) for name in names]
 
 
 def _bake(world, reach, place, messages, folder):
@@ -221,7 +317,7 @@ def _widths(reach):
     textures = [node for node in reach.nodes.values() if node.bl_idname == "ShaderNodeTexEnvironment"]
     if len(textures) == 1 and textures[0].image is not None:
         width, height = textures[0].image.size
-        if width == 2 * height and width <= WIDTHS[-1]:
+        if 0 < width == 2 * height <= WIDTHS[-1]:
             return (width, *(other for other in WIDTHS if other > width))
     return WIDTHS
 

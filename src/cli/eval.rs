@@ -11,6 +11,9 @@ use crate::scene::Scene;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
+/// The target that is no socket: what the world's nodes send.
+const WORLD: &str = "world";
+
 /// Evaluate the density, or an inner output, at points of the object's frame.
 #[derive(clap::Args)]
 #[command(after_help = "Example: cloudparity eval CLOUD.scene.json --points POINTS.npy -o VALUES.npy --backend gpu")]
@@ -32,17 +35,13 @@ pub(super) struct Arguments {
     /// Change a stored value: "Large Noise/Scale=2". May be given several times.
     #[arg(long = "set", value_name = "NAME=VALUE")]
     set: Vec<String>,
-    /// NODE.SOCKET to evaluate instead of the density.
+    /// NODE.SOCKET to evaluate instead of the density; `world`: the radiance of the world's nodes, points being directions.
     #[arg(long, value_name = "NODE.SOCKET")]
     target: Option<String>,
 }
 
 pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
     let scene = Scene::load_with(&arguments.scene, &arguments.set)?;
-    let target = match &arguments.target {
-        Some(name) => Target::parse(name, scene.graph())?,
-        None => target::density(&scene)?,
-    };
     if arguments.unrounded && arguments.backend != Evaluator::Oracle {
         return Err(Error::new(
             "--unrounded",
@@ -51,7 +50,11 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
             "Add --backend oracle, or leave --unrounded out.",
         ));
     }
-    let program = Program::compile(&scene, &[target])?;
+    let program = match arguments.target.as_deref() {
+        Some(WORLD) => Program::world(scene.world_graph()?)?,
+        Some(name) => Program::compile(&scene, &[Target::parse(name, scene.graph())?])?,
+        None => Program::compile(&scene, &[target::density(&scene)?])?,
+    };
     let positions = files::read_points(&arguments.points)?;
     let points = Points::new(&positions);
     let values: Vec<f32> = if arguments.unrounded {

@@ -15,6 +15,7 @@ use crate::engines;
 use crate::engines::defects::Defects;
 use crate::engines::parameters::Values;
 use crate::graph::closures::ClosureSum;
+use crate::graph::world::{self, WorldValues};
 use crate::nodes::refused;
 use crate::scene::{Release, Scene, Shape};
 use serde_json::json;
@@ -43,6 +44,10 @@ pub(super) struct Wish {
     /// that saved it for others. It is read by a release that is not older than either.
     #[arg(long, value_name = "RELEASE", value_parser = choice::<Release>())]
     blender: Option<Release>,
+    /// Of a .blend: a world that is no colour and no picture as its nodes, where all of them are supported, or as a picture of them, which
+    /// Cycles renders.
+    #[arg(long, value_name = "FORM", value_enum, default_value_t = AroundAs::Nodes)]
+    world: AroundAs,
 }
 
 /// Convert a file: a .blend to a scene file, a scene file to a .blend, an EXR to a PNG, a published cloud to a scene file.
@@ -97,6 +102,16 @@ pub(super) struct Arguments {
     sun_elevation: Option<f64>,
     #[command(flatten)]
     display: DisplayArguments,
+}
+
+/// How the world of a .blend comes into the scene file.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, clap::ValueEnum)]
+pub(super) enum AroundAs {
+    /// Evaluated.
+    #[default]
+    Nodes,
+    /// Rendered into a picture.
+    Baked,
 }
 
 pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
@@ -184,9 +199,11 @@ pub(super) fn export(blend: &Path, wish: &Wish, output: &Path) -> Result<Scene> 
     let folder = temporary::folder()?;
     let reasons: serde_json::Map<_, _> =
         refused::NODES.iter().map(|node| (node.type_name.to_owned(), json!([node.reason, node.instead]))).collect();
+    let world_nodes = (wish.world == AroundAs::Nodes).then(world::vocabulary);
     let request = json!({
         "blend": blend, "object": chosen, "frame": wish.frame, "camera": wish.camera, "material": wish.material,
         "include_hidden": wish.include_hidden, "folder": folder.path(), "refused": reasons,
+        "world_nodes": world_nodes,
     });
     // Blender names objects and nodes; which file they are in is known here.
     let in_file = |error: Error| {
@@ -202,6 +219,12 @@ pub(super) fn export(blend: &Path, wish: &Wish, output: &Path) -> Result<Scene> 
         scene["graph"]["blender"] = json!(release);
         let others = scene.get_mut("other_graphs").and_then(serde_json::Value::as_array_mut);
         others.into_iter().flatten().for_each(|graph| graph["blender"] = json!(release));
+        if let Some(graph) = scene["world"].get_mut("graph") {
+            graph["blender"] = json!(release);
+        }
+        if let Some(graph) = scene["world"].get_mut("graph") {
+            graph["blender"] = json!(release);
+        }
     }
     let text = serde_json::to_string_pretty(&result["scene"]).expect("JSON serialises") + "\n";
     let mut beside = Vec::new();
@@ -235,6 +258,9 @@ pub(super) fn export(blend: &Path, wish: &Wish, output: &Path) -> Result<Scene> 
             "Name a file to write.",
         ));
     }
+    if let Some(graph) = &scene.world.graph {
+        WorldValues::compile(graph).map_err(in_file)?;
+    }
     for (name, bytes) in &beside {
         write_beside(bytes, &output.with_file_name(name))?;
     }
@@ -256,6 +282,7 @@ pub(super) fn describe(scene: &Scene) -> String {
         several => format!("{several} lights"),
     };
     let world = match (&scene.world.image, scene.world.strength * scene.world.color.iter().sum::<f32>() > 0.0) {
+        _ if scene.world.graph.is_some() => "a world of nodes".to_owned(),
         (Some(image), _) => format!("the world {}", image.file),
         (None, true) => "a world of one colour".to_owned(),
         (None, false) => "a black world".to_owned(),

@@ -84,7 +84,7 @@ impl Sky {
         light.color = look.sun.map(|channel| channel as f32);
         let image = self.picture(&look, white(&scene));
         let picture = WorldImage { file: file.to_string_lossy().into_owned(), sha256: String::new() };
-        scene.world = scene::World { color: [1.0; 3], strength: 1.0, image: Some(picture) };
+        scene.world = scene::World { color: [1.0; 3], strength: 1.0, image: Some(picture), graph: None };
         Ok((scene, image))
     }
 

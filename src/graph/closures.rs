@@ -10,7 +10,7 @@
 
 use crate::base::error::{Error, Result};
 use crate::graph::flatten::{Flattener, Source, is_link, with_flattener};
-use crate::graph::{Operand, Output, Program, passes, target};
+use crate::graph::{Operand, Output, Program, passes, target, world};
 use crate::nodes::closure::{ClosureRole, VolumeClosure};
 use crate::nodes::{Mode, NodeType, Role, emission};
 use crate::scene::{Graph, Input, Node, SocketType, Volume};
@@ -88,11 +88,8 @@ impl ClosureSum {
     /// Compiles the closures of a material for the object that it is on.
     pub fn compile(graph: &Graph, volume: &Volume) -> Result<Self> {
         let (mut flat, found) = with_flattener(graph, volume, |flattener| {
-            let mut found = Vec::new();
             let output = target::output_with_volume(graph)?;
-            let input = &output.inputs["Volume"];
-            flattener.closures(0, output, "Volume", input, &mut Vec::new(), &mut found)?;
-            Ok(found)
+            flattener.closures_at(output, "Volume")
         })?;
         for closure in &found {
             let sources = closure.inputs.iter().chain(closure.factors.iter().map(|(source, _)| source));
@@ -139,6 +136,47 @@ fn column(columns: &mut Vec<Output>, label: &str, operand: Operand) -> Value {
 }
 
 impl<'a> Flattener<'a> {
+    /// The closures behind an input of an output node of the material's, or the world's, own tree.
+    fn closures_at(&mut self, output: &'a Node, end: &str) -> Result<Vec<Found>> {
+        let mut found = Vec::new();
+        self.closures(0, output, end, &output.inputs[end], &mut Vec::new(), &mut found)?;
+        Ok(found)
+    }
+
+    /// What a world sends: the sum of its emissions, Color * Strength times the shares of mixes, in the order in which Cycles
+    /// multiplies and adds.
+    pub(super) fn world_radiance(&mut self) -> Result<Vec<Source>> {
+        let output = target::output_with_surface(self.graph)?;
+        let mut sum: Option<Vec<Source>> = None;
+        for closure in self.closures_at(output, "Surface")? {
+            let mut weight = None;
+            for (value, complement) in closure.factors {
+                let mut share = self.clamped(output, value);
+                if complement {
+                    share = self.math(0, output, "SUBTRACT", vec![Source::Constant(1.0), share]).remove(0);
+                }
+                weight = Some(match weight {
+                    Some(before) => self.math(0, output, "MULTIPLY", vec![before, share]).remove(0),
+                    None => share,
+                });
+            }
+            let mut channels = Vec::new();
+            for channel in 0..3 {
+                let [color, strength] = [channel, 3].map(|input| closure.inputs[input].clone());
+                let mut sent = self.math(0, output, "MULTIPLY", vec![color, strength]);
+                if let Some(weight) = &weight {
+                    sent = self.math(0, output, "MULTIPLY", vec![sent.remove(0), weight.clone()]);
+                }
+                if let Some(sum) = &sum {
+                    sent = self.math(0, output, "ADD", vec![sum[channel].clone(), sent.remove(0)]);
+                }
+                channels.append(&mut sent);
+            }
+            sum = Some(channels);
+        }
+        Ok(sum.unwrap_or_else(|| vec![Source::Constant(0.0); 3]))
+    }
+
     /// Collects the closures behind an input of `node`; `factors` are those of the mixes on the way.
     fn closures(
         &mut self,
@@ -215,7 +253,10 @@ impl<'a> Flattener<'a> {
                 }
             }
             _ => {
-                let node_type = self.node_type(tree, node)?;
+                let node_type = match self.is_world {
+                    true => world::closure_type(node, &self.place(tree, &node.name))?,
+                    false => self.node_type(tree, node)?,
+                };
                 match node_type.role {
                     Role::Closure(role) => self.closure(tree, node, node_type, role, factors, found),
                     _ => {

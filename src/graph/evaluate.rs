@@ -4,6 +4,7 @@ use crate::base::error::{Error, Result};
 use crate::graph::{Operand, Program};
 use crate::nodes::{Column, NodeEvaluator, Nudge, Nudged, Oracle, Real, RunningError, nudged};
 use rayon::prelude::*;
+use std::sync::{Mutex, PoisonError};
 
 /// Points per batch: registers of a batch stay in the caches.
 const BATCH: usize = 512;
@@ -251,6 +252,39 @@ impl<'a> Evaluator<'a> {
             }
         }
         &self.results
+    }
+}
+
+/// A program with memory to evaluate it in, for callers that ask for few positions at a time and from any thread.
+pub struct Shared {
+    program: Program,
+    /// Memory that no thread uses at present.
+    idle: Mutex<Vec<(Workspace<f32>, Vec<f32>)>>,
+}
+
+impl Shared {
+    /// Of a program of the position alone; one that reads attributes is an error.
+    pub fn new(program: Program) -> Result<Self> {
+        program.attribute_columns(Points::new(&[]))?;
+        Ok(Self { program, idle: Mutex::new(Vec::new()) })
+    }
+
+    /// The program.
+    pub fn program(&self) -> &Program {
+        &self.program
+    }
+
+    /// What `read` makes of the components of all outputs, point by point. The bits are those of
+    /// [`Program::evaluate_single`].
+    pub fn evaluate<T>(&self, positions: &[[f32; 3]], read: impl FnOnce(&[f32]) -> T) -> T {
+        let idle = || self.idle.lock().unwrap_or_else(PoisonError::into_inner);
+        let found = idle().pop();
+        let (workspace, results) = found.unwrap_or_else(|| (Workspace::new(&self.program), Vec::new()));
+        let mut evaluator = Evaluator { program: &self.program, workspace, results };
+        let result = read(evaluator.evaluate(positions));
+        let Evaluator { workspace, results, .. } = evaluator;
+        idle().push((workspace, results));
+        result
     }
 }
 

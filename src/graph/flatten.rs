@@ -1,7 +1,7 @@
 //! Groups, reroutes, muted nodes and implicit conversions resolved into one flat list of nodes.
 
 use crate::base::error::{Error, Result};
-use crate::graph::{Note, Target};
+use crate::graph::{Note, Target, world};
 use crate::nodes::{self, Mode, NodeType, Role, SourceContext, SourceValue, refused};
 use crate::scene::volume_grid::DENSITY;
 use crate::scene::{DEEPEST_NESTING, Graph, Group, Input, Node, Release, Socket, SocketType, Volume};
@@ -89,6 +89,8 @@ const STACK_PER_NODE: usize = 16 * 1024;
 pub(super) struct Flattener<'a> {
     pub(super) graph: &'a Graph,
     volume: &'a Volume,
+    /// The graph is a world's: positions are directions.
+    pub(super) is_world: bool,
     pub(super) trees: Vec<Tree<'a>>,
     tree_numbers: HashMap<Vec<String>, usize>,
     pub(super) flat: Flat,
@@ -144,6 +146,7 @@ impl<'a> Flattener<'a> {
         Self {
             graph,
             volume,
+            is_world: false,
             trees: vec![Tree::new(Vec::new(), &graph.nodes, None)],
             tree_numbers: HashMap::new(),
             flat: Flat {
@@ -164,7 +167,8 @@ impl<'a> Flattener<'a> {
         let material = &self.graph.material;
         let path = &self.trees[tree].path;
         let groups: String = path.iter().map(|name| format!("{name}/")).collect();
-        format!("material {material}: node {groups}{node}")
+        let owner = if self.is_world { "world" } else { "material" };
+        format!("{owner} {material}: node {groups}{node}")
     }
 
     pub(super) fn label(&self, tree: usize, node: &str) -> String {
@@ -517,6 +521,11 @@ impl<'a> Flattener<'a> {
         socket: &str,
     ) -> Result<Resolved> {
         let place = self.place(tree, &node.name);
+        if self.is_world
+            && let Some((kind, value)) = world::coordinate(node, socket)
+        {
+            return Ok((kind, self.source(tree, node, value)));
+        }
         refuse_settings(node_type, node, &place)?;
         nodes::additions::check(node_type.type_name, &node.properties, self.graph.blender, &place)?;
         let mode = Mode::of_node(node_type, node, &place)?.with_release(self.graph.blender);
@@ -664,10 +673,18 @@ impl<'a> Flattener<'a> {
     }
 
     /// What a Math node makes of its inputs.
-    fn math(&mut self, tree: usize, node: &Node, operation: &str, inputs: Vec<Source>) -> Vec<Source> {
+    pub(super) fn math(&mut self, tree: usize, node: &Node, operation: &str, inputs: Vec<Source>) -> Vec<Source> {
         let mut properties = serde_json::Map::new();
         properties.insert("operation".into(), operation.into());
         self.internal(tree, node, &nodes::math::TYPE, &properties, inputs, 1)
+    }
+
+    /// A value within [0, 1].
+    pub(super) fn clamped(&mut self, node: &Node, value: Source) -> Source {
+        let mut properties = serde_json::Map::new();
+        properties.insert("operation".into(), "ADD".into());
+        properties.insert("use_clamp".into(), true.into());
+        self.internal(0, node, &nodes::math::TYPE, &properties, vec![value, Source::Constant(0.0)], 1).remove(0)
     }
 
     fn own_input(&mut self, tree: usize, node: &'a Node, socket: &nodes::InputSocket) -> Result<Vec<Source>> {
@@ -805,6 +822,7 @@ impl<'a> Flattener<'a> {
             SourceValue::LateConstant(values) => values.into_iter().map(Source::LateConstant).collect(),
             SourceValue::Position => (0..3).map(Source::Position).collect(),
             SourceValue::Affine(rows) => affine(self, rows),
+            SourceValue::Generated if self.is_world => (0..3).map(Source::Position).collect(),
             SourceValue::Generated => affine(self, self.flat.generated),
             SourceValue::Grid => {
                 let handle = self.volume.grid.clone().expect("the node asks only where there is a grid");

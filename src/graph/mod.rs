@@ -16,6 +16,7 @@ mod flatten;
 mod passes;
 pub mod target;
 pub mod wgsl;
+pub mod world;
 mod zero_signs;
 
 pub use target::Target;

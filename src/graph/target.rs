@@ -107,7 +107,8 @@ pub(super) fn output_with_volume(graph: &Graph) -> Result<&Node> {
             "Link a Principled Volume to the Volume socket of the Material Output.",
         )
     };
-    let output = material_output(&graph.nodes).ok_or_else(|| missing("no Material Output"))?;
+    let output =
+        active_output(&graph.nodes, "ShaderNodeOutputMaterial").ok_or_else(|| missing("no Material Output"))?;
     match output.inputs.get("Volume") {
         Some(Input::Link { .. }) => Ok(output),
         _ => Err(missing("no link to its Volume input")),
@@ -190,17 +191,30 @@ fn closing_node(scene: &Scene) -> Result<(Vec<String>, &Node)> {
     Err(missing("a ring of reroutes".to_owned()))
 }
 
-/// The Material Output that Cycles uses: one with the target Cycles before one for all renderers,
+/// The World Output whose Surface closes a world's graph.
+pub(super) fn output_with_surface(graph: &Graph) -> Result<&Node> {
+    let output = active_output(&graph.nodes, "ShaderNodeOutputWorld");
+    let linked = output.filter(|output| matches!(output.inputs.get("Surface"), Some(Input::Link { .. })));
+    linked.ok_or_else(|| {
+        Error::new(
+            format!("world {}", graph.material),
+            if output.is_none() { "no World Output" } else { "no link to its Surface input" },
+            "a World Output whose Surface input is linked to a Background",
+            "Link a Background to the Surface socket of the World Output, or take the graph out of $.world.",
+        )
+    })
+}
+
+/// The output of type `kind` that Cycles uses: one with the target Cycles before one for all renderers,
 /// among equals the active one, else the first.
-fn material_output(nodes: &[Node]) -> Option<&Node> {
+fn active_output<'a>(nodes: &'a [Node], kind: &str) -> Option<&'a Node> {
     let rank = |node: &Node| {
         let target = node.properties.get("target").and_then(|value| value.as_str()).unwrap_or("ALL");
         let active = node.properties.get("is_active_output").and_then(serde_json::Value::as_bool).unwrap_or(false);
         (target != "CYCLES", !active)
     };
     let usable = |node: &&Node| {
-        node.kind == "ShaderNodeOutputMaterial"
-            && node.properties.get("target").and_then(|value| value.as_str()) != Some("EEVEE")
+        node.kind == kind && node.properties.get("target").and_then(|value| value.as_str()) != Some("EEVEE")
     };
     nodes.iter().filter(usable).min_by_key(|node| rank(node))
 }

@@ -351,7 +351,7 @@ pub enum LightKind {
     },
 }
 
-/// Background radiance: `color * strength`, or that of a picture times `strength`.
+/// Background radiance: `color * strength`, that of a picture times `strength`, or what a node graph sends.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct World {
@@ -364,6 +364,10 @@ pub struct World {
     /// A picture in place of the colour, which has to be white then.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub image: Option<WorldImage>,
+    /// The world's node tree in place of the colour, which has to be white then, with strength 1. It ends in a World Output,
+    /// and its `material` is the world's name.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub graph: Option<Graph>,
 }
 
 /// An equirectangular picture around the scene.
@@ -581,12 +585,12 @@ impl Scene {
         if self.volume.material.is_empty() {
             self.volume.material = self.graph().material.clone();
         }
-        let Self { graph, other_graphs, .. } = self;
+        let Self { graph, other_graphs, world, .. } = self;
         let first = match graph {
             GraphSource::Inline(graph) => Some(graph),
             GraphSource::File { .. } => None,
         };
-        for graph in first.into_iter().chain(other_graphs) {
+        for graph in first.into_iter().chain(other_graphs).chain(&mut world.graph) {
             let groups = graph.groups.iter_mut().flat_map(|group| &mut group.nodes);
             for (number, node) in graph.nodes.iter_mut().chain(groups).enumerate() {
                 node.location.get_or_insert([200.0 * number as f32, 0.0]);
@@ -615,6 +619,18 @@ impl Scene {
     /// Where the picture around the scene is, if it has one.
     pub fn world_image_path(&self) -> Option<std::path::PathBuf> {
         self.world.image.as_ref().map(|image| self.folder.join(&image.file))
+    }
+
+    /// The node graph of the world; an error where it has none.
+    pub fn world_graph(&self) -> Result<&Graph> {
+        self.world.graph.as_ref().ok_or_else(|| {
+            Error::new(
+                "$.world.graph",
+                "a world of one colour or of a picture",
+                "a world of nodes",
+                "Export a .blend whose world has nodes that vary with the direction.",
+            )
+        })
     }
 
     /// Reads the grids of volume objects, which have to be those that the scene was made with.
@@ -689,6 +705,7 @@ impl Scene {
                 "Set the colour to white; strength is a factor on the picture.",
             ));
         }
+        self.check_world_graph(place)?;
         check_invertible(&self.camera.matrix_world, &format!("{place}: $.camera.matrix_world"))?;
         self.volume.check(&format!("{place}: $.volume"))?;
         for (number, volume) in self.other_volumes.iter().enumerate() {
@@ -709,6 +726,31 @@ impl Scene {
                     "Give all graphs one release.",
                 ));
             }
+        }
+        Ok(())
+    }
+
+    /// A world of nodes is what they say, and has the release of the other graphs.
+    fn check_world_graph(&self, place: &str) -> Result<()> {
+        let Some(graph) = &self.world.graph else { return Ok(()) };
+        let own_place = format!("{place}: $.world.graph");
+        let wrong = |key: &str, found: String, expected: &str, remedy: &str| {
+            Err(Error::new(format!("{place}: $.world.{key}"), found, expected.to_owned(), remedy.to_owned()))
+        };
+        if self.world.image.is_some() {
+            let found = "a picture and a node graph".to_owned();
+            return wrong("graph", found, "one of them", "Take the picture or the graph out.");
+        }
+        if (self.world.color, self.world.strength) != ([1.0; 3], 1.0) {
+            let found = format!("{:?} and strength {} beside a graph", self.world.color, self.world.strength);
+            let expected = "[1, 1, 1] and 1: the graph has the colours and strengths";
+            return wrong("color", found, expected, "Change the Background of the graph instead.");
+        }
+        graph.check(&own_place, place)?;
+        let first = self.graph().blender;
+        if graph.blender != first {
+            let expected = format!("\"{first}\", as in $.graph: one Blender renders the scene");
+            return wrong("graph.blender", format!("\"{}\"", graph.blender), &expected, "Give all graphs one release.");
         }
         Ok(())
     }

@@ -1,4 +1,4 @@
-//! Light from an equirectangular picture around the scene.
+//! Light from around the scene: an equirectangular picture, or what the world's node graph sends.
 //!
 //! For a direction d: u = 1/2 - atan2(d_y, d_x) / 2 pi to the right, v = 1/2 + asin(d_z) / pi upwards; +X is in
 //! the middle, the seam at -X, +Z above. Between the centres of pixels the picture is interpolated bilinearly,
@@ -6,16 +6,29 @@
 //! random pictures of 8 x 4 and 16 x 8 pixels: equal to 1.5e-5, the f32 rounding of the direction).
 //!
 //! Sampling chooses a cell between four pixel centres by its mean luminance times its solid angle, then a
-//! direction uniform in solid angle within. The radiance is 0 wherever the density is.
+//! direction uniform in solid angle within. The radiance of a picture is 0 wherever the density is.
+//!
+//! A graph is evaluated in every direction that is asked for. Only sampling goes by a picture of it, the means of
+//! [`TABLE_SUBPIXELS`]^2 values per pixel: what is smaller than that, such as a star, is found by rays that do not
+//! follow the picture, and counts in full there.
 
 use crate::base::error::{Error, Result};
+use crate::graph::Program;
+use crate::graph::world::WorldValues;
 use crate::scene::Scene;
 use crate::scene::image::Image;
 use glam::DVec3;
+use rayon::prelude::*;
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
+use std::sync::Arc;
 
 /// Luminance of linear Rec. 709.
 const LUMINANCE: [f64; 3] = [0.212_639, 0.715_169, 0.072_192];
+
+/// Width and height of the picture by which a graph is sampled.
+const TABLE: [usize; 2] = [1024, 512];
+/// Values along a side of a pixel of that picture.
+const TABLE_SUBPIXELS: usize = 4;
 
 /// The picture with what sampling needs.
 #[derive(Debug, Clone, PartialEq)]
@@ -29,11 +42,16 @@ pub struct Environment {
     cells: Vec<Vec<f64>>,
     /// Running sum of the bands' weights.
     bands: Vec<f64>,
+    /// What is seen in place of the picture, which sampling alone goes by then.
+    values: Option<Arc<WorldValues>>,
 }
 
 impl Environment {
-    /// Reads the picture that a scene names; none if its world is constant.
+    /// Reads the picture that a scene names, or compiles the graph of its world; none if its world is constant.
     pub fn load(scene: &Scene) -> Result<Option<Self>> {
+        if let Some(graph) = &scene.world.graph {
+            return Ok(Some(Self::of_values(WorldValues::compile(graph)?)));
+        }
         let Some(path) = scene.world_image_path() else { return Ok(None) };
         let image = Image::read_exr(&path)?;
         image.check_finite(&path.display().to_string())?;
@@ -53,7 +71,38 @@ impl Environment {
         }
         let rows = image.pixels.chunks(width).rev().flatten();
         let pixels = rows.map(|pixel| std::array::from_fn(|channel| f64::from(pixel[channel]) * strength)).collect();
-        let mut environment = Self { width, height, pixels, cells: Vec::new(), bands: Vec::new() };
+        Ok(Self::with_table([width, height], pixels))
+    }
+
+    /// What a graph sends. What is no number, or infinite, counts as 0, as in Cycles (measured with 5.0.1).
+    pub fn of_values(values: WorldValues) -> Self {
+        let [width, height] = TABLE;
+        let [columns, rows] = TABLE.map(|side| side * TABLE_SUBPIXELS);
+        let towards = |side: usize, sides: usize| (side as f64 + 0.5) / sides as f64;
+        let row_of_pixels = |row: usize| {
+            let mut pixels = vec![[0.0; 3]; width];
+            for line in row * TABLE_SUBPIXELS..(row + 1) * TABLE_SUBPIXELS {
+                let (sine, cosine) = (PI * (towards(line, rows) - 0.5)).sin_cos();
+                let directions: Vec<DVec3> = (0..columns)
+                    .map(|column| {
+                        let (up, right) = (TAU * (0.5 - towards(column, columns))).sin_cos();
+                        DVec3::new(cosine * right, cosine * up, sine)
+                    })
+                    .collect();
+                values.radiance(&directions, |column, radiance| {
+                    for (pixel, value) in pixels[column / TABLE_SUBPIXELS].iter_mut().zip(radiance) {
+                        *pixel += value / (TABLE_SUBPIXELS * TABLE_SUBPIXELS) as f64;
+                    }
+                });
+            }
+            pixels
+        };
+        let pixels: Vec<[f64; 3]> = (0..height).into_par_iter().flat_map_iter(row_of_pixels).collect();
+        Self { values: Some(Arc::new(values)), ..Self::with_table([width, height], pixels) }
+    }
+
+    fn with_table([width, height]: [usize; 2], pixels: Vec<[f64; 3]>) -> Self {
+        let mut environment = Self { width, height, pixels, cells: Vec::new(), bands: Vec::new(), values: None };
         let mut total = 0.0;
         for band in 0..=height {
             let mut sum = 0.0;
@@ -67,7 +116,7 @@ impl Environment {
             environment.cells.push(cells);
             environment.bands.push(total);
         }
-        Ok(environment)
+        environment
     }
 
     /// A pixel by column and row from the bottom; both repeat.
@@ -114,6 +163,11 @@ impl Environment {
 
     /// Radiance that arrives from a direction (a unit vector that points away from the scene).
     pub fn radiance(&self, direction: DVec3) -> [f64; 3] {
+        if let Some(values) = &self.values {
+            let mut found = [0.0; 3];
+            values.radiance(&[direction], |_, radiance| found = radiance);
+            return found;
+        }
         let [x, y] = self.place(direction);
         let (column, row) = (x.floor(), y.floor());
         let (right, up) = (x - column, y - row);
@@ -126,9 +180,14 @@ impl Environment {
         })
     }
 
-    /// Whether nothing arrives from anywhere.
+    /// The program that gives what is seen, of a world of nodes.
+    pub fn program(&self) -> Option<&Program> {
+        self.values.as_ref().map(|values| values.program())
+    }
+
+    /// Whether nothing arrives from anywhere. Of a graph that is not known: something may lie between the places of its table.
     pub fn is_black(&self) -> bool {
-        self.total() == 0.0
+        self.values.is_none() && self.total() == 0.0
     }
 
     /// Roughly the luminance that arrives from all directions together: the sum of the cells' luminance times their
@@ -161,7 +220,7 @@ impl Environment {
 
     /// Density of [`Self::sample`] over solid angle, 1/sr; 0 for a black picture.
     pub fn density(&self, direction: DVec3) -> f64 {
-        if self.is_black() {
+        if self.total() == 0.0 {
             return 0.0;
         }
         let [x, y] = self.place(direction);
@@ -172,7 +231,7 @@ impl Environment {
 
     /// A direction for two numbers uniform in [0, 1), and its density; none for a black picture.
     pub fn sample(&self, uniform: [f64; 2]) -> Option<(DVec3, f64)> {
-        if self.is_black() {
+        if self.total() == 0.0 {
             return None;
         }
         let (band, up) = choose(&self.bands, uniform[0]);

@@ -1088,19 +1088,6 @@ def test_a_world_volume_and_hidden_worlds_are_refused(empty, tmp_path):
     assert "put a large cube" in refusal(tmp_path)
 
 
-def test_a_picture_of_the_world_that_is_gone_is_refused(empty, tmp_path):
-    cube("Cube", fog("Fog"))
-    tree, background = _background()
-    made = bpy.data.images.new("made", 4, 2)
-    made.filepath_raw, made.file_format = str(tmp_path / "sky.png"), "PNG"
-    made.save()
-    texture = tree.nodes.new("ShaderNodeTexEnvironment")
-    texture.image = bpy.data.images.load(made.filepath_raw)
-    tree.links.new(background.inputs["Color"], texture.outputs[0])
-    (tmp_path / "sky.png").unlink()
-    assert "sky.png, which is not there" in refusal(tmp_path)
-
-
 # Graphs
 
 

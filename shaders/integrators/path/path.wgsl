@@ -2,7 +2,8 @@
 // head gives the estimators. Camera rays arrive finished (where they enter the medium, how far it goes), so the camera
 // has no second implementation. A dispatch ends after `budget` tentative collisions; the state is kept between dispatches.
 //
-// Conditions: MESH (the medium ends with a mesh, else with its box).
+// Conditions: MESH (the medium ends with a mesh, else with its box), WORLD (nodes say what the world sends, else it is
+// constant).
 //
 // Majorants are a tree in flat arrays (src/media/majorant.rs). Lengths along a ray count from where the ray
 // enters the medium; places in the tree count cells of its finest level.
@@ -15,6 +16,9 @@
 #import cloudparity::path::constants
 #import cloudparity::phase
 #import cloudparity::transfer
+#ifdef WORLD
+#import cloudparity::world
+#endif
 
 const CAMERA: u32 = 0u;
 const SHADOW: u32 = 1u;
@@ -409,6 +413,17 @@ fn collide_between_events(extinction: vec3f, per_metre: vec3f) {
 // ---------------------------------------------------------------------------------------------------------------------
 // From ray to ray
 
+// What the world sends against the ray's direction of travel.
+fn around_scene() -> vec3f {
+#ifdef WORLD
+    // What is no number, or infinite, counts as 0.
+    let sent = world::evaluate(path.direction);
+    return select(vec3f(0.0), sent, abs(sent) < vec3f(FAR));
+#else
+    return stage.world;
+#endif
+}
+
 // What the ray finds at its end, and the next ray; false where the path ends.
 fn end_ray() -> bool {
     let arriving = path.carried * path.weight;
@@ -417,14 +432,14 @@ fn end_ray() -> bool {
         return leave_event();
     }
     if path.stage == CAMERA {
-        if stage.transparent == 0u { path.radiance += arriving * stage.world; }
+        if stage.transparent == 0u { path.radiance += arriving * around_scene(); }
         outcome.opacity += 1.0 - sum(path.weight) / 3.0;
         if path.total <= 0.0 { return false; }
         path.throughput = path.kept * (path.total / path.kept_mean);
         path.reference = largest(path.throughput);
         return scatter();
     }
-    path.radiance += arriving * (stage.world + select(vec3f(0.0), path.hit, path.hit_distance > 0.0));
+    path.radiance += arriving * (around_scene() + select(vec3f(0.0), path.hit, path.hit_distance > 0.0));
     if path.stage == LAST || path.scattered == 0u { return false; }
     return survives() && scatter();
 }

@@ -198,6 +198,15 @@ impl<'a> Stage<'a> {
             )
             .with_setting("integrator"));
         }
+        if let Some(graph) = &scene.world.graph {
+            return Err(Error::new(
+                "$.world.graph",
+                format!("the nodes of the world \"{}\"", graph.material),
+                "a constant world: ray marching knows no other",
+                "Leave the graph out, or trace paths.",
+            )
+            .with_setting("integrator"));
+        }
         let mut stage = Self::new(scene, settings)?;
         let empty = stage.medium.density.occupied.is_empty();
         let cached = if settings.density_cache.is_some() { 0.25 } else { 0.0 };

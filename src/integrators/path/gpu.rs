@@ -27,6 +27,9 @@ use std::time::Instant;
 
 const PATH: &str = include_str!("../../../shaders/integrators/path/path.wgsl");
 
+/// Import path of the world's nodes.
+const WORLD_PATH: &str = "cloudparity::world";
+
 /// The shader's stage of a pixel without a path.
 const FINISHED: u32 = 4;
 
@@ -159,7 +162,8 @@ pub(super) struct PathKernel<'a> {
 
 impl<'a> PathKernel<'a> {
     /// Compiles the kernel; None where no ray can meet the medium. It knows one object whose coefficients are one
-    /// density times constants, one Henyey-Greenstein lobe and a constant world, and refuses the rest.
+    /// density times constants, one Henyey-Greenstein lobe and a world that is constant or of nodes, and rejects the rest. A world
+    /// of nodes is found by scattered rays alone, not sampled as a light: small bright parts of it are noisier than on the CPU.
     pub(crate) fn new(tracer: &'a Tracer, gpu: &'a Gpu) -> Result<Option<Self>> {
         let Some(majorants) = &tracer.volume.majorants else { return Ok(None) };
         let medium = tracer.volume.single().and_then(Medium::of).map_err(|cause| {
@@ -180,15 +184,20 @@ impl<'a> PathKernel<'a> {
             )
             .with_setting("backend"));
         }
-        let World::Constant(world) = tracer.world else {
-            return Err(Error::new(
-                "path tracing on the adapter, $.world.image",
-                "a picture around the scene",
-                "a constant world: the adapter knows no other yet",
-                "Trace on the CPU.",
-            )
-            .with_setting("backend"));
+        let nodes = match &tracer.world {
+            World::Constant(_) => None,
+            World::Picture(around) => Some(around.program().ok_or_else(|| {
+                Error::new(
+                    "path tracing on the adapter, $.world.image",
+                    "a picture around the scene",
+                    "a constant world, or one of nodes: the adapter knows no other yet",
+                    "Trace on the CPU.",
+                )
+                .with_setting("backend")
+            })?),
         };
+        // Nodes may send something from anywhere: no ray is left out.
+        let world = if let World::Constant(radiance) = tracer.world { radiance } else { [1.0; 3] };
         let flat = majorants.flat();
         let single = |values: [f64; 3]| values.mapped(|value| value as f32);
         let vector = |value: DVec3| value.as_vec3().to_array();
@@ -220,10 +229,14 @@ impl<'a> PathKernel<'a> {
         lights.resize(lights.len().max(1), GpuLight::zeroed());
         let storage = wgpu::BufferUsages::STORAGE;
         let mut linker = Linker::new(medium.density.program())?;
+        if let Some(nodes) = nodes {
+            linker.add_program(WORLD_PATH, nodes)?;
+        }
         let textures = gpu.upload_textures(linker.textures())?;
         linker.add_constants(&CONSTANTS);
-        let definitions: &[&str] = if medium.mesh.is_some() { &["MESH"] } else { &[] };
-        let module = linker.link_with("integrators/path/path.wgsl", PATH, definitions)?;
+        let conditions = [(medium.mesh.is_some(), "MESH"), (nodes.is_some(), "WORLD")];
+        let definitions: Vec<&str> = conditions.into_iter().filter_map(|(holds, name)| holds.then_some(name)).collect();
+        let module = linker.link_with("integrators/path/path.wgsl", PATH, &definitions)?;
         // The walk counts cells.
         let mesh = medium.mesh.as_ref().map(|mesh| mesh.mesh().upload(gpu, flat.low, flat.cell)).transpose()?;
         let (state_bytes, stage_byte) = layout::place(&module, STATE, "stage")?;

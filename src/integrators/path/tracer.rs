@@ -776,8 +776,11 @@ impl Tracer {
             return Choice { source: Source::Light(light), probability: 1.0, picture: 0.0 };
         }
         let total = fluence + self.lights.iter().map(|light| light.importance(place)).sum::<f64>();
+        if total == 0.0 {
+            return Choice { source: Source::Nothing, probability: 1.0, picture: 0.0 };
+        }
         let mut rest = choice * total - fluence;
-        if total == 0.0 || rest < 0.0 || self.lights.is_empty() {
+        if rest < 0.0 || self.lights.is_empty() {
             return Choice { source: picture, probability: fluence / total, picture: fluence / total };
         }
         let last = self.lights.len() - 1;

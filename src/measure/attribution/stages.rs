@@ -179,7 +179,9 @@ fn without_orders(terms: &Terms) -> Terms {
 /// Whether a world shines on the medium.
 pub fn scatters_world(scene: &Scene) -> bool {
     scene.world.strength != 0.0
-        && (scene.world.image.is_some() || scene.world.color.iter().any(|&channel| channel != 0.0))
+        && (scene.world.image.is_some()
+            || scene.world.graph.is_some()
+            || scene.world.color.iter().any(|&channel| channel != 0.0))
 }
 
 /// Moves what the camera sees by so many pixels to the right and up.
