@@ -4,7 +4,7 @@ use super::choice::choice;
 use crate::base::error::{Error, Result};
 use crate::base::files;
 use crate::graph::evaluate::{Arithmetic, Points};
-use crate::graph::{Program, Target, target};
+use crate::graph::{Program, Target, closures};
 use crate::measure::fields;
 use crate::measure::fields::Evaluator;
 use crate::scene::Scene;
@@ -41,7 +41,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
     let scene = Scene::load_with(&arguments.scene, &arguments.set)?;
     let target = match &arguments.target {
         Some(name) => Target::parse(name, scene.graph())?,
-        None => target::density(&scene)?,
+        None => closures::only_target(&scene)?,
     };
     if arguments.unrounded && arguments.backend != Evaluator::Oracle {
         return Err(Error::new(
