@@ -12,9 +12,10 @@ use crate::engines;
 use crate::engines::defects::Defects;
 use crate::engines::parameters::Values;
 use crate::graph::closures::ClosureSum;
+use crate::measure::nodes::folded_textures;
 use crate::nodes::refused;
-use crate::scene::{Release, Scene, Shape};
-use serde_json::json;
+use crate::scene::{Graph, Node, Release, Scene, Shape};
+use serde_json::{Value as Json, json};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
@@ -186,7 +187,7 @@ pub(super) fn export(
         let others = scene.get_mut("other_graphs").and_then(serde_json::Value::as_array_mut);
         others.into_iter().flatten().for_each(|graph| graph["blender"] = json!(release));
     }
-    let text = serde_json::to_string_pretty(&result["scene"]).expect("JSON serialises") + "\n";
+    let mut text = serde_json::to_string_pretty(&result["scene"]).expect("JSON serialises") + "\n";
     let mut beside = Vec::new();
     for (name, source) in result["files"].as_object().into_iter().flatten() {
         let source = Path::new(source.as_str().unwrap_or_default());
@@ -209,12 +210,37 @@ pub(super) fn export(
     for (volume, graph) in scene.volumes()? {
         ClosureSum::compile(graph, volume).map_err(in_file)?;
     }
+    if folded_textures::store(&mut scene, |_| ()).map_err(in_file)? > 0 {
+        write_folded(&scene, &mut result["scene"]);
+        text = serde_json::to_string_pretty(&result["scene"]).expect("JSON serialises") + "\n";
+    }
     for (name, bytes) in &beside {
         write_beside(bytes, &output.with_file_name(name))?;
     }
     files::write_atomically(output, text.as_bytes())?;
     scene.folder = output.parent().map_or_else(PathBuf::new, Path::to_owned);
     Ok(scene)
+}
+
+/// Puts the stored values of folded textures of a scene into the document that it was read from.
+fn write_folded(scene: &Scene, document: &mut Json) {
+    let put = |nodes: &[Node], entries: &mut Json| {
+        for (node, entry) in nodes.iter().zip(entries.as_array_mut().into_iter().flatten()) {
+            if !node.folded.is_empty() {
+                entry["folded"] = json!(node.folded);
+            }
+        }
+    };
+    let write = |graph: &Graph, entry: &mut Json| {
+        put(&graph.nodes, &mut entry["nodes"]);
+        for (group, entry) in graph.groups.iter().zip(entry["groups"].as_array_mut().into_iter().flatten()) {
+            put(&group.nodes, &mut entry["nodes"]);
+        }
+    };
+    write(scene.graph(), &mut document["graph"]);
+    if let Some(entries) = document.get_mut("other_graphs").and_then(Json::as_array_mut) {
+        scene.other_graphs.iter().zip(entries).for_each(|(graph, entry)| write(graph, entry));
+    }
 }
 
 /// What a scene holds, in a line.
