@@ -193,7 +193,7 @@ pub(super) fn export(
         let source = Path::new(source.as_str().unwrap_or_default());
         let bytes = std::fs::read(source)
             .map_err(|cause| Error::io(source, "a file that belongs beside the scene file", &cause))?;
-        beside.push((name, bytes));
+        beside.push((name.clone(), bytes));
     }
     let mut scene = Scene::from_value(result["scene"].clone(), &place)?;
     let is_grid = |shape: &Shape| matches!(shape, Shape::Grid { .. });
