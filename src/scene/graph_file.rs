@@ -158,8 +158,7 @@ pub struct Node {
     /// Inputs by socket identifier.
     #[serde(default)]
     pub inputs: indexmap::IndexMap<String, Input>,
-    /// What Blender makes of this texture where all its inputs are constant: it evaluates such a node before Cycles sees it, by functions
-    /// of its own. One entry for each set of inputs that the node has in the graph.
+    /// Blender's own values of a texture whose inputs are all constant, one entry for each set of inputs.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub folded: Vec<Folded>,
 }
