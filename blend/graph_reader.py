@@ -453,7 +453,18 @@ def _read_properties(node, place, depsgraph):
         name = prop.identifier
         if name in inherited or name.startswith("show_") or name == "color_mapping":
             continue
-        value = getattr(node, name)
+        try:
+            value = getattr(node, name)
+        except (AttributeError, RuntimeError, TypeError, ValueError) as error:
+            value = None
+            unknown = f"a value that cannot be read ({error})"
+        else:
+            unknown = "a value without a name"
+        # RNA gives no name for a number that this release's enumeration lacks.
+        if prop.type == "ENUM" and value in (None, "", set()) and not getattr(prop, "is_enum_flag", False):
+            if node.mute:
+                continue
+            raise Inexpressible(*_unknown_value(node, name, unknown))
         if prop.type == "POINTER":
             values.update(_read_pointer(node, name, value, place, depsgraph))
         elif prop.type == "STRING" and not value:
@@ -473,6 +484,20 @@ def _read_properties(node, place, depsgraph):
     return values
 
 
+def _unknown_value(owner, name, found):
+    """What was found, expected and is to be done where a property of `owner` holds what this release has no
+    name for."""
+    saved = ".".join(str(part) for part in bpy.data.version)
+    label = owner.bl_rna.properties[name].name or name
+    known = ", ".join(item.identifier for item in owner.bl_rna.properties[name].enum_items)
+    return (
+        f'property "{name}" ({label}): {found}, which Blender {bpy.app.version_string} does not know '
+        f"(the file was saved by Blender {saved})",
+        f"one of {known}",
+        "read the file with the release that saved it, or choose another value there",
+    )
+
+
 def _read_pointer(node, name, value, place, depsgraph):
     """The entry of a pointer property, if it needs one."""
     if name == "texture_mapping":
@@ -490,7 +515,11 @@ def _read_pointer(node, name, value, place, depsgraph):
         reason = reason_against(value)
         if reason is not None:
             raise Inexpressible(*reason)
-        return {name: read_node_data(value, f"{place}, {name}")}
+        data = read_node_data(value, f"{place}, {name}")
+        for setting, found in data.items():
+            if found == "":
+                raise Inexpressible(*_unknown_value(value, setting, "a value without a name"))
+        return {name: data}
     raise Inexpressible(
         f'property "{name}", a pointer to {type(value).__name__}',
         "a node whose settings are numbers, booleans and enumerations",
@@ -504,8 +533,12 @@ def _read_texture_mapping(mapping, place):
         name: shortest_list(getattr(mapping, name), f"{place}, texture_mapping.{name}")
         for name in ("translation", "rotation", "scale")
     }
-    axes = {name: getattr(mapping, name) for name in ("mapping_x", "mapping_y", "mapping_z")}
-    return {"vector_type": mapping.vector_type, **vectors, **axes}
+    names = ("vector_type", "mapping_x", "mapping_y", "mapping_z")
+    choices = {name: getattr(mapping, name) for name in names}
+    for name, value in choices.items():
+        if not value:
+            raise Inexpressible(*_unknown_value(mapping, name, "a value without a name"))
+    return {"vector_type": choices.pop("vector_type"), **vectors, **choices}
 
 
 def _changes_coordinates(mapping):

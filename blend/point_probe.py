@@ -62,14 +62,15 @@ class PointProbe:
         check_format(scene)
         points = _load_vectors(job["points"], "job.points")
         attributes = _load_attributes(job.get("attributes", {}), len(points))
+        grid = _load_grid(job.get("grid"))
         outputs = job["outputs"]
         seconds = np.zeros(_positive(job, "repeat"))
         self._scene.cycles.samples = _positive(job, "samples")
         values = []
         for start in range(0, len(outputs), MAX_AOVS):
             targets = [output["target"] for output in outputs[start : start + MAX_AOVS]]
-            with ProbeMaterial(scene["graph"], targets, self._warn) as material:
-                inputs = attributes | material.coordinates(points, scene["volume"])
+            with ProbeMaterial(scene["graph"], targets, self._warn, grid is not None) as material:
+                inputs = attributes | material.coordinates(points, scene["volume"], grid)
                 values += self._evaluate(material, inputs, len(points), scene["volume"], seconds)
         for output, value in zip(outputs, values, strict=True):
             with replaced_file(output["file"]) as temporary, open(temporary, "wb") as stream:
@@ -276,6 +277,13 @@ def _load_attributes(files, count):
                 f"job.attributes[{name}]", f"{len(values)} rows", f"{count}, one for each point", "correct it"
             )
     return attributes
+
+
+def _load_grid(entry):
+    """The grid of a Volume object, values f32 [x, y, z] and rows f32 [3, 4] to an index; None without one."""
+    if entry is None:
+        return None
+    return np.load(entry["values"], allow_pickle=False), np.asarray(entry["to_index"], np.float32)
 
 
 def _load_vectors(path, place):

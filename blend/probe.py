@@ -1,7 +1,8 @@
 """Evaluates node outputs of a scene's graph at given points, with Cycles' own kernels and bit for bit.
 
 Request: {"jobs": [{"scene": {...}, "points": "p.npy", "attributes": {"name": "a.npy"},
-                    "outputs": [{"target": <target>, "file": "o.npy"}], "repeat": 1, "samples": 1}],
+                    "outputs": [{"target": <target>, "file": "o.npy"}], "repeat": 1, "samples": 1,
+                    "grid": {"values": "g.npy", "to_index": rows} for a Volume object}],
           "kernel": "sse42" or "default", "threads": 0}
 Target: {"groups": [group node names from the material down], "node": "...", "output" or "input": identifier}.
 Result: {"jobs": [{"outputs": [{"components": 1 or 3}], "render_seconds": [...]}], "kernel", "blender"}.

@@ -2,14 +2,17 @@
 
 Only the sources of coordinates are replaced, by attributes: `Object`, `Generated` (also where a texture node
 reads it without a link) and the `Position` of Geometry. Constants stay constants, so Blender folds the same
-nodes as in the volume. Object Info and Vector Transform see the probe's grid, which point_probe.py gives the
-volume's name, colour, indices and matrix then. What depends on the ray, the camera or the surface is refused.
+nodes as in the volume. A Volume object's grid exists in no surface, so its value at each point comes in as an
+attribute, too, interpolated as Cycles was measured to do (docs/volume-objects.md); what nodes make of it, the
+product with the Density of Principled Volume included, is Cycles' own. Object Info and Vector Transform see
+the probe's grid, which point_probe.py gives the volume's name, colour, indices and matrix then. What depends
+on the ray, the camera or the surface is refused.
 """
 
 import bpy
 import numpy as np
 
-from graph_builder import build_material
+from graph_builder import SharedGroups, build_material
 from graph_reader import SOCKET_TYPES, active_group_output, is_available
 from protocol import InputError
 from scene_io import matrix_array
@@ -18,6 +21,10 @@ RESERVED_PREFIX = "probe "
 OBJECT_ATTRIBUTE = "probe object"
 GENERATED_ATTRIBUTE = "probe generated"
 WORLD_ATTRIBUTE = "probe world"
+GRID_ATTRIBUTE = "probe grid"
+# The grid of a scene's Volume objects, and the input of Principled Volume that names it beside its Density.
+DENSITY = "density"
+DENSITY_ATTRIBUTE = "Density Attribute"
 OTHER_OBJECT_PREFIX = "probe object of "
 COORDINATE_ATTRIBUTES = {
     ("ShaderNodeTexCoord", "Object"): OBJECT_ATTRIBUTE,
@@ -41,17 +48,21 @@ class ProbeMaterial:
     depend on the object that has the material.
     """
 
-    def __init__(self, graph, targets, warn):
+    def __init__(self, graph, targets, warn, has_grid=False):
+        """`has_grid`: the object is a Volume object, whose grid the material may read."""
+        self._has_grid = has_grid
+        self._groups = SharedGroups([graph])
         self._empties = []
         self._matrices = {}
         self._needed = set()
         try:
-            self.material = build_material(graph, self._object_for, warn)
+            self.material = build_material(graph, self._object_for, warn, self._groups)
             trees = [self.material.node_tree, *bpy.data.node_groups]
             for tree in trees:
                 _link_implicit_generated(tree)
             self.components = [self._expose(index, target) for index, target in enumerate(targets)]
             for tree in trees:
+                self._replace_grid(tree)
                 _refuse_camera_space(tree)
                 self._replace_coordinates(tree)
             self.sees_object = any(
@@ -73,15 +84,18 @@ class ProbeMaterial:
         bpy.data.batch_remove([*bpy.data.materials, *bpy.data.node_groups, *self._empties])
         self._empties = []
 
-    def coordinates(self, points, volume):
+    def coordinates(self, points, volume, grid=None):
         """Return {attribute name: f32 [n, 3]} for the coordinates that the material reads.
 
-        `points` f32 [n, 3] in the object space of `volume`, the scene's description of it.
+        `points` f32 [n, 3] in the object space of `volume`, the scene's description of it. `grid` is that of
+        a Volume object: its values f32 [x, y, z] and the rows [3, 4] that take a point to an index.
         """
         result = {}
         for name in self._needed:
             if name == OBJECT_ATTRIBUTE:
                 result[name] = points
+            elif name == GRID_ATTRIBUTE:
+                result[name] = np.repeat(grid_values(points, *grid)[:, None], 3, axis=1)
             elif name == GENERATED_ATTRIBUTE:
                 result[name] = generated_coordinates(points, volume["texture_space"])
             else:
@@ -110,9 +124,12 @@ class ProbeMaterial:
                 )
             callers.append(caller)
             tree = caller.node_tree
-        socket = _target_socket(_find_node(tree, target["node"], place), target, place)
+        node = _find_node(tree, target["node"], place)
+        socket = _target_socket(node, self._own_identifiers(node, target), place)
         is_float = SOCKET_TYPES[socket.type] in FLOAT_TYPES
         source = _source(socket)
+        if self._multiplies_by_grid(socket):
+            source = self._times_grid(tree, source)
         for caller in reversed(callers):
             item = caller.node_tree.interface.new_socket(
                 name=aov_name(index),
@@ -126,6 +143,59 @@ class ProbeMaterial:
         aov.aov_name = aov_name(index)
         _feed(aov.inputs["Value" if is_float else "Color"], source)
         return 1 if is_float else 3
+
+    def _own_identifiers(self, node, target):
+        """The target with the identifiers that Blender gave a group's sockets: old files have others."""
+        built = self._groups.built.get(node.node_tree.name) if node.bl_idname == "ShaderNodeGroup" else None
+        if built is None:
+            return target
+        _, identifiers = built
+        known = {"output": identifiers.outputs, "input": identifiers.inputs}
+        return {
+            key: known[key].get(value, value) if key in known else value
+            for key, value in dict(target).items()
+        }
+
+    def _multiplies_by_grid(self, socket):
+        """Whether the node of this input multiplies its value by the grid."""
+        if not self._has_grid or socket.is_output or socket.identifier != "Density":
+            return False
+        named = socket.node.inputs.get(DENSITY_ATTRIBUTE)
+        return named is not None and named.default_value == DENSITY
+
+    def _times_grid(self, tree, source):
+        """max(source, 0) times the grid, as a socket of `tree`."""
+        positive = tree.nodes.new("ShaderNodeMath")
+        positive.operation = "MAXIMUM"
+        positive.inputs[1].default_value = 0.0
+        _feed(positive.inputs[0], source)
+        product = tree.nodes.new("ShaderNodeMath")
+        product.operation = "MULTIPLY"
+        tree.links.new(product.inputs[0], positive.outputs[0])
+        tree.links.new(product.inputs[1], self._grid_socket(tree))
+        return product.outputs[0]
+
+    def _grid_socket(self, tree):
+        """A socket of `tree` that holds the grid's value."""
+        attribute = tree.nodes.new("ShaderNodeAttribute")
+        attribute.attribute_name = GRID_ATTRIBUTE
+        separate = tree.nodes.new("ShaderNodeSeparateXYZ")
+        # The Fac of three components is their mean, which rounds.
+        tree.links.new(separate.inputs[0], attribute.outputs["Vector"])
+        self._needed.add(GRID_ATTRIBUTE)
+        return separate.outputs[0]
+
+    def _replace_grid(self, tree):
+        """Give what reads the grid by an Attribute node the value of each point."""
+        if not self._has_grid:
+            return
+        source = None
+        for link in list(tree.links):
+            node = link.from_node
+            reads = node.bl_idname == "ShaderNodeAttribute" and node.attribute_name == DENSITY
+            if reads and link.from_socket.identifier == "Fac" and not node.mute:
+                source = source or self._grid_socket(tree)
+                tree.links.new(link.to_socket, source)
 
     def _replace_coordinates(self, tree):
         attributes = {}
@@ -177,6 +247,33 @@ def generated_coordinates(points, texture_space):
     half = np.float32(0.5)
     scale = np.divide(half, size, out=np.zeros(3, np.float32), where=size != 0)
     return _affine(points, np.column_stack([np.diag(scale), -(location * scale - half)]))
+
+
+def grid_values(points, values, to_index):
+    """Return a grid's values f32 [n] at points in object space, f32 [n, 3], as Cycles interpolates them.
+
+    `values` f32 [x, y, z] stand at whole indices, `to_index` [3, 4] takes a point to an index. Along x, then
+    y, then z, each operation rounded; 0 outside.
+    """
+    index = _affine(points, to_index)
+    low = np.floor(index)
+    fraction = index - low
+    # One more voxel on each side is empty, and farther ones are as empty as that.
+    padded = np.pad(values, 1)
+    limit = np.array(values.shape, np.float32)
+    ends = [
+        np.nan_to_num(np.clip(corner, -1, limit)).astype(np.int64) + 1
+        for corner in (low, low + np.float32(1))
+    ]
+
+    def along(axis, corner):
+        if axis < 0:
+            x, y, z = (ends[corner[each]][:, each] for each in range(3))
+            return padded[x, y, z]
+        a, b = (along(axis - 1, {**corner, axis: end}) for end in (0, 1))
+        return a + fraction[:, axis] * (b - a)
+
+    return along(2, {})
 
 
 def _affine(points, rows):

@@ -76,7 +76,9 @@ def read_world(world, messages, folder=None, nodes=None, only_check=False):
         return World({"color": [0.0, 0.0, 0.0], "strength": 1.0})
     place = f'world "{world.name}"'
     if world.is_missing:
-        raise InputError(place, *missing_reason(world))
+        # 5.0.1 renders its stand-in's colour, 5.3.0 black: what the stand-in has.
+        found, _, remedy = missing_reason(world)
+        messages.warning(place, f"found {found}: Blender renders its own stand-in; {remedy}")
     tree = world.node_tree
     if tree is None:
         return World({"color": shortest_list(world.color, place), "strength": 1.0})

@@ -207,7 +207,8 @@ fn random_graphs_equal_cycles() {
     if !support::require("bpy") {
         return;
     }
-    let graphs: Vec<_> = (0..48).map(|seed| random_graphs::generate(seed, 64).expect("a graph")).collect();
+    let mut graphs: Vec<_> = (0..48).map(|seed| random_graphs::generate(seed, 64).expect("a graph")).collect();
+    random_graphs::with_folded_textures(&mut graphs, |_: Message| ()).expect("Blender folds textures");
     let judge = Judge { gpu: None, compile: &random_graphs::compile };
     let outcomes = random_graphs::run(&graphs, &judge, &mut Cycles(|_: Message| ()));
     let wrong: Vec<String> = outcomes

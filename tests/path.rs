@@ -375,19 +375,82 @@ fn every_tracking_gives_the_same_mean_and_only_adaptive_looks_less_often() {
     assert!(!proven.iter().any(is_negative));
 }
 
+/// An input of the homogeneous cube that is `factor` over the distance from the middle, seen `offset` beside it.
+fn over_distance(input: &str, factor: f64, offset: f32) -> Scene {
+    let mut scene = furnace();
+    scene.camera.ortho_scale = 1e-6;
+    scene.camera.matrix_world[0][3] = offset;
+    set(&mut scene, "Color", color([0.0; 3]));
+    let nodes: Vec<cloudparity::scene::Node> = serde_json::from_value(serde_json::json!([
+        {"name": "Place", "type": "ShaderNodeTexCoord"},
+        {
+            "name": "Length", "type": "ShaderNodeVectorMath", "properties": {"operation": "LENGTH"},
+            "inputs": {"Vector": {"node": "Place", "socket": "Object"}},
+        },
+        {
+            "name": "Over", "type": "ShaderNodeMath", "properties": {"operation": "DIVIDE"},
+            "inputs": {"Value": factor, "Value_001": {"node": "Length", "socket": "Value"}},
+        },
+    ]))
+    .expect("nodes");
+    scene.graph_mut().nodes.extend(nodes);
+    set(&mut scene, input, Input::Link { node: "Over".into(), socket: "Value".into() });
+    scene
+}
+
 #[test]
-fn a_density_without_bound_is_refused_with_its_place() {
-    let mut scene = homogeneous();
-    ramp(&mut scene, "Y", 1.0);
-    // One over the ramp: infinite where the ramp begins.
-    let slope = scene.graph_mut().nodes.iter_mut().find(|node| node.name == "Slope").expect("the ramp has it");
-    slope.properties.insert("operation".into(), "DIVIDE".into());
-    let ramp = slope.inputs.insert("Value".to_owned(), Input::Number(1.0)).expect("it is linked");
-    slope.inputs.insert("Value_001".to_owned(), ramp);
+fn a_density_without_bound_is_capped_at_what_is_found_and_reported() {
+    // Beside the middle, where nothing is capped: the integral of k / sqrt(b^2 + y^2) over the cube.
+    let beside = over_distance("Density", 0.5, 0.3);
+    meets(estimate(&beside, 1 << 12)[0], (-2.0 * 0.5 * (1.0 / 0.3_f64).asinh()).exp(), 0.0);
+    // Through the middle: k / r up to the cap c, which it reaches at r = k / c, in the eight finest cells there.
+    let through = over_distance("Density", 0.05, 0.0);
+    let settings = PathSettings { samples: 1 << 12, ..PathSettings::default() };
+    let image = path::render(&through, &settings, Backend::Cpu, None, &|_, _| {}).expect("it renders");
+    let number = |name: &str| image.provenance[name].parse::<f64>().expect("a number");
+    assert_eq!(number("capped_share"), 8.0 / f64::from(1_u32 << 27));
+    let cap = number("capped_extinction");
+    // 16 places in each of 64 cells of a cell: the nearest is at most 1/64 of its diagonal away from the corner, and not in it.
+    assert!((0.05 / 0.0068..1e4).contains(&cap), "{cap}");
+    meets(estimate(&through, 1 << 12)[0], (-0.1 * (1.0 + (cap / 0.05).ln())).exp(), 0.0);
+    // Nothing is reported where everything has a bound.
+    let image =
+        path::render(&homogeneous(), &PathSettings::default(), Backend::Cpu, None, &|_, _| {}).expect("a picture");
+    assert!(!image.provenance.contains_key("capped_share"));
+}
+
+#[test]
+fn a_density_that_is_infinite_in_a_region_is_rejected_with_its_place() {
+    let mut scene = over_distance("Density", 1e38, 0.3);
+    let small: Vec<cloudparity::scene::Node> = serde_json::from_value(serde_json::json!([
+        {
+            "name": "Small", "type": "ShaderNodeMath", "properties": {"operation": "MULTIPLY"},
+            "inputs": {"Value": {"node": "Length", "socket": "Value"}, "Value_001": 1e-5},
+        },
+    ]))
+    .expect("a node");
+    scene.graph_mut().nodes.extend(small);
+    let over = scene.graph_mut().nodes.iter_mut().find(|node| node.name == "Over").expect("it was put there");
+    over.inputs.insert("Value_001".into(), Input::Link { node: "Small".into(), socket: "Value".into() });
     let error = path::render(&scene, &PathSettings::default(), Backend::Cpu, None, &|_, _| {})
-        .expect_err("it is refused")
+        .expect_err("it is rejected")
         .to_string();
-    assert!(error.contains("object's frame"), "{error}");
+    assert!(error.contains("position") && error.contains("inf") && error.contains("a finite extinction"), "{error}");
+}
+
+#[test]
+fn an_emission_without_bound_meets_its_closed_form() {
+    let mut scene = over_distance("Emission Strength", 0.1, 0.3);
+    set(&mut scene, "Density", Input::Number(0.0));
+    scene.world.color = [0.0; 3];
+    meets(estimate(&scene, 1 << 13)[0], 2.0 * 0.1 * (1.0 / 0.3_f64).asinh(), 0.0);
+    // With absorption, from where it is emitted to the near face.
+    set(&mut scene, "Density", Input::Number(0.7));
+    let steps = 100_000;
+    let width = 2.0 / f64::from(steps);
+    let emitted = |y: f64| 0.1 / (0.09 + y * y).sqrt() * (-0.7 * (y + 1.0)).exp();
+    let truth: f64 = (0..steps).map(|step| emitted(-1.0 + (f64::from(step) + 0.5) * width) * width).sum();
+    meets(estimate(&scene, 1 << 13)[0], truth, 0.0);
 }
 
 #[test]

@@ -90,10 +90,17 @@ pub fn ask_on(
                 json!({"target": target, "file": folder.path().join(format!("{number}-output-{index}.npy"))})
             })
             .collect();
-        requests.push(json!({
+        let mut request = json!({
             "scene": job.scene, "points": points, "attributes": attributes, "outputs": outputs, "repeat": job.repeat,
             "samples": job.samples,
-        }));
+        });
+        // A surface, which a probe renders, has no grid: its values come with the points.
+        if let Some(grid) = &job.scene.volume.grid {
+            let path = folder.path().join(format!("{number}-grid.npy"));
+            files::write_array(&path, &grid.values())?;
+            request["grid"] = json!({"values": path, "to_index": grid.to_index()});
+        }
+        requests.push(request);
     }
     let request = json!({"jobs": requests, "kernel": kernel.name(), "threads": threads});
     let release = release_of(jobs)?;

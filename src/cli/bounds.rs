@@ -1,9 +1,10 @@
 //! `cloudparity bounds`: checks the bounds of the density against samples and says how tight they are.
 
 use crate::base::error::Result;
-use crate::graph::Program;
-use crate::graph::bounds_check::{self, Survey};
+use crate::graph::bounds_check::{self, Report, Survey};
+use crate::graph::{Program, closures};
 use crate::scene::Scene;
+use indexmap::IndexMap;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -44,7 +45,7 @@ pub(super) struct Arguments {
 
 pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
     let scene = Scene::load_with(&arguments.scene, &arguments.set)?;
-    let program = Program::density(&scene)?;
+    let targets = closures::targets(&scene)?;
     let mut layer = bounds_check::layer(&scene, arguments.altitude);
     layer.low[2] = layer.low[2].max(0.0).min(layer.high[2]);
     let survey = Survey {
@@ -56,13 +57,22 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
         refine: arguments.refine,
         seed: arguments.seed,
     };
-    let report = survey.run(&program)?;
-    let text = if arguments.json {
-        serde_json::to_string_pretty(&report).expect("JSON serialises") + "\n"
-    } else {
-        report.to_string()
+    let mut reports = Vec::new();
+    for target in targets {
+        let program = Program::compile(&scene, std::slice::from_ref(&target))?;
+        reports.push((target.name(), survey.run(&program)?));
+    }
+    let text = match (reports.as_slice(), arguments.json) {
+        ([(_, only)], true) => serde_json::to_string_pretty(only).expect("JSON serialises") + "\n",
+        ([(_, only)], false) => only.to_string(),
+        (several, true) => {
+            let by_name: IndexMap<&String, &Report> = several.iter().map(|(name, report)| (name, report)).collect();
+            serde_json::to_string_pretty(&by_name).expect("JSON serialises") + "\n"
+        }
+        (several, false) => several.iter().map(|(name, report)| format!("{name}\n{report}")).collect(),
     };
     super::print(&text)?;
-    let in_grid = report.grid.as_ref().map_or(0, |grid| grid.violations);
-    Ok(if report.violations + in_grid == 0 { ExitCode::SUCCESS } else { ExitCode::FAILURE })
+    let violations = |report: &Report| report.violations + report.grid.as_ref().map_or(0, |grid| grid.violations);
+    let agree = reports.iter().all(|(_, report)| violations(report) == 0);
+    Ok(if agree { ExitCode::SUCCESS } else { ExitCode::FAILURE })
 }

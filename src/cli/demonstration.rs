@@ -234,7 +234,7 @@ impl Demo<'_> {
             let target = target::density(&self.scene)?;
             let messages = self.messages("probe of the field");
             let sampling = Sampling { domain, points: POINTS, seed: 1, rounding_bound: false };
-            probes.push(fields::probe(&self.scene, target, sampling, self.evaluators(), messages)?);
+            probes.extend(fields::probe(&self.scene, &[target], sampling, self.evaluators(), messages)?);
         }
         self.write_json("probe.json", &probes)?;
         let figures = probes.iter().flat_map(|probe| probe.evaluators.values());

@@ -4,7 +4,7 @@ use super::choice::choice;
 use crate::base::error::{Error, Result};
 use crate::base::files;
 use crate::graph::evaluate::{Arithmetic, Points};
-use crate::graph::{Program, Target, target};
+use crate::graph::{Program, Target, closures};
 use crate::measure::fields;
 use crate::measure::fields::Evaluator;
 use crate::scene::Scene;
@@ -53,7 +53,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
     let program = match arguments.target.as_deref() {
         Some(WORLD) => Program::world(scene.world_graph()?)?,
         Some(name) => Program::compile(&scene, &[Target::parse(name, scene.graph())?])?,
-        None => Program::compile(&scene, &[target::density(&scene)?])?,
+        None => Program::compile(&scene, &[closures::only_target(&scene)?])?,
     };
     let positions = files::read_points(&arguments.points)?;
     let points = Points::new(&positions);

@@ -3,7 +3,7 @@
 use crate::base::error::Result;
 use crate::base::plain_text::one_line;
 use crate::gpu::Gpu;
-use crate::graph::{Operand, Program};
+use crate::graph::{Operand, Program, closures};
 use crate::measure::speed::leaving_out;
 use crate::measure::speed::leaving_out::{KernelSize, LeavingOut};
 use crate::scene::Scene;
@@ -30,7 +30,7 @@ pub(super) struct Arguments {
 
 pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
     let scene = Scene::load_with(&arguments.scene, &arguments.set)?;
-    let program = Program::density(&scene)?;
+    let program = Program::compile(&scene, &closures::targets(&scene)?)?;
     let kernels = if arguments.kernels {
         let gpu = Gpu::open();
         if let Err(error) = &gpu {

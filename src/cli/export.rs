@@ -16,9 +16,10 @@ use crate::engines::defects::Defects;
 use crate::engines::parameters::Values;
 use crate::graph::closures::ClosureSum;
 use crate::graph::world::{self, WorldValues};
+use crate::measure::nodes::folded_textures;
 use crate::nodes::refused;
-use crate::scene::{Release, Scene, Shape};
-use serde_json::json;
+use crate::scene::{Graph, Node, Release, Scene, Shape};
+use serde_json::{Value as Json, json};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
@@ -222,17 +223,14 @@ pub(super) fn export(blend: &Path, wish: &Wish, output: &Path) -> Result<Scene> 
         if let Some(graph) = scene["world"].get_mut("graph") {
             graph["blender"] = json!(release);
         }
-        if let Some(graph) = scene["world"].get_mut("graph") {
-            graph["blender"] = json!(release);
-        }
     }
-    let text = serde_json::to_string_pretty(&result["scene"]).expect("JSON serialises") + "\n";
+    let mut text = serde_json::to_string_pretty(&result["scene"]).expect("JSON serialises") + "\n";
     let mut beside = Vec::new();
     for (name, source) in result["files"].as_object().into_iter().flatten() {
         let source = Path::new(source.as_str().unwrap_or_default());
         let bytes = std::fs::read(source)
             .map_err(|cause| Error::io(source, "a file that belongs beside the scene file", &cause))?;
-        beside.push((name, bytes));
+        beside.push((name.clone(), bytes));
     }
     let mut scene = Scene::from_value(result["scene"].clone(), &place)?;
     let is_grid = |shape: &Shape| matches!(shape, Shape::Grid { .. });
@@ -261,12 +259,37 @@ pub(super) fn export(blend: &Path, wish: &Wish, output: &Path) -> Result<Scene> 
     if let Some(graph) = &scene.world.graph {
         WorldValues::compile(graph).map_err(in_file)?;
     }
+    if folded_textures::store(&mut scene, |_| ()).map_err(in_file)? > 0 {
+        write_folded(&scene, &mut result["scene"]);
+        text = serde_json::to_string_pretty(&result["scene"]).expect("JSON serialises") + "\n";
+    }
     for (name, bytes) in &beside {
         write_beside(bytes, &output.with_file_name(name))?;
     }
     files::write_atomically(output, text.as_bytes())?;
     scene.folder = output.parent().map_or_else(PathBuf::new, Path::to_owned);
     Ok(scene)
+}
+
+/// Puts the stored values of folded textures of a scene into the document that it was read from.
+fn write_folded(scene: &Scene, document: &mut Json) {
+    let put = |nodes: &[Node], entries: &mut Json| {
+        for (node, entry) in nodes.iter().zip(entries.as_array_mut().into_iter().flatten()) {
+            if !node.folded.is_empty() {
+                entry["folded"] = json!(node.folded);
+            }
+        }
+    };
+    let write = |graph: &Graph, entry: &mut Json| {
+        put(&graph.nodes, &mut entry["nodes"]);
+        for (group, entry) in graph.groups.iter().zip(entry["groups"].as_array_mut().into_iter().flatten()) {
+            put(&group.nodes, &mut entry["nodes"]);
+        }
+    };
+    write(scene.graph(), &mut document["graph"]);
+    if let Some(entries) = document.get_mut("other_graphs").and_then(Json::as_array_mut) {
+        scene.other_graphs.iter().zip(entries).for_each(|(graph, entry)| write(graph, entry));
+    }
 }
 
 /// What a scene holds, in a line.

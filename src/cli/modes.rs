@@ -7,10 +7,10 @@ use crate::base::files;
 use crate::cli::choice::choice;
 use crate::cli::resume::ResumeArguments;
 use crate::gpu::Gpu;
-use crate::measure::nodes::constants;
 use crate::measure::nodes::measurements::NodeErrors;
 use crate::measure::nodes::suite;
 use crate::measure::nodes::suite::{ModeComparison, Selection};
+use crate::measure::nodes::{constants, folded_textures};
 use crate::scene::Release;
 use std::fmt::Write;
 use std::path::PathBuf;
@@ -117,8 +117,10 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
 }
 
 fn run_constants(arguments: &Arguments, sets: usize) -> Result<ExitCode> {
-    let cases = constants::cases(sets.max(1), arguments.seed, arguments.node.as_deref(), arguments.blender)?;
+    let mut cases = constants::cases(sets.max(1), arguments.seed, arguments.node.as_deref(), arguments.blender)?;
     let bar = super::progress_bar(1000);
+    let mut subjects: Vec<_> = cases.iter_mut().map(constants::Case::subject).collect();
+    folded_textures::store_for(&mut subjects, super::report_to(&bar))?;
     let outcome = constants::run(&cases, super::report_to(&bar))?;
     bar.finish_and_clear();
     let json = serde_json::to_string_pretty(&outcome.rows).expect("rows serialise") + "\n";

@@ -5,7 +5,7 @@ use crate::base::error::{Error, Result};
 use crate::base::files;
 use crate::base::identity::Identity;
 use crate::graph::evaluate::Points;
-use crate::graph::{Program, Target, target};
+use crate::graph::{Program, Target, closures, target};
 use crate::measure::fields;
 use crate::measure::fields::{Comparison, Domain, Evaluator, Figures, Reference, Request, Sampling, domain};
 use crate::measure::nodes::settings;
@@ -50,6 +50,9 @@ pub(super) struct Arguments {
     #[arg(long = "set", value_name = "NAME=VALUE")]
     set: Vec<String>,
     /// NODE.SOCKET to compare instead of the density.
+    ///
+    /// SOCKET is an output's identifier, or a group output's name. Without it, of several closures each is compared by itself: one row for
+    /// Density and for each linked input.
     #[arg(long, value_name = "NODE.SOCKET")]
     target: Option<String>,
     /// Compare with this many random settings of the material's group nodes.
@@ -104,14 +107,16 @@ struct Settings {
 
 pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
     let scene = Scene::load_with(&arguments.scene, &arguments.set)?;
-    let target = match &arguments.target {
-        Some(name) => Target::parse(name, scene.graph())?,
-        None => target::density(&scene)?,
+    // Without a target each of several closures is compared by itself; random settings are of one.
+    let targets = match (&arguments.target, arguments.random_settings) {
+        (Some(name), _) => vec![Target::parse(name, scene.graph())?],
+        (None, Some(_)) => vec![target::density(&scene)?],
+        (None, None) => closures::targets(&scene)?,
     };
     super::need_bpy("the field is")?;
     let (evaluators, left_out) = arguments.backend.available()?;
     let bar = super::progress_bar(1000);
-    let (text, json, found) = match arguments.random_settings {
+    let (text, json, found): (String, String, Vec<_>) = match arguments.random_settings {
         None => {
             let sampling = Sampling {
                 domain: arguments.points_in,
@@ -119,17 +124,24 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
                 seed: arguments.seed,
                 rounding_bound: arguments.rounding_bound,
             };
-            let probe = fields::probe(&scene, target, sampling, &evaluators, super::report_to(&bar))?;
-            let text = describe(&probe.reference, &probe.target, probe.domain, &probe.evaluators);
-            (text, to_json(&probe), probe.evaluators)
+            let probes = fields::probe(&scene, &targets, sampling, &evaluators, super::report_to(&bar))?;
+            let text = probes
+                .iter()
+                .map(|probe| describe(&probe.reference, &probe.target, probe.domain, &probe.evaluators))
+                .collect();
+            let json = match probes.as_slice() {
+                [only] => to_json(only),
+                several => to_json(&several),
+            };
+            (text, json, probes.into_iter().map(|probe| probe.evaluators).collect())
         }
         Some(count) => {
-            let settings = random_settings(arguments, &scene, &target, count, &evaluators, &bar)?;
+            let settings = random_settings(arguments, &scene, &targets[0], count, &evaluators, &bar)?;
             let mut text = describe(&settings.reference, &settings.target, settings.domain, &settings.evaluators);
             for setting in settings.settings.iter().filter(|setting| verdict(&setting.evaluators) == Some(false)) {
                 writeln!(text, "differs with {:?}", setting.values).expect("writing to a string cannot fail");
             }
-            (text, to_json(&settings), settings.evaluators)
+            (text, to_json(&settings), vec![settings.evaluators])
         }
     };
     bar.finish_and_clear();
@@ -140,7 +152,15 @@ pub(super) fn run(arguments: &Arguments) -> Result<ExitCode> {
     if let Some(reason) = &left_out {
         eprintln!("left out: gpu: {reason}");
     }
-    Ok(match (verdict(&found), left_out) {
+    let verdicts: Vec<Option<bool>> = found.iter().map(verdict).collect();
+    let together = if verdicts.contains(&Some(false)) {
+        Some(false)
+    } else if verdicts.contains(&None) {
+        None
+    } else {
+        Some(true)
+    };
+    Ok(match (together, left_out) {
         (Some(false), _) => ExitCode::FAILURE,
         (Some(true), None) => ExitCode::SUCCESS,
         // The oracle alone judges nothing, and a missing evaluator cannot agree.

@@ -18,6 +18,7 @@ impl Program {
             attributes: Vec::new(),
             registers: 0,
             notes: Vec::new(),
+            folded_textures: Vec::new(),
         }
     }
 

@@ -10,10 +10,10 @@
 
 use crate::base::error::{Error, Result};
 use crate::graph::flatten::{Flattener, Source, is_link, with_flattener};
-use crate::graph::{Operand, Output, Program, passes, target, world};
+use crate::graph::{Operand, Output, Program, Target, passes, target, world};
 use crate::nodes::closure::{ClosureRole, VolumeClosure};
-use crate::nodes::{Mode, NodeType, Role, emission};
-use crate::scene::{Graph, Input, Node, SocketType, Volume};
+use crate::nodes::{self, Mode, NodeType, Role, emission};
+use crate::scene::{Graph, Input, Node, Scene, SocketType, Volume};
 
 /// A material may add up this many closures. A chain of additions of a node to itself doubles them each time.
 const MOST_CLOSURES: usize = 256;
@@ -345,5 +345,198 @@ impl<'a> Flattener<'a> {
             factors: factors.to_vec(),
         });
         Ok(())
+    }
+}
+
+// ---------------------------------------------------------------------------------------------------------------------
+// Closures as targets
+
+/// [`target::density`] where one closure closes the graph; else what its closures read, each by itself: of every closure Density and the
+/// inputs that are linked, of every Mix Shader a linked factor, and the output of what emits because it is linked where a closure belongs.
+pub fn targets(scene: &Scene) -> Result<Vec<Target>> {
+    let closing = target::density(scene);
+    if closing.is_ok() {
+        return closing.map(|only| vec![only]);
+    }
+    // Rings, and more closures than a material may have, are errors of this.
+    ClosureSum::compile(scene.graph(), &scene.volume)?;
+    let graph = scene.graph();
+    let mut walk = ClosureWalk { graph, trees: vec![(&graph.nodes, None)], groups: Vec::new(), found: Vec::new() };
+    walk.follow(target::output_with_volume(graph)?.inputs.get("Volume"))?;
+    if walk.found.is_empty() { closing.map(|only| vec![only]) } else { Ok(walk.found) }
+}
+
+/// The one of [`targets`]; several are an error that lists them.
+pub fn only_target(scene: &Scene) -> Result<Target> {
+    let mut found = targets(scene)?;
+    if let [_] = found.as_slice() {
+        return Ok(found.remove(0));
+    }
+    let names: Vec<String> = found.iter().map(Target::name).collect();
+    Err(Error::new(
+        format!("material {}", scene.graph().material),
+        "several closures, each with inputs of its own",
+        format!("one of {}", names.join(", ")),
+        "Name it as NODE.SOCKET of the node that is linked there.",
+    )
+    .with_setting("target"))
+}
+
+/// A walk from the Material Output to all closures.
+struct ClosureWalk<'a> {
+    graph: &'a Graph,
+    /// From the material's tree to that of the group where the walk is, each with the node that calls it.
+    trees: Vec<(&'a [Node], Option<&'a Node>)>,
+    /// Names of the group nodes.
+    groups: Vec<String>,
+    found: Vec<Target>,
+}
+
+impl<'a> ClosureWalk<'a> {
+    fn note(&mut self, target: Target) {
+        let target = Target { groups: self.groups.clone(), ..target };
+        if !self.found.contains(&target) {
+            self.found.push(target);
+        }
+    }
+
+    /// Goes on at what an input is linked to.
+    fn follow(&mut self, input: Option<&'a Input>) -> Result<()> {
+        match input {
+            Some(Input::Link { node, socket }) => {
+                let (nodes, _) = *self.trees.last().expect("the material's own tree is never left");
+                match nodes.iter().find(|candidate| candidate.name == *node) {
+                    Some(node) => self.visit(node, socket),
+                    None => Ok(()),
+                }
+            }
+            Some(Input::GroupInput(identifier)) if self.trees.len() > 1 => {
+                let inner = self.trees.pop().expect("there are several");
+                let name = self.groups.pop().expect("a group has a node");
+                let caller = inner.1.expect("a group has a node");
+                let done = self.follow(caller.inputs.get(identifier));
+                self.trees.push(inner);
+                self.groups.push(name);
+                done
+            }
+            _ => Ok(()),
+        }
+    }
+
+    fn visit(&mut self, node: &'a Node, socket: &str) -> Result<()> {
+        if node.muted {
+            let through = node.bypass.as_ref().and_then(|bypass| bypass.get(socket));
+            return self.follow(through.and_then(|name| node.inputs.get(name.as_str())));
+        }
+        if node.kind == "NodeReroute" {
+            return self.follow(node.inputs.get("Input"));
+        }
+        if let Some(group) = node.group.as_ref().and_then(|name| self.graph.group(name)) {
+            let end = group.nodes.iter().find(|node| node.kind == "NodeGroupOutput");
+            self.trees.push((&group.nodes, Some(node)));
+            self.groups.push(node.name.clone());
+            let done = self.follow(end.and_then(|end| end.inputs.get(socket)));
+            self.trees.pop();
+            self.groups.pop();
+            return done;
+        }
+        let Some(node_type) = nodes::find(&node.kind) else { return Ok(()) };
+        let Role::Closure(role) = &node_type.role else {
+            self.note(Target::output(&node.name, socket));
+            return Ok(());
+        };
+        let mode = Mode::read(node_type, &node.properties, &format!("node {}", node.name))?;
+        for input in node_type.inputs_of(&mode).filter(|input| input.kind != SocketType::Shader) {
+            let is_linked =
+                matches!(node.inputs.get(input.identifier), Some(Input::Link { .. } | Input::GroupInput(_)));
+            if is_linked || input.identifier == "Density" {
+                self.note(Target::input(&node.name, input.identifier));
+            }
+        }
+        if matches!(role, ClosureRole::Add | ClosureRole::Mix) {
+            self.follow(node.inputs.get("Shader"))?;
+            self.follow(node.inputs.get("Shader_001"))?;
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::bare_scene;
+    use serde_json::json;
+
+    /// Scatter and Absorption added, the second by a factor of a Mix Shader in a group, whose output has the identifier of an old file.
+    fn scene() -> Scene {
+        let graph = json!({
+            "material": "Material",
+            "nodes": [
+                {"name": "Output", "type": "ShaderNodeOutputMaterial", "inputs": {"Volume": {"node": "Add", "socket": "Shader"}}},
+                {
+                    "name": "Add", "type": "ShaderNodeAddShader",
+                    "inputs": {
+                        "Shader": {"node": "Scatter", "socket": "Volume"}, "Shader_001": {"node": "Group", "socket": "Output_3"},
+                    },
+                },
+                {"name": "Scatter", "type": "ShaderNodeVolumeScatter", "inputs": {"Density": {"node": "Noise", "socket": "Fac"}}},
+                {"name": "Noise", "type": "ShaderNodeTexNoise", "inputs": {"Vector": {"node": "Place", "socket": "Object"}}},
+                {"name": "Place", "type": "ShaderNodeTexCoord"},
+                {"name": "Group", "type": "ShaderNodeGroup", "group": "Old", "inputs": {"Input_1": {"node": "Noise", "socket": "Fac"}}},
+            ],
+            "groups": [{
+                "name": "Old",
+                "inputs": [{"identifier": "Input_1", "name": "Amount", "panel": null, "type": "float", "default": 0.5}],
+                "outputs": [
+                    {"identifier": "Output_3", "name": "Medium", "panel": null, "type": "shader"},
+                    {"identifier": "Output_4", "name": "Twice", "panel": null, "type": "float", "default": 0.0},
+                    {"identifier": "Output_5", "name": "Same", "panel": null, "type": "float", "default": 0.0},
+                    {"identifier": "Output_6", "name": "Same", "panel": null, "type": "float", "default": 0.0},
+                ],
+                "nodes": [
+                    {
+                        "name": "End", "type": "NodeGroupOutput",
+                        "inputs": {
+                            "Output_3": {"node": "Mix", "socket": "Shader"}, "Output_4": {"node": "Double", "socket": "Value"},
+                            "Output_5": 0.0, "Output_6": 0.0,
+                        },
+                    },
+                    {
+                        "name": "Mix", "type": "ShaderNodeMixShader",
+                        "inputs": {"Fac": {"group_input": "Input_1"}, "Shader_001": {"node": "Absorption", "socket": "Volume"}},
+                    },
+                    {"name": "Absorption", "type": "ShaderNodeVolumeAbsorption", "inputs": {"Density": 2.0}},
+                    {
+                        "name": "Double", "type": "ShaderNodeMath", "properties": {"operation": "MULTIPLY"},
+                        "inputs": {"Value": {"group_input": "Input_1"}, "Value_001": 2.0},
+                    },
+                ],
+            }],
+        });
+        bare_scene("targets", graph).expect("a scene")
+    }
+
+    #[test]
+    fn several_closures_are_targets_each() {
+        let scene = scene();
+        let names: Vec<String> = targets(&scene).expect("targets").iter().map(Target::name).collect();
+        assert_eq!(names, ["Scatter.Density", "Group/Mix.Fac", "Group/Absorption.Density"]);
+        let error = only_target(&scene).expect_err("no single density").to_string();
+        assert!(error.contains("Scatter.Density, Group/Mix.Fac, Group/Absorption.Density"), "{error}");
+        Program::compile(&scene, &targets(&scene).expect("targets")).expect("they compile");
+    }
+
+    #[test]
+    fn a_group_output_is_named_by_identifier_or_by_name() {
+        let scene = scene();
+        let target = |text: &str| Target::parse(text, scene.graph());
+        let by_identifier = target("Group.Output_4").expect("an identifier");
+        assert_eq!(target("Group.Twice").expect("a name"), by_identifier);
+        assert_eq!(by_identifier.output.as_deref(), Some("Output_4"));
+        let missing = target("Group.Socket_0").expect_err("a later file's identifier").to_string();
+        assert!(missing.contains("Output_4 (Twice)"), "{missing}");
+        let ambiguous = target("Group.Same").expect_err("two have it").to_string();
+        assert!(ambiguous.contains("2 outputs named") && ambiguous.contains("Output_6 (Same)"), "{ambiguous}");
+        assert_eq!(target("Group/Double.Value").expect("inside").groups, ["Group"]);
     }
 }

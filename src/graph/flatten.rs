@@ -4,7 +4,7 @@ use crate::base::error::{Error, Result};
 use crate::graph::{Note, Target, world};
 use crate::nodes::{self, Mode, NodeType, Role, SourceContext, SourceValue, refused};
 use crate::scene::volume_grid::DENSITY;
-use crate::scene::{DEEPEST_NESTING, Graph, Group, Input, Node, Release, Socket, SocketType, Volume};
+use crate::scene::{DEEPEST_NESTING, Folded, Graph, Group, Input, Node, Release, Socket, SocketType, Volume};
 use std::collections::{HashMap, HashSet};
 
 /// Where a component comes from, before registers are numbered.
@@ -34,6 +34,18 @@ pub(super) struct FlatNode {
     pub coordinate: Option<usize>,
     /// For every socket of a node of Cycles, whether it is linked; empty for what stands for no such node.
     pub linked: Vec<bool>,
+    /// Where a texture with constant inputs stands in the file, and what is stored of its values; none for any other node.
+    pub folded: Option<Box<StoredTexture>>,
+}
+
+/// A texture that Blender evaluates by a function of its own.
+pub(super) struct StoredTexture {
+    /// The group whose tree it is in; none for the material's own.
+    pub group: Option<String>,
+    /// The node.
+    pub node: String,
+    /// Values of Blender, by inputs.
+    pub known: Vec<Folded>,
 }
 
 /// The flat graph; `nodes` are in evaluation order.
@@ -609,7 +621,20 @@ impl<'a> Flattener<'a> {
         }
         let number = self.flat.nodes.len();
         let linked = node_type.inputs_of(&mode).map(is_linked).collect();
-        self.flat.nodes.push(FlatNode { label, node_type, mode, inputs, constant, coordinate: read_late, linked });
+        let folded = (constant && coordinate.is_some()).then(|| {
+            let group = self.trees[tree].group.map(|(group, ..)| group.name.clone());
+            Box::new(StoredTexture { group, node: node.name.clone(), known: node.folded.clone() })
+        });
+        self.flat.nodes.push(FlatNode {
+            label,
+            node_type,
+            mode,
+            inputs,
+            constant,
+            coordinate: read_late,
+            linked,
+            folded,
+        });
         self.done.insert((tree, node.name.as_str()), number);
         Ok(number)
     }
@@ -806,7 +831,16 @@ impl<'a> Flattener<'a> {
         // Conversions are nodes of Cycles; matrices are parts of textures.
         let is_conversion = node_type.type_name == nodes::conversion::TYPE.type_name;
         let linked = if is_conversion { vec![true] } else { Vec::new() };
-        self.flat.nodes.push(FlatNode { label, node_type, mode, inputs, constant, coordinate: None, linked });
+        self.flat.nodes.push(FlatNode {
+            label,
+            node_type,
+            mode,
+            inputs,
+            constant,
+            coordinate: None,
+            linked,
+            folded: None,
+        });
         let number = self.flat.nodes.len() - 1;
         (0..components).map(|component| Source::Node(number, component)).collect()
     }
@@ -826,13 +860,7 @@ impl<'a> Flattener<'a> {
             SourceValue::Generated => affine(self, self.flat.generated),
             SourceValue::Grid => {
                 let handle = self.volume.grid.clone().expect("the node asks only where there is a grid");
-                let to_index = handle.to_object.inverse();
-                let columns = to_index.matrix3.to_cols_array_2d();
-                let origin = to_index.translation;
-                let rows = std::array::from_fn(|row| {
-                    [columns[0][row], columns[1][row], columns[2][row], origin[row]].map(|value| value as f32)
-                });
-                let index = affine(self, rows);
+                let index = affine(self, handle.to_index());
                 let none = serde_json::Map::new();
                 let found = self.internal(tree, node, &nodes::texture_lookup::TYPE, &none, index, 1);
                 let lookup = self.flat.nodes.last_mut().expect("it was just put there");

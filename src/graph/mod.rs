@@ -88,6 +88,24 @@ pub struct Program {
     pub registers: usize,
     /// What the passes did, for `cloudparity explain`.
     pub notes: Vec<Note>,
+    /// Textures with constant inputs that were folded by our arithmetic: Blender has functions of its own for them, and the scene file
+    /// stores no value of Blender for these inputs.
+    pub folded_textures: Vec<FoldedTexture>,
+}
+
+/// A texture whose inputs are constant, and which Blender folds.
+#[derive(Clone)]
+pub struct FoldedTexture {
+    /// The group whose tree it is in; none for the material's own.
+    pub group: Option<String>,
+    /// Name of the node in that tree.
+    pub node: String,
+    /// Its type.
+    pub node_type: &'static NodeType,
+    /// Its mode.
+    pub mode: Mode,
+    /// Components of the inputs.
+    pub inputs: Vec<f32>,
 }
 
 /// One thing that a pass did.

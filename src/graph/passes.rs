@@ -3,7 +3,7 @@
 
 use crate::graph::flatten::{Flat, Source, affine_inputs};
 use crate::graph::zero_signs;
-use crate::graph::{Instruction, Note, Operand, Output, Program};
+use crate::graph::{FoldedTexture, Instruction, Note, Operand, Output, Program};
 use crate::nodes::{Column, Mode, NodeEvaluator, NodeType, Nudge, Nudged, Role, Simplified, affine, nudged};
 use std::collections::HashMap;
 
@@ -40,6 +40,7 @@ pub(super) fn run_nudged(flat: Flat, nudge: Option<Nudge>) -> Program {
     let count_of_all = nodes.len();
     let early: Vec<bool> = nodes.iter().map(|node| node.constant).collect();
     let mut kept: Vec<Kept> = Vec::new();
+    let mut folded_textures = Vec::new();
     let mut known: HashMap<String, usize> = HashMap::new();
     let mut renames: HashMap<String, usize> = HashMap::new();
     for (flat_number, node) in nodes.into_iter().enumerate() {
@@ -80,11 +81,37 @@ pub(super) fn run_nudged(flat: Flat, nudge: Option<Nudge>) -> Program {
                 (false, true) => evaluator.fold_late(&values),
                 (false, false) => None,
             };
-            let values = match nudge {
-                Some(nudge) => nudged::with(nudge, || evaluate_nudged(evaluator.as_ref(), &values, count, own_rule)),
-                None => own_rule.unwrap_or_else(|| evaluate(evaluator.as_ref(), &values, count)),
+            let stored = node.folded.as_ref().and_then(|texture| {
+                let words = node.mode.words();
+                let known = texture.known.iter().find(|known| known.is_for(&words, &values));
+                known.filter(|known| known.outputs.len() == count).map(|known| known.outputs.clone())
+            });
+            let by = match (&stored, &node.folded) {
+                (Some(_), _) => " (by Blender)",
+                (None, Some(texture)) => {
+                    folded_textures.push(FoldedTexture {
+                        group: texture.group.clone(),
+                        node: texture.node.clone(),
+                        node_type: node.node_type,
+                        mode: node.mode.clone(),
+                        inputs: values.clone(),
+                    });
+                    if texture.known.is_empty() {
+                        ""
+                    } else {
+                        " (by our arithmetic: what is stored of Blender's is for other inputs)"
+                    }
+                }
+                (None, None) => "",
             };
-            note("folded", format!("constant inputs: {}", list(&values)));
+            let values = match (stored, nudge) {
+                (Some(stored), _) => stored,
+                (None, Some(nudge)) => {
+                    nudged::with(nudge, || evaluate_nudged(evaluator.as_ref(), &values, count, own_rule))
+                }
+                (None, None) => own_rule.unwrap_or_else(|| evaluate(evaluator.as_ref(), &values, count)),
+            };
+            note("folded", format!("constant inputs: {}{by}", list(&values)));
             let source = if node.constant || folds_late { Source::Constant } else { Source::Runtime };
             replaced.push(values.into_iter().map(source).collect());
             links.push(replaced[flat_number].clone());
@@ -207,7 +234,7 @@ pub(super) fn run_nudged(flat: Flat, nudge: Option<Nudge>) -> Program {
             operands: sources.iter().map(|source| operand(&register_of, source)).collect(),
         })
         .collect();
-    Program { instructions, outputs, attributes, registers, notes }
+    Program { instructions, outputs, attributes, registers, notes, folded_textures }
 }
 
 fn follow(replaced: &[Vec<Source>], source: &Source) -> Source {
@@ -303,4 +330,61 @@ fn bits(inputs: &[Source]) -> String {
             other => format!("{other:?} "),
         })
         .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::graph::evaluate::Points;
+    use crate::graph::{Program, Target};
+    use crate::scene::{Folded, Input, Scene, bare_scene};
+    use serde_json::json;
+
+    /// A Noise Texture whose inputs are constant, and twice its value.
+    fn scene() -> Scene {
+        let graph = json!({
+            "material": "Material",
+            "nodes": [
+                {
+                    "name": "Noise", "type": "ShaderNodeTexNoise",
+                    "inputs": {"Vector": {"node": "Place", "socket": "Vector"}, "Scale": 5.0},
+                },
+                {"name": "Place", "type": "ShaderNodeCombineXYZ", "inputs": {"X": 0.3, "Y": 0.7, "Z": -0.4}},
+                {
+                    "name": "Double", "type": "ShaderNodeMath", "properties": {"operation": "MULTIPLY"},
+                    "inputs": {"Value": {"node": "Noise", "socket": "Fac"}, "Value_001": 2.0},
+                },
+            ],
+            "groups": [],
+        });
+        bare_scene("folded", graph).expect("a scene")
+    }
+
+    fn compiled(scene: &Scene) -> (Program, f32) {
+        let program = Program::compile(scene, &[Target::output("Double", "Value")]).expect("it compiles");
+        let value = program.evaluate_single(Points::new(&[[0.0; 3]])).expect("a value")[0];
+        (program, value)
+    }
+
+    #[test]
+    fn a_stored_value_of_blender_counts_for_its_inputs_alone() {
+        let mut scene = scene();
+        let (program, ours) = compiled(&scene);
+        let [texture] = program.folded_textures.as_slice() else { panic!("one texture is folded") };
+        assert_eq!((texture.node.as_str(), &texture.group), ("Noise", &None));
+        let outputs = vec![0.25, 0.1, 0.2, 0.3];
+        let folded = Folded { mode: texture.mode.words(), inputs: texture.inputs.clone(), outputs };
+        scene.graph_mut().nodes[0].folded = vec![folded];
+        let (program, stored) = compiled(&scene);
+        assert!(program.folded_textures.is_empty());
+        assert_eq!(stored, 0.5);
+        let text = serde_json::to_string(&scene).expect("JSON");
+        assert!(text.contains("\"folded\""), "{text}");
+        // Another input: the stored value is for none of these, and is reported.
+        scene.graph_mut().nodes[0].inputs.insert("Scale".to_owned(), Input::Number(5.5));
+        let (program, other) = compiled(&scene);
+        assert_eq!(program.folded_textures.len(), 1);
+        assert!(other != stored && other != ours, "{other}");
+        let is_reported = |reason: &str| reason.contains("for other inputs");
+        assert!(program.notes.iter().any(|note| note.node == "Noise" && is_reported(&note.reason)));
+    }
 }

@@ -41,7 +41,8 @@ impl Target {
 
     /// Reads `NODE.SOCKET` or `GROUP NODE/NODE.SOCKET`. A node name without its groups is searched
     /// in every tree; several finds are an error that lists them. A slash in front of the first name
-    /// says that it stands in the material's own tree.
+    /// says that it stands in the material's own tree. SOCKET is an output's identifier, or the name that Blender's interface shows of a
+    /// group's output: files of Blender 2.9 to 3.6 have other identifiers than later ones.
     pub fn parse(text: &str, graph: &Graph) -> Result<Self> {
         let place = format!("target {text}");
         let mut finds = Vec::new();
@@ -64,7 +65,11 @@ impl Target {
         let longest = finds.iter().map(|(length, _)| *length).max();
         finds.retain(|(length, _)| Some(*length) == longest);
         match finds.len() {
-            1 => Ok(finds.remove(0).1),
+            1 => {
+                let mut target = finds.remove(0).1;
+                target.output = Some(output_identifier(graph, &target, &place)?);
+                Ok(target)
+            }
             0 => Err(Error::new(
                 place,
                 "no node of that name",
@@ -81,6 +86,38 @@ impl Target {
             .with_setting("target")),
         }
     }
+}
+
+/// The identifier of the output that a target asks for by its identifier or, of a group, by its name.
+fn output_identifier(graph: &Graph, target: &Target, place: &str) -> Result<String> {
+    let asked = target.output.clone().unwrap_or_default();
+    let mut nodes: &[Node] = &graph.nodes;
+    for name in &target.groups {
+        let group = nodes.iter().find(|node| node.name == *name).and_then(|node| graph.group(node.group.as_deref()?));
+        nodes = group.map_or(&[], |group| &group.nodes);
+    }
+    let node = nodes.iter().find(|node| node.name == target.node);
+    // Other nodes' outputs depend on their mode: the compiler knows them.
+    let Some(group) = node.and_then(|node| graph.group(node.group.as_deref()?)) else { return Ok(asked) };
+    if group.outputs.iter().any(|socket| socket.identifier == asked) {
+        return Ok(asked);
+    }
+    let named: Vec<_> = group.outputs.iter().filter(|socket| socket.name == asked).collect();
+    if let [only] = named.as_slice() {
+        return Ok(only.identifier.clone());
+    }
+    let candidates: Vec<String> =
+        group.outputs.iter().map(|socket| format!("{} ({})", socket.identifier, socket.name)).collect();
+    Err(Error::new(
+        place.to_owned(),
+        match named.len() {
+            0 => format!("no output \"{asked}\" of the group \"{}\"", group.name),
+            count => format!("{count} outputs named \"{asked}\" of the group \"{}\"", group.name),
+        },
+        format!("one of {}", candidates.join(", ")),
+        "Name an output by its identifier, or by its name where only one has it.",
+    )
+    .with_setting("target"))
 }
 
 /// Calls `visit` for every node of every tree, once per place where a group is used.

@@ -13,6 +13,9 @@
 //! weight of a path becomes negative, or from what a few densities in the leaf suggest. These also choose the control of proven
 //! rates ([`Majorants::pilot`]).
 //!
+//! Where no division finds a finite bound, a leaf is *capped*: its majorant is the most extinction that is found at as many places as
+//! Cycles looks at there ([`Majorants::cap`]), and extinction beyond it counts as the majorant.
+//!
 //! Of a flat box, whose sides differ by more than twice, the tree's own box may be larger: its short sides are doubled until cells are as nearly
 //! cubes as `shifts` finds that bounds are tight. What lies beyond the medium's box is empty, is not bounded, and no ray goes there.
 //!
@@ -77,6 +80,13 @@ const TRIED_SIDE: f64 = 1.0 / 128.0;
 /// Densities that are looked up in a leaf to choose its rates.
 const PILOTS: usize = 8;
 
+/// Places that are looked at in each cell of level [`CAP_LEVEL`] of a leaf without a bound: what Cycles 5.0 looks at for its majorants, 16 in each of 128^3 cells.
+const CAP_PLACES: usize = 16;
+const CAP_LEVEL: u32 = 7;
+
+/// Places that are evaluated at once for caps.
+const CAP_BATCH: usize = 1 << 18;
+
 /// Expected null collisions in a leaf that make looking into it pay, where its rates follow from that.
 const WORTH_A_PILOT: f64 = 64.0;
 
@@ -115,10 +125,21 @@ pub struct Majorants {
     majorants: Vec<f32>,
     minorants: Vec<f32>,
     rates: Vec<Rates>,
+    /// Whether a node's majorant is a cap, not a bound.
+    capped: Vec<bool>,
     /// Node over each cell of level [`TABLE_LEVEL`], x fastest.
     table: Vec<u32>,
     /// Boxes that were bounded.
     pub boxes: usize,
+}
+
+/// What [`Majorants::cap`] did.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Caps {
+    /// Share of the box's volume in leaves without a bound, above 0.
+    pub share: f64,
+    /// The largest of their caps, per metre.
+    pub most: f64,
 }
 
 choice! {
@@ -217,7 +238,7 @@ pub(crate) struct Flat {
     /// The node over each cell of the table; then per node its first child, and its level in the upper
     /// four bits.
     pub(crate) tree: Vec<u32>,
-    /// Rates of each node and its majorant, per metre.
+    /// Rates of each node and its majorant, per metre; a majorant that is a cap has a minus sign.
     pub(crate) rates: Vec<[f32; 4]>,
 }
 
@@ -263,7 +284,8 @@ const ROOT: Pending = Pending { node: 0, place: [0; 3], kept: 0.0 };
 
 impl Majorants {
     /// Encloses the extinction over the box from `low` to `high` of the object's frame. `enclose` bounds
-    /// it over boxes, per metre; `to_world` is the object's transform. A part whose extinction cannot be bounded is an error that says where.
+    /// it over boxes, per metre; `to_world` is the object's transform. A leaf whose extinction cannot be bounded has an infinite majorant until
+    /// [`Self::cap`].
     pub fn build(
         [low, high]: [DVec3; 2],
         to_world: &DMat4,
@@ -283,6 +305,7 @@ impl Majorants {
             majorants: vec![f32::INFINITY],
             minorants: vec![0.0],
             rates: vec![Rates::proven(0.0, f32::INFINITY)],
+            capped: vec![false],
             table: Vec::new(),
             boxes: 1,
         };
@@ -307,9 +330,6 @@ impl Majorants {
             // Where not all can be divided, those that pay most are; equal ones in their order.
             wanted.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.node.cmp(&b.1.node)));
             let most = if level == LEVELS { 0 } else { (MOST_BOXES - tree.boxes.min(MOST_BOXES)) / 8 };
-            if let Some((_, node)) = wanted.get(most).filter(|(saving, _)| !saving.is_finite()) {
-                return Err(tree.unbounded(node.place, level));
-            }
             wanted.truncate(most);
             if wanted.is_empty() {
                 break;
@@ -320,6 +340,45 @@ impl Majorants {
         tree.make_table();
         tree.rates = tree.minorants.iter().zip(&tree.majorants).map(|(&low, &high)| Rates::proven(low, high)).collect();
         Ok(tree)
+    }
+
+    /// Gives each leaf whose extinction has no bound a cap: the most that `extinction`, per metre, has at [`CAP_PLACES`] places of each of its cells of
+    /// level [`CAP_LEVEL`]; `added` per metre is what its majorant has beside extinction. The answer is `None` where every leaf has a bound. An extinction
+    /// that is infinite or NaN at such a place is an error that names it.
+    pub fn cap(&mut self, added: f64, extinction: impl Fn(&[DVec3]) -> Result<Vec<f64>>) -> Result<Option<Caps>> {
+        let mut leaves = self.all_leaves();
+        leaves.retain(|(leaf, level)| !self.majorants[leaf.node].is_finite() && self.is_inside(leaf.place, *level));
+        let mut caps: Option<Caps> = None;
+        for (Pending { node, place, .. }, level) in leaves {
+            let side = self.size / f64::from(1_u32 << level);
+            let low = self.low + side * DVec3::from(place.map(f64::from));
+            let side = side.min(self.low + self.extent - low);
+            let count = CAP_PLACES << (3 * CAP_LEVEL.saturating_sub(level));
+            let mut most = 0.0_f64;
+            for first in (0..count).step_by(CAP_BATCH) {
+                let numbers = first..count.min(first + CAP_BATCH);
+                let places: Vec<DVec3> = numbers.map(|number| low + side * additive_recurrence(number)).collect();
+                let found = extinction(&places)?;
+                let of_a_place = found.len() / places.len();
+                if let Some(wrong) = found.iter().position(|value| !value.is_finite()) {
+                    return Err(not_finite(places[wrong / of_a_place].as_vec3().to_array(), found[wrong]));
+                }
+                most = found.iter().copied().fold(most, f64::max);
+            }
+            self.majorants[node] = (most + added) as f32 * (1.0 + f32::EPSILON);
+            self.minorants[node] = self.minorants[node].min(self.majorants[node]);
+            self.rates[node] = Rates::proven(self.minorants[node], self.majorants[node]);
+            self.capped[node] = true;
+            let share = side.element_product() / self.extent.element_product();
+            let known = caps.unwrap_or(Caps { share: 0.0, most: 0.0 });
+            caps = Some(Caps { share: known.share + share, most: known.most.max(most) });
+        }
+        Ok(caps)
+    }
+
+    /// Whether the majorant of the leaf where a ray is is a cap.
+    pub fn is_capped(&self, walk: &Walk) -> bool {
+        self.capped[self.leaf(walk.cell)]
     }
 
     /// Chooses the rates of leaves in which more null collisions are expected than looking into them costs: from the
@@ -408,6 +467,7 @@ impl Majorants {
             self.majorants.push(self.majorants[parent.node]);
             self.minorants.push(self.minorants[parent.node]);
             self.rates.push(self.rates[parent.node]);
+            self.capped.push(self.capped[parent.node]);
         }
         (0..8).map(move |octant| child_of(&parent.place, first, octant))
     }
@@ -453,16 +513,6 @@ impl Majorants {
     /// Between a node's bounds, per metre: what its tentative collisions are null by.
     fn gap(&self, node: usize) -> f64 {
         f64::from(self.majorants[node]) - f64::from(self.minorants[node])
-    }
-
-    fn unbounded(&self, place: [i32; 3], level: u32) -> Error {
-        let bounds = self.bounds_of(place, level);
-        Error::new(
-            format!("extinction between {:?} and {:?} of the object's frame", bounds.low, bounds.high),
-            "a density, a coefficient or an emission that may be infinite or NaN there",
-            "one with a finite bound",
-            "Look at the density there (cloudparity eval), and clamp it in the material.",
-        )
     }
 
     /// Whether a cell of a level meets the box.
@@ -567,8 +617,10 @@ impl Majorants {
             rates: self
                 .rates
                 .iter()
-                .zip(&self.majorants)
-                .map(|(rates, &majorant)| [rates.seen.control, rates.seen.rate, rates.event, majorant])
+                .zip(self.majorants.iter().zip(&self.capped))
+                .map(|(rates, (&majorant, &capped))| {
+                    [rates.seen.control, rates.seen.rate, rates.event, if capped { -majorant } else { majorant }]
+                })
                 .collect(),
         }
     }
@@ -716,6 +768,16 @@ fn rays_per_area(size: DVec3, to_world: &DMat4) -> f64 {
 fn additive_recurrence(number: usize) -> DVec3 {
     const STEPS: DVec3 = DVec3::new(0.819_172_513_396_164_4, 0.671_043_606_703_789_2, 0.549_700_477_901_970_2);
     (STEPS * (number as f64 + 0.5)).fract()
+}
+
+/// An extinction that no path can be traced through.
+pub(crate) fn not_finite(position: [f32; 3], extinction: f64) -> Error {
+    Error::new(
+        format!("the object-space position {position:?}"),
+        format!("an extinction of {extinction} per metre"),
+        "a finite extinction",
+        "Look at the density there (cloudparity eval), and clamp it in the material.",
+    )
 }
 
 /// A child of a node, whose first child is known.

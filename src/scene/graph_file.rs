@@ -170,6 +170,29 @@ pub struct Node {
     /// Inputs by socket identifier.
     #[serde(default)]
     pub inputs: indexmap::IndexMap<String, Input>,
+    /// Blender's own values of a texture whose inputs are all constant, one entry for each set of inputs.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub folded: Vec<Folded>,
+}
+
+/// A node's values for constant inputs, as Blender folds them. They count for these inputs in this mode and for no others.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Folded {
+    /// Words of the mode: choices, flags that are on, numbers.
+    pub mode: Vec<String>,
+    /// Components of all inputs of the mode, in the order of the sockets.
+    pub inputs: Vec<f32>,
+    /// Components of all outputs of the mode, in the order of the sockets.
+    pub outputs: Vec<f32>,
+}
+
+impl Folded {
+    /// Whether these are the inputs, to the bit, and the mode that the values were asked for.
+    pub fn is_for(&self, mode: &[String], inputs: &[f32]) -> bool {
+        self.mode == mode
+            && self.inputs.iter().map(|value| value.to_bits()).eq(inputs.iter().map(|value| value.to_bits()))
+    }
 }
 
 /// What feeds an input.

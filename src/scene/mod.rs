@@ -14,7 +14,7 @@ mod schema_errors;
 pub mod volume_grid;
 
 pub(crate) use graph_file::DEEPEST_NESTING;
-pub use graph_file::{Graph, Group, Input, Node, Release, Socket, SocketType};
+pub use graph_file::{Folded, Graph, Group, Input, Node, Release, Socket, SocketType};
 
 pub use bare::bare_scene;
 
@@ -501,6 +501,16 @@ fn check_hash(path: &Path, what: &str, wanted_at: &str, wanted: &str) -> Result<
     ))
 }
 
+impl GraphSource {
+    /// The graph, to change it; none where it is in a file that is not read yet.
+    pub fn inline_mut(&mut self) -> Option<&mut Graph> {
+        match self {
+            Self::Inline(graph) => Some(graph),
+            Self::File { .. } => None,
+        }
+    }
+}
+
 impl Scene {
     /// Reads and checks a scene file; a graph in a file of its own is read into the scene.
     pub fn load(path: &Path) -> Result<Self> {
@@ -537,6 +547,14 @@ impl Scene {
         let mut scene = Self::load(path)?;
         for assignment in assignments {
             scene.set(assignment)?;
+        }
+        let folded = scene.all_nodes().filter(|node| !node.folded.is_empty()).count();
+        if folded > 0 && !assignments.is_empty() {
+            log::warn!(
+                "{}: {folded} textures with constant inputs have values that Blender folded; of those whose inputs are changed, \
+                 ours are taken (cloudparity explain lists them)",
+                path.display()
+            );
         }
         Ok(scene)
     }
@@ -596,6 +614,12 @@ impl Scene {
                 node.location.get_or_insert([200.0 * number as f32, 0.0]);
             }
         }
+    }
+
+    /// The nodes of all graphs and groups.
+    fn all_nodes(&self) -> impl Iterator<Item = &Node> {
+        let graphs = std::iter::once(self.graph()).chain(&self.other_graphs);
+        graphs.flat_map(|graph| graph.nodes.iter().chain(graph.groups.iter().flat_map(|group| &group.nodes)))
     }
 
     /// Every volume object with the graph of its material.

@@ -34,6 +34,22 @@ impl GridHandle {
             Texture::new([x, y, z], Texels::F32(values), TextureFilter::Trilinear, Outside::Zero).with_identity(sha256);
         Self { texture: TextureHandle::new(texture), to_object: grid.to_object }
     }
+
+    /// Rows that take a position of the object's frame to an index, in f32: they define where a point lies in the grid.
+    pub fn to_index(&self) -> [[f32; 4]; 3] {
+        let to_index = self.to_object.inverse();
+        let columns = to_index.matrix3.to_cols_array_2d();
+        let origin = to_index.translation;
+        std::array::from_fn(|row| {
+            [columns[0][row], columns[1][row], columns[2][row], origin[row]].map(|value| value as f32)
+        })
+    }
+
+    /// The values by index x, y, z.
+    pub fn values(&self) -> Array3<f32> {
+        let [x, y, z] = self.texture.size();
+        Array3::from_shape_fn((x, y, z), |(x, y, z)| self.texture.value([Some(x), Some(y), Some(z)]))
+    }
 }
 
 /// Values on a grid.

@@ -139,7 +139,7 @@ struct Outcome {
 @group(0) @binding(1) var<storage, read> rays: array<Ray>;
 // The table over cells of TABLE_LEVEL, then per node the first of its children with the level in the upper four bits.
 @group(0) @binding(2) var<storage, read> tree: array<u32>;
-// Per node: control, residual rate, rate of events, majorant.
+// Per node: control, residual rate, rate of events, majorant; a majorant that is a cap, not a bound, has a minus sign.
 @group(0) @binding(3) var<storage, read> rates: array<vec4f>;
 @group(0) @binding(4) var<storage, read> lights: array<Light>;
 @group(0) @binding(5) var<storage, read_write> paths: array<Path>;
@@ -618,17 +618,23 @@ fn main(@builtin(global_invocation_id) invocation: vec3u) {
         let place = position();
         let value = graph::evaluate(place);
         // Negative density acts as 0; NaN is not below 0 and stays to be seen.
-        let density = select(value, 0.0, value < 0.0);
-        let extinction = largest(stage.extinction) * density;
+        var density = select(value, 0.0, value < 0.0);
+        var extinction = largest(stage.extinction) * density;
+        let majorant = abs(path.majorant);
         outcome.collisions += 1u;
-        if !(extinction <= path.majorant) {
-            outcome.place = place;
-            outcome.extinction = extinction;
-            outcome.majorant = max(path.majorant, 1e-38);
-            outcome.finished = 1u;
-            break;
+        if !(extinction <= majorant) {
+            if !(path.majorant < 0.0 && extinction <= FAR) {
+                outcome.place = place;
+                outcome.extinction = extinction;
+                outcome.majorant = max(majorant, 1e-38);
+                outcome.finished = 1u;
+                break;
+            }
+            // Where no bound is proven, extinction beyond the cap counts as the cap.
+            density = majorant / largest(stage.extinction);
+            extinction = majorant;
         }
-        outcome.null_collisions += 1.0 - extinction / path.majorant;
+        outcome.null_collisions += 1.0 - extinction / majorant;
         numbers = next4();
         collide(density);
 #ifdef MESH

@@ -36,8 +36,9 @@ pub(super) fn run(arguments: &Arguments, count: u64) -> Result<ExitCode> {
     while done < count {
         let end = count.min(done + TOGETHER);
         let seeds: Vec<u64> = (done..end).map(|number| arguments.seed.wrapping_add(number)).collect();
-        let graphs: Vec<RandomGraph> =
+        let mut graphs: Vec<RandomGraph> =
             seeds.par_iter().map(|&seed| random_graphs::generate(seed, POINTS)).collect::<Result<_>>()?;
+        random_graphs::with_folded_textures(&mut graphs, |_: Message| bar.tick())?;
         let mut cycles = Cycles(|_: Message| bar.tick());
         let mut found = random_graphs::run(&graphs, &judge, &mut cycles);
         for (graph, outcome) in graphs.iter().zip(&mut found).filter(|(_, outcome)| !outcome.failures.is_empty()) {

@@ -29,7 +29,7 @@ use crate::base::identity::{Identity, Resume};
 use crate::base::progress::Progress as Report;
 use crate::gpu::Backend;
 use crate::gpu::Gpu;
-use crate::media::majorant::Effort;
+use crate::media::majorant::{Caps, Effort};
 use crate::media::objects::{Media, ObjectMedium};
 use crate::scene::Scene;
 use crate::scene::image::Image;
@@ -552,6 +552,10 @@ impl Tracer {
         }
         if let Some(given) = subject.medium {
             image.provenance.insert("medium".to_owned(), given.identity.clone());
+        }
+        if let Some(Caps { share, most }) = self.volume.caps {
+            image.provenance.insert("capped_share".to_owned(), format!("{share:e}"));
+            image.provenance.insert("capped_extinction".to_owned(), most.to_string());
         }
         image
     }

@@ -40,7 +40,7 @@ use crate::base::arrays::{Mapped, each};
 use crate::base::error::{Error, Result};
 use crate::integrators::path::opacity::Thin;
 use crate::integrators::path::volume::{CoefficientEvaluator, Lobes, Part, Volume};
-use crate::media::majorant::{Majorants, Rates, Residual, Walk};
+use crate::media::majorant::{Majorants, Rates, Residual, Walk, not_finite};
 use crate::media::mesh::PlacedMesh;
 use crate::media::objects::PhaseMixture;
 use crate::media::phase::{PhaseFunction, turned};
@@ -338,7 +338,19 @@ impl Tracer {
                 .fold(0.0, |most: f64, value| if value.is_nan() { value } else { most.max(value) });
             // NaN is not below the majorant.
             if extinction.is_nan() || extinction > path.majorant {
-                return Err(violation(position.as_vec3().to_array(), extinction, path.majorant));
+                let is_capped = self.volume.majorants.as_ref().is_some_and(|tree| tree.is_capped(&path.walk));
+                if !(is_capped && extinction.is_finite()) {
+                    return Err(violation(position.as_vec3().to_array(), extinction, path.majorant));
+                }
+                // Where no bound is proven, extinction beyond the cap counts as the cap.
+                let share = path.majorant / extinction;
+                let limited = Coefficients {
+                    scattering: found.scattering.mapped(|value| value * share),
+                    extinction: found.extinction.mapped(|value| value * share),
+                    emission: found.emission,
+                };
+                self.collide(path, &limited);
+                continue;
             }
             counters.null_collisions += 1.0 - extinction / path.majorant;
             self.collide(path, found);
@@ -952,10 +964,13 @@ fn largest(values: &[f64; 3]) -> f64 {
 }
 
 pub(crate) fn violation(position: [f32; 3], extinction: f64, majorant: f64) -> Error {
+    if !extinction.is_finite() {
+        return not_finite(position, extinction);
+    }
     Error::new(
         format!("the object-space position {position:?}"),
         format!("an extinction of {extinction} per metre"),
         format!("at most the majorant {majorant} that was proven for its surroundings"),
-        "This is a defect of the bounds (or a NaN they missed): please report it with the scene file.",
+        "This is a defect of the bounds: please report it with the scene file.",
     )
 }

@@ -13,7 +13,7 @@ use crate::base::error::{Error, Result};
 use crate::graph::Program;
 use crate::graph::bounds::Bounds3;
 use crate::graph::evaluate::Evaluator;
-use crate::media::majorant::{COORDINATE_PADDING, Effort, Majorants};
+use crate::media::majorant::{COORDINATE_PADDING, Caps, Effort, Majorants};
 use crate::media::mesh::{PlacedMesh, Span};
 use crate::media::object_index::ObjectIndex;
 use crate::media::objects::{ObjectMedium, PhaseMixture, Values};
@@ -90,6 +90,10 @@ pub(crate) struct Volume {
     pub(crate) emission_varies: bool,
     /// Tentative collisions per metre for each unit of varying emission.
     emission_rate: f64,
+    /// Varying emission beyond this adds no more collisions: infinity where emission has a bound.
+    emission_cap: f64,
+    /// Where extinction has no bound, and what it is capped at.
+    pub(crate) caps: Option<Caps>,
     /// Whether any object fills a mesh, and whether there is no other.
     pub(crate) has_mesh: bool,
     pub(crate) is_mesh: bool,
@@ -123,6 +127,8 @@ impl Volume {
             emission: constant_emission.unwrap_or([0.0; 3]),
             emission_varies: constant_emission.is_none(),
             emission_rate: 0.0,
+            emission_cap: f64::INFINITY,
+            caps: None,
             has_mesh: objects.iter().any(|object| object.mesh.is_some()),
             is_mesh: matches!(objects.as_slice(), [only] if only.mesh.is_some()),
             lobes: lobes(&objects, proportional.is_some())?,
@@ -136,15 +142,28 @@ impl Volume {
         };
         let Some(region) = volume.region() else { return Ok(volume) };
         let to_world = volume.to_frame.inverse();
+        let mut added = 0.0;
         if volume.emission_varies {
-            let most = volume.most_emission()?;
+            let (most, is_bound) = volume.most_emission()?;
             volume.emission_varies = most > 0.0;
             if volume.emission_varies {
                 volume.emission_rate = EMISSION_COLLISIONS / (most * diagonal(&region, &to_world));
             }
+            if !is_bound {
+                volume.emission_cap = most;
+            }
+            added = volume.emission_rate * most;
         }
         let enclose = |boxes: &[Bounds3]| volume.enclose(boxes);
         let mut majorants = Majorants::build([region.low, region.high], &to_world, effort, enclose)?;
+        volume.caps = majorants.cap(added, |places| volume.extinctions(places))?;
+        if let Some(Caps { share, most }) = volume.caps {
+            log::warn!(
+                "the extinction has no bound in {:.2e} % of the volume: beyond {most:.4} per metre, the most that was found there, \
+                 it counts as that",
+                100.0 * share
+            );
+        }
         // Emission that varies is collected at tentative collisions, whose rate is above 0 by its majorant.
         if !volume.emission_varies {
             majorants.pilot(&to_world, effort, |places| volume.extinctions(places))?;
@@ -178,24 +197,27 @@ impl Volume {
         }
     }
 
-    /// A bound of the magnitude of varying emission.
-    fn most_emission(&self) -> Result<f64> {
-        let mut sum = 0.0;
+    /// The magnitude of varying emission to which the rate of collisions refers, and whether it is a bound. Any rate above 0 gives the right mean, so none
+    /// is needed: where emission has no bound, this is the largest of the finite ones of parts of the box, or 1 where no part has one.
+    fn most_emission(&self) -> Result<(f64, bool)> {
+        let (mut sum, mut is_bound) = (0.0, true);
         for object in &self.objects {
             let whole = Bounds3::new(object.bounds.low.as_vec3().into(), object.bounds.high.as_vec3().into());
-            let found = object.bounds_of(&[whole], EMISSION_DEPTH)?[0].emission;
-            let most = found.iter().map(|channel| channel.magnitude()).fold(0.0, f64::max);
-            if found.iter().any(|channel| channel.may_be_nan) || !most.is_finite() {
-                return Err(Error::new(
-                    format!("object {}", object.object),
-                    "an emission that may be infinite or NaN somewhere",
-                    "an emission with a finite bound",
-                    "Clamp the emission in the material.",
-                ));
+            let most = magnitude(&object.bounds_of(&[whole], EMISSION_DEPTH)?[0].emission);
+            if most.is_finite() {
+                sum += most;
+                continue;
             }
-            sum += most;
+            is_bound = false;
+            let mut parts = vec![whole];
+            for _ in 0..EMISSION_DEPTH {
+                parts = parts.iter().flat_map(Bounds3::octants).collect();
+            }
+            let bounds = object.bounds_of(&parts, 0)?.into_iter().map(|part| magnitude(&part.emission));
+            let largest = bounds.filter(|bound| bound.is_finite()).fold(0.0, f64::max);
+            sum += if largest > 0.0 { largest } else { 1.0 };
         }
-        Ok(sum)
+        Ok((sum, is_bound))
     }
 
     /// Encloses, over boxes of the frame, the extinction and what is added to it for the sake of emission. The
@@ -252,7 +274,8 @@ impl Volume {
         let together = |sum: &Enclosed| {
             let least = sum.low.iter().copied().fold(f64::INFINITY, f64::min);
             // Without varying emission the rate is 0, and its product with an infinite bound would be NaN.
-            let emission = if self.emission_varies { self.emission_rate * largest(&sum.emission) } else { 0.0 };
+            let counted = largest(&sum.emission).min(self.emission_cap);
+            let emission = if self.emission_varies { self.emission_rate * counted } else { 0.0 };
             widened(least, largest(&sum.high) + emission, sum.may_be_nan)
         };
         Ok(sums.iter().map(together).collect())
@@ -455,6 +478,12 @@ fn largest(values: &[f64; 3]) -> f64 {
     values.iter().copied().fold(0.0, f64::max)
 }
 
+/// A bound of the magnitude of all channels; infinity where there is none.
+fn magnitude(channels: &[Interval]) -> f64 {
+    let of = |channel: &Interval| if channel.may_be_nan { f64::INFINITY } else { channel.magnitude() };
+    channels.iter().map(of).fold(0.0, f64::max)
+}
+
 /// Length in metres that no edge of a box exceeds, near that of its diagonal: the root of the sum of their squares.
 fn diagonal(region: &Region, to_world: &DMat4) -> f64 {
     let size = region.high - region.low;
@@ -479,8 +508,8 @@ impl Enclosed {
             // Negative extinction is refused where it is met.
             self.low[channel] += if whole { low.max(0.0) } else { 0.0 };
             self.high[channel] += high.max(0.0);
-            self.emission[channel] += found.emission[channel].magnitude();
-            self.may_be_nan |= found.extinction[channel].may_be_nan || found.emission[channel].may_be_nan;
+            self.emission[channel] += magnitude(&found.emission[channel..=channel]);
+            self.may_be_nan |= found.extinction[channel].may_be_nan;
         }
     }
 }

@@ -8,7 +8,7 @@ pub mod slices;
 
 pub use crate::measure::domain::{self, Domain};
 pub use crate::measure::errors::values::{Comparison, Figures};
-pub use crate::measure::evaluators::{Evaluator, Reference, Request, compare, evaluate, figures};
+pub use crate::measure::evaluators::{Comparisons, Evaluator, Reference, Request, compare, evaluate, figures};
 
 use crate::base::error::Result;
 use crate::base::identity::Identity;
@@ -52,29 +52,38 @@ pub struct Sampling {
     pub rounding_bound: bool,
 }
 
-/// Compares one socket of a scene at points of a domain.
+/// Compares sockets of a scene at points of a domain: one probe for each, in their order.
 pub fn probe(
     scene: &Scene,
-    target: Target,
+    targets: &[Target],
     sampling: Sampling,
     evaluators: &[Evaluator],
     receive: impl FnMut(Message),
-) -> Result<Probe> {
-    // Where no closure has the one density, points lie where the target itself varies.
-    let program = Program::density(scene).or_else(|_| Program::compile(scene, std::slice::from_ref(&target)))?;
+) -> Result<Vec<Probe>> {
     let Sampling { domain, points, seed, rounding_bound } = sampling;
-    let positions = domain::points(domain, scene, &program, points, seed)?;
-    let name = target.name();
-    let request = Request { scene, target, positions: &positions, evaluators, rounding_bound };
-    let (mut found, reference) = compare(&[request], receive)?;
-    Ok(Probe {
+    // Where no closure has the one density, points lie where the target itself varies.
+    let positions: Vec<Vec<[f32; 3]>> = targets
+        .iter()
+        .map(|target| {
+            let program = Program::density(scene).or_else(|_| Program::compile(scene, std::slice::from_ref(target)))?;
+            domain::points(domain, scene, &program, points, seed)
+        })
+        .collect::<Result<_>>()?;
+    let requests: Vec<Request<'_>> = targets
+        .iter()
+        .zip(&positions)
+        .map(|(target, positions)| Request { scene, target: target.clone(), positions, evaluators, rounding_bound })
+        .collect();
+    let (found, reference) = compare(&requests, receive)?;
+    let probe = |((target, positions), found): ((&Target, &Vec<[f32; 3]>), Comparisons)| Probe {
         build: Identity::current().clone(),
         scene: scene.name.clone(),
-        target: name,
+        target: target.name(),
         points: positions.len(),
         domain: domain.name(),
         seed,
-        reference,
-        evaluators: figures(found.remove(0)),
-    })
+        reference: reference.clone(),
+        evaluators: figures(found),
+    };
+    Ok(targets.iter().zip(&positions).zip(found).map(probe).collect())
 }

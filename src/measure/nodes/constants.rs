@@ -55,7 +55,7 @@ fn number(random: &mut ChaCha8Rng) -> f32 {
 }
 
 /// Nodes that give a constant of `kind`, and the link to it.
-fn constant(kind: SocketType, values: &[f32], by: FoldedBy, name: &str, graph: &mut Vec<Json>) -> Json {
+pub(super) fn constant(kind: SocketType, values: &[f32], by: FoldedBy, name: &str, graph: &mut Vec<Json>) -> Json {
     let list: Vec<Json> = values.iter().map(|&value| json_number(value)).collect();
     match (kind.components(), by) {
         (1, FoldedBy::Blender) => {
@@ -132,6 +132,11 @@ impl Case {
         })
     }
 
+    /// The scene and what is asked of it.
+    pub fn subject(&mut self) -> (&mut Scene, &[Target]) {
+        (&mut self.scene, &self.targets)
+    }
+
     /// A row per output: over all sets of constants.
     fn rows(&self, theirs: &[Vec<f32>], positions: &[[f32; 3]]) -> Result<Vec<ModeComparison>> {
         let program = Program::compile(&self.scene, &self.targets)?;
@@ -164,16 +169,15 @@ impl Case {
 pub fn cases(sets: usize, seed: u64, node: Option<&str>, release: Release) -> Result<Vec<Case>> {
     let mut cases = Vec::new();
     for node_type in nodes::registry() {
-        // Left out: Blender folds textures by functions of its own, which are within 5e-7 at ordinary values
-        // and not reproduced.
+        // Cycles takes the constant coordinate of a texture for an unlinked one: only Blender folds textures.
         let texture = node_type.inputs.iter().any(|socket| socket.generated_when_unlinked);
-        let evaluated =
-            matches!(node_type.role, Role::Evaluated(_)) && node_type.type_name.starts_with("ShaderNode") && !texture;
+        let folding: &[FoldedBy] = if texture { &[FoldedBy::Blender] } else { &[FoldedBy::Blender, FoldedBy::Cycles] };
+        let evaluated = matches!(node_type.role, Role::Evaluated(_)) && node_type.type_name.starts_with("ShaderNode");
         if !evaluated || node.is_some_and(|label| label != node_type.label) {
             continue;
         }
         for properties in modes_of(node_type, release) {
-            for by in [FoldedBy::Blender, FoldedBy::Cycles] {
+            for &by in folding {
                 let seed = seed.wrapping_add(cases.len() as u64);
                 let mut case = Case::new(node_type, &properties, by, sets, seed)?;
                 case.scene.graph_mut().blender = release;
@@ -185,6 +189,8 @@ pub fn cases(sets: usize, seed: u64, node: Option<&str>, release: Release) -> Re
 }
 
 /// Compares all cases in one Blender process.
+///
+/// Textures that Blender folds have to have its values already, as an export stores them ([`Case::subject`]).
 pub fn run(cases: &[Case], mut receive: impl FnMut(Message)) -> Result<super::suite::ModeComparisons> {
     let positions = [[0.0; 3]; 2];
     let jobs: Vec<probe::Job<'_>> = cases

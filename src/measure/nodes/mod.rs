@@ -3,6 +3,7 @@
 pub mod constants;
 pub mod costs;
 pub mod drift;
+pub mod folded_textures;
 pub mod limits;
 pub mod measurements;
 pub mod node_releases;

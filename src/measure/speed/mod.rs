@@ -292,6 +292,7 @@ fn idle_scene(scene: &Scene) -> Result<Scene> {
         properties: serde_json::Map::new(),
         outputs: indexmap::IndexMap::new(),
         inputs,
+        folded: Vec::new(),
     };
     let link = |node: &str, socket: &str| Input::Link { node: node.to_owned(), socket: socket.to_owned() };
     let separate = format!("{coordinate} component");

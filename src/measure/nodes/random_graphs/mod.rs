@@ -25,6 +25,7 @@ use crate::bridge::{CyclesKernel, Message, probe};
 use crate::gpu::Gpu;
 use crate::graph::evaluate::Points;
 use crate::graph::{Program, Target};
+use crate::measure::nodes::folded_textures;
 use crate::nodes::Nudge;
 use crate::scene::{Input, Node, Scene};
 use serde::Serialize;
@@ -227,10 +228,21 @@ pub struct Judge<'a> {
 }
 
 /// Compares the graphs; all of them are handed to the reference together.
+///
+/// Textures that Blender folds have to have its values already ([`with_folded_textures`]).
 pub fn run(graphs: &[RandomGraph], judge: &Judge<'_>, reference: &mut dyn Reference) -> Vec<GraphComparison> {
     let trials: Vec<&Trial> = graphs.iter().map(|graph| &graph.trial).collect();
     let theirs = reference.values(&trials);
     graphs.iter().zip(theirs).map(|(graph, theirs)| judge.outcome(graph, theirs)).collect()
+}
+
+/// Gives textures that Blender folds its values, as an export does.
+pub fn with_folded_textures(graphs: &mut [RandomGraph], receive: impl FnMut(Message)) -> Result<()> {
+    let mut scenes: Vec<(&mut Scene, &[Target])> = graphs
+        .iter_mut()
+        .map(|RandomGraph { trial: Trial { scene, targets, .. }, .. }| (scene, targets.as_slice()))
+        .collect();
+    folded_textures::store_for(&mut scenes, receive).map(|_| ())
 }
 
 /// Makes a failing graph small and saves what is left of it, once for each of its failures.
@@ -382,6 +394,7 @@ fn node(name: &str, kind: &str) -> Node {
         properties: Map::new(),
         outputs: indexmap::IndexMap::new(),
         inputs: indexmap::IndexMap::new(),
+        folded: Vec::new(),
     }
 }
 
