@@ -738,7 +738,7 @@ mod tests {
         blend("DIVIDE").enclose(&[unit, half, half, half, two, two, two], &mut enclosed);
         // a ((1 - t) + t / b) is least at b = 2: a half of a half.
         assert!(enclosed[0].low > 0.249_99 && enclosed[0].low <= 0.25, "{enclosed:?}");
-        let limited = Blend { kind: "DIVIDE", clamp_factor: true, clamp_result: true };
+        let limited = Blend { kind: "DIVIDE", clamp_factor: true, clamp_result: true, release: Release::default() };
         limited.enclose(&[unit, half, half, half, two, two, two], &mut enclosed);
         assert!(enclosed[0].low > 0.249_99 && enclosed[0].high == 1.0, "{enclosed:?}");
     }
@@ -757,7 +757,8 @@ mod tests {
         for &kind in BLEND_TYPES {
             let (mut ratios, mut unbounded) = (Vec::new(), 0);
             for round in 0..BOXES {
-                let blend = Blend { kind, clamp_factor: round % 2 == 0, clamp_result: round % 5 == 0 };
+                let (clamp_factor, clamp_result) = (round % 2 == 0, round % 5 == 0);
+                let blend = Blend { kind, clamp_factor, clamp_result, release: Release::default() };
                 let boxes: [Interval; 7] = each(|_| {
                     let mut end = || match round % 3 {
                         0 => next(),
