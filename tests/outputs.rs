@@ -146,7 +146,7 @@ fn desk() -> tempfile::TempDir {
 /// Two points as numpy.save writes them.
 fn ndarray_points() -> Vec<u8> {
     let mut header = "{'descr': '<f4', 'fortran_order': False, 'shape': (2, 3), }".to_owned();
-    while (10 + header.len() + 1) % 64 != 0 {
+    while !(10 + header.len() + 1).is_multiple_of(64) {
         header.push(' ');
     }
     header.push('\n');
