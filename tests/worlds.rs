@@ -36,10 +36,25 @@ fn half_lit() -> Graph {
         node("Seen", "TexCoord", json!({}), json!({})),
         node("Parts", "SeparateXYZ", json!({}), json!({"Vector": link("Seen", "Generated")})),
         node("Above", "Math", json!({"operation": "MAXIMUM"}), json!({"Value": link("Parts", "X"), "Value_001": 0.0})),
-        node("Color", "CombineXYZ", json!({}), json!({
-            "X": link("Above", "Value"), "Y": link("Twice", "Value"), "Z": link("Thrice", "Value")})),
-        node("Twice", "Math", json!({"operation": "MULTIPLY"}), json!({"Value": link("Above", "Value"), "Value_001": 2.0})),
-        node("Thrice", "Math", json!({"operation": "MULTIPLY"}), json!({"Value": link("Above", "Value"), "Value_001": 3.0})),
+        node(
+            "Color",
+            "CombineXYZ",
+            json!({}),
+            json!({
+            "X": link("Above", "Value"), "Y": link("Twice", "Value"), "Z": link("Thrice", "Value")}),
+        ),
+        node(
+            "Twice",
+            "Math",
+            json!({"operation": "MULTIPLY"}),
+            json!({"Value": link("Above", "Value"), "Value_001": 2.0}),
+        ),
+        node(
+            "Thrice",
+            "Math",
+            json!({"operation": "MULTIPLY"}),
+            json!({"Value": link("Above", "Value"), "Value_001": 3.0}),
+        ),
         node("B", "Background", json!({}), json!({"Color": link("Color", "Vector"), "Strength": 4.0})),
     ])
 }
@@ -98,11 +113,21 @@ fn mixes_weigh_by_their_clamped_factor_and_sums_add() {
             node("Seen", "TexCoord", json!({}), json!({})),
             node("Parts", "SeparateXYZ", json!({}), json!({"Vector": link("Seen", "Generated")})),
             node("Fac", "Math", json!({"operation": "ADD"}), factor),
-            node("Mix", "MixShader", json!({}), json!({
+            node(
+                "Mix",
+                "MixShader",
+                json!({}),
+                json!({
                 "Fac": link("Fac", "Value"),
-                "Shader": link("First", "Background"), "Shader_001": link("Second", "Background")})),
-            node("Sum", "AddShader", json!({}), json!({
-                "Shader": link("Mix", "Shader"), "Shader_001": link("Third", "Background")})),
+                "Shader": link("First", "Background"), "Shader_001": link("Second", "Background")}),
+            ),
+            node(
+                "Sum",
+                "AddShader",
+                json!({}),
+                json!({
+                "Shader": link("Mix", "Shader"), "Shader_001": link("Third", "Background")}),
+            ),
             node("World Output", "OutputWorld", json!({}), json!({"Surface": link("Sum", "Shader")})),
         ];
         let graph = json!({"material": "World", "nodes": nodes, "groups": []});
@@ -118,7 +143,12 @@ fn what_is_no_number_counts_as_nothing() {
     let graph = world(&[
         node("Seen", "TexCoord", json!({}), json!({})),
         node("Parts", "SeparateXYZ", json!({}), json!({"Vector": link("Seen", "Generated")})),
-        node("Big", "Math", json!({"operation": "MULTIPLY"}), json!({"Value": link("Parts", "X"), "Value_001": 1000.0})),
+        node(
+            "Big",
+            "Math",
+            json!({"operation": "MULTIPLY"}),
+            json!({"Value": link("Parts", "X"), "Value_001": 1000.0}),
+        ),
         node("Exp", "Math", json!({"operation": "EXPONENT"}), json!({"Value": link("Big", "Value")})),
         node("B", "Background", json!({}), json!({"Color": [1.0, 1.0, 1.0, 1.0], "Strength": link("Exp", "Value")})),
     ]);

@@ -231,8 +231,12 @@ pub(super) fn export(
     for (volume, graph) in scene.volumes()? {
         ClosureSum::compile(graph, volume).map_err(in_file)?;
     }
-    if let Some(graph) = &scene.world.graph {
-        WorldValues::compile(graph).map_err(in_file)?;
+    if let Some(graph) = &scene.world.graph
+        && let Err(error) = WorldValues::compile(graph)
+    {
+        // A mode that only the compiler knows.
+        eprintln!("warning: {}: the world is not evaluated as nodes but as a picture of them", in_file(error));
+        return export(&blend, objects, frame, release, AroundAs::Baked, output);
     }
     for (name, bytes) in &beside {
         write_beside(bytes, &output.with_file_name(name))?;

@@ -267,8 +267,8 @@ def by_cycles(folder, **settings):
     return values[..., :3], Path(render.filepath)
 
 
-# Renders the world of a file twice, by the same rays: what it sends, and the direction that it is asked for. The bits
-# are those of Cycles' SSE4.2 kernel, which a process chooses once.
+# Renders the world of a file twice, by the same rays: what it sends, and the direction that it is asked for.
+# The bits are those of Cycles' SSE4.2 kernel, which a process chooses once.
 SAME_RAYS = """
 import sys
 import bpy, numpy as np
