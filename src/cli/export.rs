@@ -46,8 +46,7 @@ pub(super) struct Arguments {
     /// Of a .blend: the release of Blender whose values the nodes get, for who works with an older one.
     #[arg(long, value_name = "RELEASE", value_parser = choice::<Release>(), default_value_t)]
     blender: Release,
-    /// Of a .blend: a world that is no colour and no picture as its nodes, where all of them are supported, or as a picture of them, which
-    /// Cycles renders.
+    /// Of a .blend: a world that is no colour and no picture as its nodes, where all of them are supported, or as a picture of them.
     #[arg(long, value_name = "FORM", value_enum, default_value_t = AroundAs::Nodes)]
     world: AroundAs,
     /// The file to write.
