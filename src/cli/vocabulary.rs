@@ -68,10 +68,10 @@ const SHARED: &[(&str, &[&str], &[&str])] = &[
     ("view", &["NAME"], &["view transform"]),
     ("view-step", &["METRES"], &["step of a view ray"]),
     ("volume-bounces", &["N"], &["scattering events beyond the first"]),
-    ("world", &["FORM"], &["a world that is no colour and no picture"]),
     ("voxels", &["N"], &["voxels"]),
     ("without-cycles", &[], &["leave cycles out"]),
     ("without-gpu", &[], &["leave the adapter"]),
+    ("world", &["FORM"], &["a world that is no colour and no picture"]),
     ("world-bands", &["N"], &["bands of spherical harmonics"]),
     ("world-directions", &["N"], &["quadrature over the world"]),
 ];
