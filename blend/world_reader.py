@@ -104,9 +104,11 @@ def read_world(world, messages, folder=None, nodes=None, only_check=False):
     if nodes is not None and any(_may_vary(node) for node in reach.nodes.values()):
         reason = _reason_to_bake(reach, nodes)
         if reason is None:
-            return World(
-                {"color": [1.0] * 3, "strength": 1.0, "graph": read_world_graph(world, messages.warning)}
-            )
+            try:
+                graph = read_world_graph(world, messages.warning)
+                return World({"color": [1.0] * 3, "strength": 1.0, "graph": graph})
+            except InputError as problem:
+                reason = str(problem)
         messages.warning(place, f"is not evaluated as nodes but as a picture of them: {reason}")
     if only_check:
         return None

@@ -24,7 +24,7 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 /// What of a .blend is read.
-#[derive(clap::Args)]
+#[derive(Clone, clap::Args)]
 pub(super) struct Wish {
     /// Of a .blend: an object with a volume material, repeatable; without it all that render are exported.
     #[arg(long, value_name = "NAME", conflicts_with = "material")]
@@ -45,8 +45,7 @@ pub(super) struct Wish {
     /// that saved it for others. It is read by a release that is not older than either.
     #[arg(long, value_name = "RELEASE", value_parser = choice::<Release>())]
     blender: Option<Release>,
-    /// Of a .blend: a world that is no colour and no picture as its nodes, where all of them are supported, or as a picture of them, which
-    /// Cycles renders.
+    /// Of a .blend: a world that is no colour and no picture as its nodes, where all of them are supported, or as a picture of them.
     #[arg(long, value_name = "FORM", value_enum, default_value_t = AroundAs::Nodes)]
     world: AroundAs,
 }
@@ -256,8 +255,12 @@ pub(super) fn export(blend: &Path, wish: &Wish, output: &Path) -> Result<Scene> 
             "Name a file to write.",
         ));
     }
-    if let Some(graph) = &scene.world.graph {
-        WorldValues::compile(graph).map_err(in_file)?;
+    if let Some(graph) = &scene.world.graph
+        && let Err(error) = WorldValues::compile(graph)
+    {
+        // A mode that only the compiler knows.
+        eprintln!("warning: {}: the world is not evaluated as nodes but as a picture of them", in_file(error));
+        return export(&blend, &Wish { world: AroundAs::Baked, ..wish.clone() }, output);
     }
     if folded_textures::store(&mut scene, |_| ()).map_err(in_file)? > 0 {
         write_folded(&scene, &mut result["scene"]);

@@ -72,6 +72,7 @@ const SHARED: &[(&str, &[&str], &[&str])] = &[
     ("voxels", &["N"], &["voxels"]),
     ("without-cycles", &[], &["leave cycles out"]),
     ("without-gpu", &[], &["leave the adapter"]),
+    ("world", &["FORM"], &["a world that is no colour and no picture"]),
     ("world-bands", &["N"], &["bands of spherical harmonics"]),
     ("world-directions", &["N"], &["quadrature over the world"]),
 ];

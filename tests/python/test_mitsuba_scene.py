@@ -153,6 +153,7 @@ LINK = {"node": "Separate XYZ", "socket": "X"}
         (("lights", 0, "type"), "point", "scene.lights Sun.type"),
         (("lights", 0, "angle"), 0.009, "scene.lights Sun.angle"),
         (("world", "image"), {"file": "a.exr", "sha256": "0"}, "scene.world.image"),
+        (("world", "graph"), {"material": "World", "nodes": []}, "scene.world.graph"),
         (("other_volumes",), [{}], "scene.other_volumes"),
         (("volume", "shape"), {"type": "mesh"}, "scene.volume.shape.type"),
         (("volume", "matrix_world", 0, 0), -1.0, "scene.volume.matrix_world"),

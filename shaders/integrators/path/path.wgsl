@@ -17,7 +17,7 @@
 #import cloudparity::phase
 #import cloudparity::transfer
 #ifdef WORLD
-#import cloudparity::world
+#import cloudparity::surroundings
 #endif
 
 const CAMERA: u32 = 0u;
@@ -417,7 +417,7 @@ fn collide_between_events(extinction: vec3f, per_metre: vec3f) {
 fn around_scene() -> vec3f {
 #ifdef WORLD
     // What is no number, or infinite, counts as 0.
-    let sent = world::evaluate(path.direction);
+    let sent = surroundings::evaluate(path.direction);
     return select(vec3f(0.0), sent, abs(sent) < vec3f(FAR));
 #else
     return stage.world;
