@@ -333,7 +333,7 @@ class _GraphReader:
         5.3.0), as for those of a group without an output node."""
         found, _, remedy = missing_reason(node.node_tree.original)
         self._warn(
-            f'material "{self._material.name}", node "{node.name}"',
+            f'{self._place()}, node "{node.name}"',
             f"found {found}: its outputs are 0, as in Blender; {remedy}",
         )
         name = f"{unique_name(node.node_tree)} (missing from {node.name})"

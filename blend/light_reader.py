@@ -11,7 +11,8 @@ import math
 
 import numpy as np
 
-from graph_reader import live_links, unique_name
+from graph_reader import unique_name
+from light_nodes import plain_emission
 from protocol import InputError
 from scene_io import matrix_rows, read_fields, shortest, shortest_list
 
@@ -41,8 +42,9 @@ REFUSED_SETTINGS = {
 }
 
 
-def read_lights(depsgraph, scene, messages, faults):
-    """The lights of a depsgraph for rendering, sorted by name. `faults` gets those that cannot be read."""
+def read_lights(depsgraph, scene, messages, faults, tree_colors):
+    """The lights of a depsgraph for rendering, sorted by name. `faults` gets those that cannot be read;
+    `tree_colors` is what light_nodes.colors_of_trees found."""
     lights, taken = [], set()
     for instance in depsgraph.object_instances:
         item = instance.object
@@ -57,13 +59,13 @@ def read_lights(depsgraph, scene, messages, faults):
         taken.add(name)
         entry = None
         with faults.noted():
-            entry = _read_light(item, name, instance.matrix_world.copy(), scene, messages)
+            entry = _read_light(item, name, instance.matrix_world.copy(), scene, messages, tree_colors)
         if entry is not None:
             lights.append(entry)
     return sorted(lights, key=lambda light: light["name"])
 
 
-def _read_light(item, name, matrix, scene, messages):
+def _read_light(item, name, matrix, scene, messages, tree_colors):
     light = item.data
     place = f'light "{name}"'
     if not item.visible_volume_scatter:
@@ -75,7 +77,7 @@ def _read_light(item, name, matrix, scene, messages):
     _require_transport(item, place, scene)
     if item.visible_camera and _has_extent(light):
         messages.warning(f"{place}, ray visibility", "the lamp itself is not seen: camera is read as off")
-    factor = _color_factor(light, place)
+    factor = _color_factor(light, tree_colors.get(light.original))
     strength = _strength_factor(light, matrix, place)
     rows = matrix_rows(matrix, f'object "{name}", matrix_world')
     fields = read_fields(light, LIGHT_FIELDS, place)
@@ -132,41 +134,24 @@ def _require_transport(item, place, scene):
             )
 
 
-def _color_factor(light, place):
-    """What the colour is multiplied with; None where it stays as it is."""
+def _color_factor(light, tree_color):
+    """What the colour is multiplied with; None where it stays as it is. `tree_color` is what
+    light_nodes.colors_of_trees found, None where the tree is a plain Emission."""
     factor = None
     if light.use_temperature:
         factor = np.array(light.temperature_color, np.float64)
-    emission = _emission(light, place)
-    if emission is not None:
+    color = None
+    if isinstance(tree_color, InputError):
+        raise tree_color
+    if tree_color is not None:
+        color = tree_color
+    elif light.use_nodes and light.node_tree is not None:
+        emission = plain_emission(light)
         color = np.array(emission.inputs["Color"].default_value[:3], np.float64)
         color *= emission.inputs["Strength"].default_value
-        if not np.array_equal(color, np.ones(3)):
-            factor = color if factor is None else factor * color
+    if color is not None and not np.array_equal(color, np.ones(3)):
+        factor = color if factor is None else factor * color
     return factor
-
-
-def _emission(light, place):
-    """The Emission node of a light that uses nodes. Other nodes are refused."""
-    if not light.use_nodes or light.node_tree is None:
-        return None
-    output = light.node_tree.get_output_node("CYCLES")
-    links = live_links(light.node_tree)
-    link = links.get((output.name, "Surface")) if output is not None else None
-    node = link.from_node if link is not None else None
-    if node is not None and node.bl_idname == "ShaderNodeEmission" and not node.mute:
-        inputs = [links.get((node.name, name)) for name in ("Color", "Strength")]
-        if inputs == [None, None]:
-            return node
-        node = next(source for source in inputs if source is not None).from_node
-    found = "an output that nothing feeds" if node is None else f'node "{node.name}" ({node.bl_idname})'
-    raise InputError(
-        f"{place}, node tree",
-        found,
-        "no nodes, or one Emission whose inputs are not linked",
-        "give the light its colour and strength by its settings (a temperature is a setting, too) and take "
-        "it off its nodes; to leave the light out, hide it in renders",
-    )
 
 
 def _strength_factor(light, matrix, place):

@@ -7,6 +7,7 @@ import numpy as np
 
 from animation_reader import moving_modifiers, warn_of_animation
 from graph_reader import live_links, read_graph, unique_name, volume_output
+from light_nodes import colors_of_trees
 from light_reader import (
     FIXED_LIGHT_SETTINGS,
     LIGHT_FIELDS,
@@ -122,6 +123,7 @@ def read_scene(path, wish, messages, taken_out, folder=None, refused=None, world
     # Blender renders with one alone, and a marker may have bound another.
     scene.camera = camera
     _warn_of_settings(scene, camera, messages)
+    tree_colors = colors_of_trees(scene, folder)
     messages.activity(f"evaluating {len(scene.objects)} objects for a render")
     entry, files = _while_rendering(
         scene,
@@ -133,6 +135,7 @@ def read_scene(path, wish, messages, taken_out, folder=None, refused=None, world
             messages,
             refused,
             faults,
+            tree_colors,
         ),
     )
     messages.activity("reading the world")
@@ -150,10 +153,11 @@ def read_scene(path, wish, messages, taken_out, folder=None, refused=None, world
         entry["lights"].append(light)
     entry["world"] = world.entry
     _warn_of_darkness(entry, messages)
+    _warn_of_clamps(scene, entry, messages)
     return ReadScene(entry, files | world.files)
 
 
-def _read_parts(depsgraph, path, reader, camera, messages, refused, faults):
+def _read_parts(depsgraph, path, reader, camera, messages, refused, faults, tree_colors):
     """All of a scene but its world, and the files of its volumes; (None, {}) where it has faults."""
     scene = depsgraph.scene
     volumes = reader.read()
@@ -181,7 +185,7 @@ def _read_parts(depsgraph, path, reader, camera, messages, refused, faults):
         if is_ours and volumes:
             _frame(camera_entry, camera.data, film, [volume.entry for volume in volumes])
         _crop(scene, camera_entry, film, messages)
-    lights = read_lights(depsgraph, scene, messages, faults)
+    lights = read_lights(depsgraph, scene, messages, faults, tree_colors)
     if faults.found:
         return None, {}
     first, *others = [volume.entry for volume in volumes]
@@ -212,17 +216,67 @@ def _frame(entry, camera, film, volumes):
     width, height = (
         side * aspect for side, aspect in zip(film["resolution"], film["pixel_aspect"], strict=True)
     )
-    corners = []
-    for volume in volumes:
-        low, high = volume["bounds"]["min"], volume["bounds"]["max"]
-        matrix = matrix_array(volume["matrix_world"])
-        for bit in range(8):
-            corner = [(high if bit >> axis & 1 else low)[axis] for axis in range(3)]
-            corners.append(matrix[:3, :3] @ corner + matrix[:3, 3])
-    matrix, start, end = framing(np.array(corners), camera, width / height)
+    corners = np.concatenate([_corners(volume) for volume in volumes])
+    matrix, start, end = framing(corners, camera, width / height)
     place = f'camera "{entry["name"]}"'
     entry["matrix_world"] = matrix_rows(matrix, place)
     entry["clip_start"], entry["clip_end"] = shortest(start, place), shortest(end, place)
+
+
+def _warn_of_clamps(scene, entry, messages):
+    """Report a clamp of Cycles that this scene's light reaches.
+
+    A white medium that scatters alike in all directions sends, at a distance d of a point light of power P,
+    the radiance P / (4 pi d)^2 to a ray. Samples beyond the clamp are cut off to it.
+    """
+    clamps = {
+        name: getattr(scene.cycles, setting)
+        for name, setting in (("Direct", "sample_clamp_direct"), ("Indirect", "sample_clamp_indirect"))
+    }
+    clamps = {name: value for name, value in clamps.items() if value > 0.0}
+    if not clamps:
+        return
+    least = min(clamps.values())
+    bright = []
+    for light in entry["lights"]:
+        power = light["strength"] * 2.0 ** light["exposure"] * max(light["color"])
+        if light["type"] == "sun":
+            if power / (4.0 * np.pi) > least:
+                bright.append(light["name"])
+            continue
+        # An area light sends four times as much along its normal as a point light of its power.
+        reach = np.sqrt(max(power, 0.0) * (4.0 if light["type"] == "area" else 1.0) / least) / (4.0 * np.pi)
+        place = np.array([row[3] for row in light["matrix_world"][:3]])
+        if any(_distance(place, volume) < reach for volume in _volumes(entry)):
+            bright.append(light["name"])
+    if bright:
+        settings = " and ".join(f"Clamp {name} {value:g}" for name, value in clamps.items())
+        messages.warning(
+            f"Cycles settings, {settings}",
+            f"left out: Blender cuts off what is brighter, which {listed(bright)} makes in the volume, so "
+            "its own picture is darker (of a lamp of 1000 W in a cloud, 0.68 of ours at the default of 10). "
+            "For the same picture set both clamps to 0 in Blender",
+        )
+
+
+def _volumes(entry):
+    return [entry["volume"], *entry.get("other_volumes", [])]
+
+
+def _corners(volume):
+    """The corners of a volume's bounds in the world, f64 [8, 3]."""
+    limits = np.array([volume["bounds"]["min"], volume["bounds"]["max"]])
+    matrix = matrix_array(volume["matrix_world"])
+    corners = np.array([[limits[bit >> axis & 1, axis] for axis in range(3)] for bit in range(8)])
+    return corners @ matrix[:3, :3].T + matrix[:3, 3]
+
+
+def _distance(place, volume):
+    """Distance of a point from the box around a volume's corners; 0 inside."""
+    corners = _corners(volume)
+    return np.linalg.norm(
+        np.maximum(0.0, np.maximum(corners.min(axis=0) - place, place - corners.max(axis=0)))
+    )
 
 
 # Closures with the inputs that make them glow, where these are linked or above 0.

@@ -58,6 +58,7 @@ pub const SCRIPTS: &[(&str, &str)] = scripts!(
     "graph_reader.py",
     "growth_plot.py",
     "image_metrics.py",
+    "light_nodes.py",
     "light_reader.py",
     "model_comparison_plot.py",
     "node_data.py",

@@ -908,7 +908,6 @@ def test_a_light_that_is_not_normalised_is_the_same_one_with_another_strength(
             lambda lamp: setattr(lamp.light_linking, "receiver_collection", bpy.data.collections.new("Some")),
             "light linking",
         ),
-        (lambda lamp: _blackbody(lamp.data), "a temperature is a setting"),
     ],
 )
 def test_light_settings_of_another_transport_are_refused(empty, tmp_path, change, expected):
@@ -916,12 +915,6 @@ def test_light_settings_of_another_transport_are_refused(empty, tmp_path, change
     empty.cycles.volume_bounces = 2
     change(_lamp("POINT"))
     assert expected in refusal(tmp_path)
-
-
-def _blackbody(data):
-    data.use_nodes = True
-    tree = data.node_tree
-    tree.links.new(tree.nodes["Emission"].inputs["Color"], tree.nodes.new("ShaderNodeBlackbody").outputs[0])
 
 
 def test_lights_that_light_no_volume_are_left_out(empty, tmp_path):
@@ -1451,3 +1444,117 @@ def test_a_picture_that_will_be_black_is_announced(empty, tmp_path, light):
         _lamp("SUN")
     _, warnings, _ = exported(tmp_path)
     assert any("the picture will be black" in warning for warning in warnings) == (light == "surface")
+
+
+# Lights of nodes, and clamps
+
+
+def _tree_of(lamp):
+    data = lamp.data
+    data.use_nodes = True
+    return data.node_tree, data.node_tree.nodes["Emission"]
+
+
+def _node(tree, kind, values=None, **properties):
+    node = tree.nodes.new(kind)
+    for name, value in properties.items():
+        setattr(node, name, value)
+    for name, value in (values or {}).items():
+        node.inputs[name].default_value = value
+    return node
+
+
+def _computed_strength(tree, emission):
+    value = _node(tree, "ShaderNodeValue")
+    value.outputs[0].default_value = 0.7
+    product = _node(tree, "ShaderNodeMath", {1: 1.5}, operation="MULTIPLY")
+    tree.links.new(product.inputs[0], value.outputs[0])
+    tree.links.new(emission.inputs["Strength"], product.outputs[0])
+    gamma = _node(tree, "ShaderNodeGamma", {"Color": (0.4, 0.6, 0.9, 1.0), "Gamma": 1.8})
+    tree.links.new(emission.inputs["Color"], gamma.outputs[0])
+    return np.array([0.4, 0.6, 0.9]) ** 1.8 * 0.7 * 1.5
+
+
+def _sum_of_emissions(tree, emission):
+    other = _node(tree, "ShaderNodeEmission", {"Color": (0.0, 0.5, 1.0, 1.0), "Strength": 2.0})
+    emission.inputs["Color"].default_value, emission.inputs["Strength"].default_value = (1, 0, 0, 1), 0.5
+    both = _node(tree, "ShaderNodeAddShader")
+    tree.links.new(both.inputs[0], emission.outputs[0])
+    tree.links.new(both.inputs[1], other.outputs[0])
+    output = next(node for node in tree.nodes if node.bl_idname == "ShaderNodeOutputLight")
+    tree.links.new(output.inputs["Surface"], both.outputs[0])
+    return np.array([0.5, 1.0, 2.0])
+
+
+def _quadratic_falloff(tree, emission):
+    falloff = _node(tree, "ShaderNodeLightFalloff", {"Strength": 3.0})
+    tree.links.new(emission.inputs["Strength"], falloff.outputs["Quadratic"])
+    return np.array([3.0, 3.0, 3.0])
+
+
+@pytest.mark.parametrize("kind", ["SUN", "POINT", "SPOT", "AREA"])
+@pytest.mark.parametrize("make", [_computed_strength, _sum_of_emissions, _quadratic_falloff])
+def test_a_light_whose_nodes_give_one_colour_has_it(empty, tmp_path, kind, make):
+    cube("Cube", fog("Fog"))
+    lamp = _lamp(kind)
+    lamp.data.color = (0.5, 1.0, 0.25)
+    wanted = make(*_tree_of(lamp)) * (0.5, 1.0, 0.25)
+    document, _, _ = exported(tmp_path)
+    # Cycles' own rounding: a few operations in f32.
+    assert np.allclose(document["lights"][0]["color"], wanted, rtol=2e-6)
+    assert document["lights"][0]["strength"] == 3.0
+
+
+def test_the_light_of_nodes_is_that_of_the_colour(empty, tmp_path):
+    _white_wall()
+    empty.world = None
+    lamp = _lamp("POINT", shadow_soft_size=0.0)
+    tree, emission = _tree_of(lamp)
+    body = _node(tree, "ShaderNodeBlackbody", {"Temperature": 3200.0})
+    tree.links.new(emission.inputs["Color"], body.outputs[0])
+    of_nodes = picture(tmp_path)
+    cube("Cube", fog("Fog"), location=(50, 50, 50))
+    document, _, _ = exported(tmp_path)
+    lamp = bpy.data.objects["Lamp"]
+    lamp.data.use_nodes = False
+    lamp.data.color = document["lights"][0]["color"]
+    assert of_nodes.max() > 0 and np.allclose(picture(tmp_path), of_nodes, rtol=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("kind", "output", "target"),
+    [
+        ("ShaderNodeTexCoord", "Normal", "Color"),
+        ("ShaderNodeTexNoise", "Color", "Color"),
+        ("ShaderNodeLightPath", "Ray Length", "Strength"),
+        ("ShaderNodeLightFalloff", "Linear", "Strength"),
+        ("ShaderNodeTexIES", "Fac", "Strength"),
+    ],
+)
+def test_a_light_whose_nodes_give_more_than_a_colour_is_rejected(empty, tmp_path, kind, output, target):
+    cube("Cube", fog("Fog"))
+    tree, emission = _tree_of(_lamp("POINT"))
+    tree.links.new(emission.inputs[target], _node(tree, kind).outputs[output])
+    text = refusal(tmp_path)
+    assert kind in text and '"Lamp"' in text
+
+
+@pytest.mark.parametrize(
+    ("power", "distance", "clamp", "reported"),
+    [
+        (1000, 0.5, 10, True),
+        (1000, 1.0, 10, False),
+        (1000, 0.5, 0, False),
+        (10, 0.5, 10, False),
+        (10, 0, 10, True),
+    ],
+)
+def test_a_clamp_that_the_light_reaches_is_reported(empty, tmp_path, power, distance, clamp, reported):
+    # 1000 W reach a radiance of 10 within sqrt(1000 / 10) / (4 pi) = 0.80 m.
+    cube("Cube", fog("Fog"))
+    lamp = _lamp("POINT")
+    lamp.data.energy = power
+    lamp.location = (0, 0, 1 + distance)
+    empty.cycles.sample_clamp_indirect = clamp
+    _, warnings, _ = exported(tmp_path)
+    assert any("Clamp Indirect 10" in warning for warning in warnings) == reported
