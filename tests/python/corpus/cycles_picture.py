@@ -38,7 +38,9 @@ def wish(scene, path):
 
 def picture(request):
     """Render the "blend" of a request, as what was wished of it became the "scene", into its "exr"."""
-    open_blend(request["blend"])
+    # A domain is empty without the cache of its simulation; opening has taken its modifier away.
+    for domain in open_blend(request["blend"]).domains:
+        domain.hide_render = True
     scene = bpy.context.scene
     wish(scene, request["scene"])
     apply_settings(scene, request["samples"], request["seed"], threads=1)

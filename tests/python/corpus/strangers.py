@@ -222,8 +222,8 @@ def lost_group(folder):
 # Lights
 
 
-def _lit(name, about, kind, energy, samples=256, location=(1.5, -2.0, 2.5), **properties):
-    @file(name, about, samples=samples)
+def _lit(name, about, kind, energy, refused=None, location=(1.5, -2.0, 2.5), **properties):
+    @file(name, about, samples=256, refused=refused, documented=BLEND_FILES)
     def lit(folder):
         outline("cube", scattering("Haze", 0.6))
         camera()
@@ -231,17 +231,41 @@ def _lit(name, about, kind, energy, samples=256, location=(1.5, -2.0, 2.5), **pr
         light(kind, energy, location=location, target=(0, 0, 0), **properties)
 
 
-_lit("sun-without-shadow", "a sun that casts no shadow", "SUN", 3.0, use_shadow=False, angle=0.1)
-_lit("spot-without-shadow", "a spot that casts no shadow, in the haze", "SPOT", 300.0,
-     location=(0.5, -0.5, 0.8), use_shadow=False, shadow_soft_size=0.1, spot_size=1.0)  # fmt: skip
-_lit("softbox", "a rectangle of light whose spread is 40 degrees", "AREA", 200.0, shape="RECTANGLE", size=1.5,
-     size_y=0.5, spread=0.7)  # fmt: skip
-_lit("dish", "a disk of light whose spread is 120 degrees", "AREA", 200.0, shape="DISK", size=1.0, spread=2.1)
 _lit(
-    "square-spot", "a spot with a square cone", "SPOT", 600.0, use_square=True, spot_size=0.8, spot_blend=0.3
+    "sun-without-shadow",
+    "a sun that casts no shadow",
+    "SUN",
+    3.0,
+    refused="use_shadow",
+    use_shadow=False,
+    angle=0.1,
 )
-_lit("hard-spot", "a spot whose source is a sphere with a hard edge", "SPOT", 600.0, use_soft_falloff=False,
-     shadow_soft_size=0.4, spot_size=0.9)  # fmt: skip
+_lit("spot-without-shadow", "a spot that casts no shadow, in the haze", "SPOT", 300.0, refused="use_shadow",
+     location=(0.5, -0.5, 0.8), use_shadow=False, shadow_soft_size=0.1, spot_size=1.0)  # fmt: skip
+_lit("softbox", "a rectangle of light whose spread is 40 degrees", "AREA", 200.0, refused="spread",
+     shape="RECTANGLE", size=1.5, size_y=0.5, spread=0.7)  # fmt: skip
+_lit(
+    "dish",
+    "a disk of light whose spread is 120 degrees",
+    "AREA",
+    200.0,
+    refused="spread",
+    shape="DISK",
+    size=1.0,
+    spread=2.1,
+)
+_lit(
+    "square-spot",
+    "a spot with a square cone",
+    "SPOT",
+    600.0,
+    refused="use_square",
+    use_square=True,
+    spot_size=0.8,
+    spot_blend=0.3,
+)
+_lit("hard-spot", "a spot whose source is a sphere with a hard edge", "SPOT", 600.0,
+     refused="use_soft_falloff", use_soft_falloff=False, shadow_soft_size=0.4, spot_size=0.9)  # fmt: skip
 
 
 def _lit_by_nodes(name, about, make, **properties):
