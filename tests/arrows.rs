@@ -16,7 +16,7 @@ const ALLOWED: &[(&str, &[&str])] = &[
     ("graph", &["base", "scene", "nodes"]),
     ("gpu", &["base", "scene", "nodes", "graph"]),
     ("media", &["base", "scene", "nodes", "graph", "gpu"]),
-    ("view", &["base", "scene", "gpu"]),
+    ("view", &["base", "scene", "nodes", "graph", "gpu"]),
     ("integrators", &["base", "scene", "nodes", "graph", "gpu", "media", "view"]),
     ("engines", &["base", "scene", "nodes", "graph", "gpu", "media", "view"]),
     ("bridge", &["base", "scene", "nodes", "graph", "media"]),

@@ -95,7 +95,9 @@ fn fits(python: &Path, version: Version) -> bool {
 /// What uv has of a version.
 fn of_uv(version: Version) -> Option<PathBuf> {
     let mut command = Command::new("uv");
-    command.args(["python", "find", "--no-python-downloads", &version.to_string()]).stderr(Stdio::null());
+    // Nothing is fetched on the way.
+    command.env("UV_PYTHON_DOWNLOADS", "never");
+    command.args(["python", "find", &version.to_string()]).stderr(Stdio::null());
     let answer = command.output().ok().filter(|answer| answer.status.success())?;
     let path = String::from_utf8_lossy(&answer.stdout).trim().to_owned();
     (!path.is_empty()).then(|| PathBuf::from(path))

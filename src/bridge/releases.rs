@@ -260,7 +260,7 @@ mod tests {
         ] {
             assert_eq!(reading(header, None).expect("a reading").values, values, "{header}");
         }
-        let asked = reading("BLENDER-v450", Some(Release::V5_3)).expect("a reading");
+        let asked = reading("BLENDER-v405", Some(Release::V5_3)).expect("a reading");
         assert_eq!((asked.saved_by, asked.values), (Some(Line::new(4, 5)), Release::V5_3));
         assert_eq!(reading("BLENDER17-01v0503", Some(Release::V4_5)).expect("a reading").values, Release::V4_5);
         let error = reading("BLENDER17-01v0504", None).expect_err("a release that is not known").to_string();

@@ -4,6 +4,7 @@ use crate::base::error::{Error, Result};
 use crate::base::numbers::{figure, percent, signed_percent};
 use crate::bridge;
 use crate::bridge::CyclesKernel;
+use crate::cli::choice::choice;
 use crate::measure::pictures::{
     Check, DiffRequest, DiffResult, DisplaySettings, ImageFigures, Integers, Statistics, StatisticsSettings,
     Tolerances, Verdict,
@@ -42,7 +43,7 @@ pub(super) struct Arguments {
     #[arg(long, value_name = "PART")]
     reference_part: Option<String>,
     /// What the values of 8-bit and 16-bit pictures (PNG, TIFF, JPEG) mean; the files do not say.
-    #[arg(long, value_enum, value_name = "WHAT")]
+    #[arg(long, value_name = "WHAT", value_parser = choice::<Integers>())]
     integers: Option<Integers>,
     /// Every figure and check, with the formulas, instead of the short answer.
     #[arg(long, conflicts_with = "json")]

@@ -60,7 +60,7 @@ pub(super) fn closure_type(node: &Node, place: &str) -> Result<&'static NodeType
         place.to_owned(),
         format!("{}, which fills a volume", node_type.label),
         "Background, Emission, Add Shader or Mix Shader, or a colour",
-        "Make the world of these, or export it as a picture (export --world baked).",
+        "Make the world of these, or export it as a picture of its nodes.",
     ))
 }
 

@@ -39,7 +39,7 @@ pub fn check(type_name: &str, properties: &Map<String, Json>, release: Release, 
         format!("{place}: property {property}"),
         format!("{value}, which Blender {since} added, in a graph with the values of {release}"),
         format!("values of {since} or later"),
-        format!("Export the .blend with --blender {since}, or write \"blender\": \"{since}\" into the graph."),
+        format!("Export the .blend with the values of {since}, or write \"blender\": \"{since}\" into the graph."),
     ))
 }
 
@@ -54,7 +54,7 @@ mod tests {
         let check = |release| check("ShaderNodeVectorMath", properties.as_object().expect("one"), release, "node N");
         for release in [Release::V4_5, Release::V5_0] {
             let error = check(release).expect_err("rejected").to_string();
-            assert!(error.contains("node N: property operation") && error.contains("--blender 5.1"), "{error}");
+            assert!(error.contains("node N: property operation") && error.contains("the values of 5.1"), "{error}");
         }
         for release in [Release::V5_1, Release::V5_2, Release::V5_3] {
             assert_eq!(check(release), Ok(()));

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from blend_support import Recorder, requires_bpy, run_script
+from blend_support import Recorder, requires_bpy, run_apart, run_script
 from protocol import InputError, located
 
 bpy = pytest.importorskip("bpy")
@@ -29,6 +29,11 @@ EXACT = {"samples": 1, "pixel_filter_type": "BLACKMAN_HARRIS", "filter_width": 0
 @pytest.fixture
 def empty():
     """An empty file with a white world and an orthographic camera that looks along +Y through the origin."""
+    return new_scene()
+
+
+def new_scene():
+    """What `empty` is."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
     scene = bpy.context.scene
     scene.render.engine = "CYCLES"
@@ -1237,12 +1242,19 @@ def test_smoke_renders_alike_once_built(empty, tmp_path):
 # What Blender's module breaks down at, and what a file lacks
 
 
-def _domain(name, kind="GAS", material=None):
+def domain(name, kind="GAS", material=None):
+    """A cube that is a fluid domain."""
     item = cube(name, *([material] if material else []))
     modifier = item.modifiers.new("Fluid", "FLUID")
     modifier.fluid_type = "DOMAIN"
     modifier.domain_settings.domain_type = kind
     return item
+
+
+def _saved_apart(path, code):
+    """Save what `code` makes of a new scene, in a process of its own."""
+    save = f"bpy.ops.wm.save_as_mainfile(filepath={str(path)!r}, copy=True)"
+    run_apart(f"from test_blend_files import *\nnew_scene()\n{code}\n{save}")
 
 
 def _run(path, folder, **request):
@@ -1254,13 +1266,10 @@ def _run(path, folder, **request):
 
 @pytest.mark.parametrize("kind", ["GAS", "LIQUID"])
 @pytest.mark.parametrize("others", [True, False])
-def test_a_fluid_domain_is_read_around(empty, tmp_path, kind, others):
-    # Blender's module aborts where a file with a domain is evaluated, so it is only read in another process.
-    _domain("Domain", kind, fog("Smoke"))
-    if others:
-        cube("Cube", fog("Fog"), location=(5, 0, 0))
+def test_a_fluid_domain_is_read_around(tmp_path, kind, others):
     path = tmp_path / "file.blend"
-    bpy.ops.wm.save_as_mainfile(filepath=str(path), copy=True)
+    other = 'cube("Cube", fog("Fog"), location=(5, 0, 0))' if others else ""
+    _saved_apart(path, f'domain("Domain", {kind!r}, fog("Smoke"))\n{other}')
     events, status = _run(path, tmp_path)
     assert status == 0
     document = events["done"][0]["result"]["scene"]
@@ -1275,12 +1284,14 @@ def test_a_fluid_domain_is_read_around(empty, tmp_path, kind, others):
         assert closure["inputs"]["Density"] == 0.0
 
 
-def test_a_domain_that_is_no_volume_harms_nothing(empty, tmp_path):
-    _domain("Hidden", "GAS", fog("Smoke")).hide_render = True
-    _domain("Surface", "LIQUID", surface("Water"))
-    cube("Cube", fog("Fog"), location=(5, 0, 0))
+def test_a_domain_that_is_no_volume_harms_nothing(tmp_path):
     path = tmp_path / "file.blend"
-    bpy.ops.wm.save_as_mainfile(filepath=str(path), copy=True)
+    _saved_apart(
+        path,
+        'domain("Hidden", "GAS", fog("Smoke")).hide_render = True\n'
+        'domain("Surface", "LIQUID", surface("Water"))\n'
+        'cube("Cube", fog("Fog"), location=(5, 0, 0))',
+    )
     events, status = _run(path, tmp_path)
     assert status == 0 and names(events["done"][0]["result"]["scene"]) == ["Cube"]
 

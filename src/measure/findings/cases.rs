@@ -133,7 +133,7 @@ fn overlaps() -> Finding {
         samples: 1,
         size: [4, 4],
         integrator: Integrator::Own,
-        replicas: seeds(2),
+        replicas: seeds(8),
     };
     Finding {
         name: "overlaps",

@@ -27,6 +27,7 @@ mod statistics;
 pub use crate::measure::images::{DisplaySettings, SCRIPT};
 pub use statistics::{Statistics, StatisticsSettings};
 
+use crate::base::choice::choice;
 use crate::base::error::{Error, Result};
 use crate::base::identity::Identity;
 use indexmap::IndexMap;
@@ -104,17 +105,18 @@ pub struct Tolerances {
     pub flip_mean: Option<f64>,
 }
 
-/// What the values of a picture in integers (PNG, TIFF, JPEG) mean. The file does not say.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
-#[serde(rename_all = "snake_case")]
-pub enum Integers {
-    /// Scene-linear, from 0 to 1.
-    Linear,
-    /// Light of a display, stored by the sRGB curve: decoded. Radiance only under the view
-    /// Standard.
-    Srgb,
-    /// Display values, compared with display values as they are.
-    Display,
+choice! {
+    "snake_case",
+    /// What the values of a picture in integers (PNG, TIFF, JPEG) mean. The file does not say.
+    pub enum Integers {
+        /// Scene-linear, from 0 to 1.
+        Linear,
+        /// Light of a display, stored by the sRGB curve: decoded. Radiance only under the view
+        /// Standard.
+        Srgb,
+        /// Display values, compared with display values as they are.
+        Display,
+    }
 }
 
 /// What the values of a side are.

@@ -796,8 +796,7 @@ mod tests {
             }
             ratios.sort_by(f64::total_cmp);
             let [median, most] = [0.5, 0.9].map(|share| ratios[(ratios.len() as f64 * share) as usize]);
-            // For the eye (--nocapture): six points of a box show less than its whole range.
-            println!(
+            log::info!(
                 "{kind}: bound over sampled range {median:.2} (90 % below {most:.2}), unbounded {unbounded} of {BOXES}"
             );
         }

@@ -38,11 +38,12 @@ def wish(scene, path):
 
 def picture(request):
     """Render the "blend" of a request, as what was wished of it became the "scene", into its "exr"."""
-    # A domain is empty without the cache of its simulation; opening has taken its modifier away.
-    for domain in open_blend(request["blend"]).domains:
-        domain.hide_render = True
+    domains = open_blend(request["blend"]).domains
     scene = bpy.context.scene
     wish(scene, request["scene"])
+    # A domain is empty without the cache of its simulation; opening has taken its modifier away.
+    for domain in domains:
+        domain.hide_render = True
     apply_settings(scene, request["samples"], request["seed"], threads=1)
     apply_exr(scene.render.image_settings, multilayer=False, codec="ZIP")
     scene.render.resolution_x, scene.render.resolution_y = request["resolution"]

@@ -6,6 +6,8 @@ from pathlib import Path
 
 import bpy
 
+from blend_support import run_apart
+
 
 @dataclass(frozen=True)
 class File:
@@ -29,6 +31,8 @@ class File:
     samples: int = 64
     # Further arguments of `export`.
     arguments: tuple[str, ...] = ()
+    # Whether a process of its own makes it: Blender's module aborts some time after it made a fluid domain.
+    apart: bool = False
 
 
 FILES: dict[str, File] = {}
@@ -46,9 +50,13 @@ def file(name, about, **properties):
     return register
 
 
-def write(entry, folder):
-    """Make a file of the corpus in `folder` and return its path."""
+def write(entry, folder, is_apart=False):
+    """Make a file of the corpus in `folder` and return its path. `is_apart`: the process is its own."""
     folder = Path(folder)
+    if entry.apart and not is_apart:
+        call = f"corpus.write(corpus.FILES[{entry.name!r}], {str(folder)!r}, is_apart=True)"
+        run_apart(f"import corpus\n{call}")
+        return folder / f"{entry.name}.blend"
     bpy.ops.wm.read_factory_settings(use_empty=True)
     scene = bpy.context.scene
     scene.render.engine = "CYCLES"

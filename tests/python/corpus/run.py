@@ -74,13 +74,16 @@ class Outcome:
         return "\n".join(lines)
 
 
-def program(*arguments):
-    """Run the program; returns (exit status, stdout, stderr)."""
+def program(*arguments, usual=False):
+    """Run the program; returns (exit status, stdout, stderr). `usual`: by the interpreter of the project;
+    that of another release, which the corpus may be run by, has no packages that judge pictures."""
+    left_out = {"CLOUDPARITY_PYTHON"} if usual else set()
     finished = subprocess.run(
         [str(built_program()), *map(str, arguments)],
         capture_output=True,
         text=True,
         cwd=ROOT,
+        env={name: value for name, value in os.environ.items() if name not in left_out},
         stdin=subprocess.DEVNULL,
     )
     return finished.returncode, finished.stdout, finished.stderr
@@ -156,7 +159,7 @@ def compare(blend, scene, outcome, reuse):
     if not (reuse and reference.exists()):
         subprocess.run(script, check=True, capture_output=True, env=os.environ | modules)
     judged = ["diff", "--ours", ours, "--reference", reference, "--pixels-as-replicas", SUB_PIXELS]
-    status, output, errors = program(*judged, "--json")
+    status, output, errors = program(*judged, "--json", usual=True)
     outcome.picture = VERDICTS[status]
     outcome.figures = json.loads(output) if output.startswith("{") else {"error": output + errors}
 

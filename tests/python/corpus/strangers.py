@@ -121,21 +121,25 @@ def _domain(kind, owner, **where):
     return item
 
 
-@file("smoke-domain-beside-a-cloud", "a gas domain without a cache, and a cloud")
+@file("smoke-domain-beside-a-cloud", "a gas domain without a cache, and a cloud", apart=True)
 def smoke_beside(folder):
     _domain("GAS", scattering("Smoke", 2.0), location=(1.5, 0, 0))
     outline("icosphere", scattering(), subdivisions=2, location=(-1, 0, 0))
     stage()
 
 
-@file("smoke-domain-alone", "a gas domain without a cache and nothing else: the world alone is seen")
+@file(
+    "smoke-domain-alone", "a gas domain without a cache and nothing else: the world alone is seen", apart=True
+)
 def smoke_alone(folder):
     _domain("GAS", scattering("Smoke", 2.0))
     stage((0.4, 0.3, 0.2))
 
 
 @file(
-    "water-domain", "a liquid domain of water with a surface, which is hidden, and a cloud in Freestyle lines"
+    "water-domain",
+    "a liquid domain of water with a surface, which is hidden, and a cloud in Freestyle lines",
+    apart=True,
 )
 def water(folder):
     _domain("LIQUID", None, location=(0, 3, 0)).hide_render = True
