@@ -553,7 +553,10 @@ fn every_node_that_blender_declares_is_supported_or_refused() {
         assert_eq!(found.label, text(node, "label"));
     }
     let refused: BTreeSet<&str> = list(&declared, "refused").iter().map(|node| text(node, "bl_idname")).collect();
-    let known: BTreeSet<&str> = refused::NODES.iter().map(|node| node.type_name).collect();
+    // The declarations are those of 5.0: a node that came later is in none of them.
+    let later = ["ShaderNodeRaycast"];
+    let known: BTreeSet<&str> =
+        refused::NODES.iter().map(|node| node.type_name).filter(|name| !later.contains(name)).collect();
     assert_eq!(known, refused);
     for name in refused.iter().filter(|name| **name != PARTLY) {
         assert!(nodes::find(name).is_none(), "{name} is supported and refused");

@@ -111,7 +111,11 @@ const USES: &[(&str, &str, Use)] = &[
     ("measure time-to-error", "--output", WritesFolder("@parity/times.suite.json", "bpy")),
     ("measure time-to-error", "--merge", Reads),
     ("measure bench", "<SCENE>", Reads),
-    ("measure bench", "--output", WritesFile("SCENE --points 1000000 --repeats 1 --without-cycles", "")),
+    (
+        "measure bench",
+        "--output",
+        Untried("on a busy machine a difference of its times may have the wrong sign, which it rejects"),
+    ),
     ("measure bench-compile", "<SCENES>", Reads),
     ("measure bench-compile", "--output", WritesFile("SCENE --repeats 1 --without-gpu", "")),
     (
