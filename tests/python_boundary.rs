@@ -558,7 +558,8 @@ fn names_stay_text_in_every_output() {
 fn playing(folder: &Path, name: &str, act: &str) -> std::path::PathBuf {
     let path = folder.join(name);
     let events = r#"printf '{"event": "hello"}\n{"event": "activity", "what": "opening a.blend"}\n'"#;
-    write_program(&path, &format!("#!/bin/sh\n{events}\n{act}\n"));
+    // A reader has read its order and its request before it works.
+    write_program(&path, &format!("#!/bin/sh\ncat > /dev/null\n{events}\n{act}\n"));
     path
 }
 

@@ -391,7 +391,18 @@ fn link_own_nodes() -> BTreeSet<String> {
     names
 }
 
-/// A linker with all that entries import: a program, two averages, the constants of every kernel, and a system's own terms.
+/// A world that sends the direction that it is seen in.
+fn world() -> Result<Program> {
+    let link = |node: &str, socket: &str| json!({"node": node, "socket": socket});
+    let graph = json!({"material": "World", "groups": [], "nodes": [
+        {"name": "Seen", "type": "ShaderNodeTexCoord", "properties": {}, "inputs": {}},
+        {"name": "B", "type": "ShaderNodeBackground", "properties": {}, "inputs": {"Color": link("Seen", "Generated"), "Strength": 1.0}},
+        {"name": "World Output", "type": "ShaderNodeOutputWorld", "properties": {}, "inputs": {"Surface": link("B", "Background")}},
+    ]});
+    Program::world(&serde_json::from_value(graph).expect("well formed"))
+}
+
+/// A linker with all that entries import: a program, two averages, a world, the constants of every kernel, and a system's own terms.
 fn linker(program: &Program) -> Result<Linker> {
     let mut linker = Linker::new(program)?;
     for constants in
@@ -402,6 +413,7 @@ fn linker(program: &Program) -> Result<Linker> {
     let [along, around, _] = textures();
     linker.add_program("cloudparity::averages::along", &lookup(along))?;
     linker.add_program("cloudparity::averages::around", &lookup(around))?;
+    linker.add_program(path::WORLD_PATH, &world()?)?;
     let terms = "#define_import_path cloudparity::engines::own_terms\n\
                  fn source(place: vec3f, height: f32, extinction: f32) -> vec3f { return vec3f(height * extinction) + place; }\n";
     linker.add("generated/terms.wgsl", terms);

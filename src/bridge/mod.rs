@@ -31,7 +31,6 @@ use std::io::{BufRead, BufReader, Read, Write};
 use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStdin, Command, ExitStatus, Stdio};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, sync_channel};
-use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 macro_rules! scripts {
@@ -164,8 +163,8 @@ pub struct Conversation {
     child: Child,
     requests: Option<ChildStdin>,
     answers: Receiver<String>,
-    /// The last lines that it wrote to stderr, when it has ended.
-    log: Option<JoinHandle<String>>,
+    /// The last lines that it wrote to stderr, when that has ended.
+    log: Receiver<String>,
     limits: Option<Limits>,
     /// Where it, Blender and other libraries keep what they need for a while. Removed when the
     /// script has ended.
@@ -218,12 +217,16 @@ impl Conversation {
             // Nobody listens any more where the conversation has ended.
             let _ = lines(stdout).try_for_each(|line| sender.send(line));
         });
+        let (ended, log) = sync_channel(1);
+        std::thread::spawn(move || {
+            let _ = ended.send(last_lines(stderr));
+        });
         let mut conversation = Self {
             name: name.to_owned(),
             requests: child.stdin.take(),
             answers,
             child,
-            log: Some(std::thread::spawn(move || last_lines(stderr))),
+            log,
             started: Instant::now(),
             activity: None,
             is_idle: false,
@@ -293,7 +296,8 @@ impl Conversation {
     /// The error where the script ended without an answer: what it did, how it ended, and who may have ended it.
     fn broken_off(&mut self) -> Error {
         let ending = end(&mut self.child, FAREWELL);
-        let log = self.log.take().and_then(|log| log.join().ok()).unwrap_or_default();
+        // A process that it has started may keep stderr open.
+        let log = self.log.recv_timeout(FAREWELL).unwrap_or_default();
         let ending = match ending {
             Ok(Ending::OnItsOwn(status)) => ending::of(status, &log),
             Ok(Ending::Forced) => ending::Cause::ClosedOutput,

@@ -28,7 +28,7 @@ use std::time::Instant;
 const PATH: &str = include_str!("../../../shaders/integrators/path/path.wgsl");
 
 /// Import path of the world's nodes.
-const WORLD_PATH: &str = "cloudparity::surroundings";
+pub const WORLD_PATH: &str = "cloudparity::surroundings";
 
 /// The shader's stage of a pixel without a path.
 const FINISHED: u32 = 4;

@@ -16,9 +16,9 @@ mod tracer;
 mod volume;
 
 pub use crate::media::majorant::Tracking;
-pub use gpu::CONSTANTS;
 #[cfg(feature = "tools")]
 pub(crate) use gpu::LAYOUTS;
+pub use gpu::{CONSTANTS, WORLD_PATH};
 pub use tracer::Counters;
 
 use crate::base::arrays::Mapped;
