@@ -10,9 +10,9 @@ from blend_support import Recorder, built_program, requires_bpy
 pytest.importorskip("bpy")
 
 import corpus
+from blender_file import open_blend
 from corpus.run import AGREES, DIFFERS, compare, examine, program, run
 from corpus.targets import targets
-from preparation import TakenOut
 from protocol import InputError
 from scene_reader import Wish, read_scene
 
@@ -73,7 +73,7 @@ def test_a_file_is_the_same_each_time(name, tmp_path):
         place.mkdir()
         path = corpus.write(corpus.FILES[name], place)
         try:
-            text = json.dumps(read_scene(path, Wish(), Recorder(), TakenOut()).scene)
+            text = json.dumps(read_scene(path, Wish(), Recorder(), open_blend(path)).scene)
             # OpenVDB writes an identifier of its own into each file.
             found.append(re.sub('"sha256": "[0-9a-f]{64}"', "", text) if ".vdb" in text else text)
         except InputError as error:
@@ -109,7 +109,8 @@ def test_a_material_that_a_group_closes_has_a_density(tmp_path):
 
 def test_targets_are_what_decides_the_medium(tmp_path):
     def fields(name):
-        found = read_scene(corpus.write(corpus.FILES[name], tmp_path), Wish(), Recorder(), TakenOut())
+        path = corpus.write(corpus.FILES[name], tmp_path)
+        found = read_scene(path, Wish(), Recorder(), open_blend(path))
         return targets(found.scene["graph"])
 
     # Through a group whose closure reads its own input: the number there is none.
