@@ -498,7 +498,7 @@ fn materials_without_a_volume() {
     let reroute = |name: &str, from: &str| json!({"name": name, "type": "NodeReroute", "socket_type": "shader", "inputs": {"Input": link(from, "Output")}});
     let mut scene = scene_with(json!(1.0), vec![reroute("A", "B"), reroute("B", "A")], vec![]);
     scene["graph"]["nodes"][0]["inputs"]["Volume"] = link("A", "Output");
-    explained(&scene).is_refused("ring of reroutes", &["a ring of reroutes"]);
+    explained(&scene).is_refused("ring of reroutes", &["node A", "a cycle of links: A -> B -> A"]);
 }
 
 #[test]

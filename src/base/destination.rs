@@ -103,7 +103,8 @@ pub(super) fn write(path: &Path, write: impl FnOnce(&Path) -> std::io::Result<()
     match Destination::find(path)? {
         Destination::File(target) => replace(&target, write).map_err(|cause| fail(&cause)),
         Destination::Stream(stream) => {
-            let folder = crate::base::temporary::folder()?;
+            let folder = tempfile::tempdir()
+                .map_err(|cause| Error::io(&std::env::temp_dir(), "a folder for temporary files", &cause))?;
             let whole = folder.path().join(path.file_name().unwrap_or("stream".as_ref()));
             write(&whole).map_err(|cause| fail(&cause))?;
             copy(&whole, &stream).map_err(|cause| match cause.raw_os_error() == NO_READER {
@@ -114,6 +115,9 @@ pub(super) fn write(path: &Path, write: impl FnOnce(&Path) -> std::io::Result<()
     }
 }
 
+/// Beginning of the names of temporary files.
+pub(super) const TEMPORARY: &str = ".cloudparity-";
+
 /// A rename in the folder of the target, so that a reader sees the old file or the whole new one.
 #[cfg(feature = "tools")]
 fn replace(target: &Path, write: impl FnOnce(&Path) -> std::io::Result<()>) -> std::io::Result<()> {
@@ -123,11 +127,7 @@ fn replace(target: &Path, write: impl FnOnce(&Path) -> std::io::Result<()>) -> s
     };
     std::fs::create_dir_all(folder)?;
     let extension = target.extension().map(|e| format!(".{}", e.to_string_lossy())).unwrap_or_default();
-    let temporary = tempfile::Builder::new()
-        .prefix(crate::base::files::TEMPORARY)
-        .suffix(&extension)
-        .tempfile_in(folder)?
-        .into_temp_path();
+    let temporary = tempfile::Builder::new().prefix(TEMPORARY).suffix(&extension).tempfile_in(folder)?.into_temp_path();
     write(&temporary)?;
     // Writers of formats may leave their last bytes to a buffer whose end nobody watches: a full
     // disk shows here.

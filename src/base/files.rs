@@ -27,9 +27,6 @@ pub fn replace_atomically(path: &Path, write: impl FnOnce(&Path) -> std::io::Res
     crate::base::destination::write(path, write)
 }
 
-/// Beginning of the names of temporary files.
-pub(super) const TEMPORARY: &str = ".cloudparity-";
-
 /// Removes what processes that were killed left while they wrote, in a folder and in those directly below it. Nobody may be writing there.
 pub fn remove_temporary(folder: &Path) -> Result<()> {
     let fail = |cause: &std::io::Error| Error::io(folder, "a folder that can be read and written", cause);
@@ -43,7 +40,8 @@ pub fn remove_temporary(folder: &Path) -> Result<()> {
     for folder in folders {
         for entry in std::fs::read_dir(&folder).map_err(|cause| fail(&cause))? {
             let entry = entry.map_err(|cause| fail(&cause))?;
-            if entry.file_name().to_string_lossy().starts_with(TEMPORARY) && entry.path().is_file() {
+            if entry.file_name().to_string_lossy().starts_with(super::destination::TEMPORARY) && entry.path().is_file()
+            {
                 std::fs::remove_file(entry.path()).map_err(|cause| fail(&cause))?;
             }
         }

@@ -1,7 +1,7 @@
 //! Groups, reroutes, muted nodes and implicit conversions resolved into one flat list of nodes.
 
 use crate::base::error::{Error, Result};
-use crate::graph::{Note, Target, world};
+use crate::graph::{Note, Target, world_coordinates};
 use crate::nodes::{self, Mode, NodeType, Role, SourceContext, SourceValue, refused};
 use crate::scene::volume_grid::DENSITY;
 use crate::scene::{DEEPEST_NESTING, Folded, Graph, Group, Input, Node, Release, Socket, SocketType, Volume};
@@ -534,7 +534,7 @@ impl<'a> Flattener<'a> {
     ) -> Result<Resolved> {
         let place = self.place(tree, &node.name);
         if self.is_world
-            && let Some((kind, value)) = world::coordinate(node, socket)
+            && let Some((kind, value)) = world_coordinates::coordinate(node, socket)
         {
             return Ok((kind, self.source(tree, node, value)));
         }

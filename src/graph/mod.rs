@@ -17,6 +17,7 @@ mod passes;
 pub mod target;
 pub mod wgsl;
 pub mod world;
+mod world_coordinates;
 mod zero_signs;
 
 pub use target::Target;

@@ -8,36 +8,20 @@
 use crate::base::error::{Error, Result};
 use crate::graph::evaluate::Shared;
 use crate::graph::flatten::with_flattener;
+use crate::graph::world_coordinates::{COORDINATES, GEOMETRY};
 use crate::graph::{Program, passes};
-use crate::nodes::{self, NodeType, Role, SourceValue, emission};
+use crate::nodes::{self, NodeType, Role, emission};
 use crate::scene::{Graph, Node, SocketType, TextureSpace, Volume};
 use glam::DVec3;
 use serde_json::{Value as Json, json};
 
 const BACKGROUND: &str = "ShaderNodeBackground";
-const COORDINATES: &str = "ShaderNodeTexCoord";
-const GEOMETRY: &str = "ShaderNodeNewGeometry";
 /// Types that join closures in a world.
 const JOINING: [&str; 2] = ["ShaderNodeAddShader", "ShaderNodeMixShader"];
 
 /// Types that evaluate in a volume, but whose values in a world are not known: the spaces of Vector Transform are those
 /// of the shaded object and of the camera.
 const LEFT_OUT: [&str; 1] = ["ShaderNodeVectorTransform"];
-
-/// The negative of the direction.
-const REVERSED: SourceValue =
-    SourceValue::Affine([[-1.0, 0.0, 0.0, 0.0], [0.0, -1.0, 0.0, 0.0], [0.0, 0.0, -1.0, 0.0]]);
-
-/// What a node of coordinates gives in a world, where that is another value than in a volume.
-pub(super) fn coordinate(node: &Node, output: &str) -> Option<(SocketType, SourceValue)> {
-    let value = match (node.kind.as_str(), output) {
-        // Cycles looks up a coordinate that a world lacks when it evaluates: nothing that reads it is folded.
-        (COORDINATES, "UV") => SourceValue::PerObject(vec![0.0; 3]),
-        (COORDINATES, "Normal" | "Reflection") | (GEOMETRY, "Normal" | "True Normal" | "Incoming") => REVERSED,
-        _ => return None,
-    };
-    Some((SocketType::Vector, value))
-}
 
 /// Stands for the shaded object: a frame in which Generated, too, is the position.
 pub(super) fn directions() -> Volume {
