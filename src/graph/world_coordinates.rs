@@ -6,8 +6,8 @@
 use crate::nodes::SourceValue;
 use crate::scene::{Node, SocketType};
 
-const COORDINATES: &str = "ShaderNodeTexCoord";
-const GEOMETRY: &str = "ShaderNodeNewGeometry";
+pub(super) const COORDINATES: &str = "ShaderNodeTexCoord";
+pub(super) const GEOMETRY: &str = "ShaderNodeNewGeometry";
 
 /// The negative of the direction.
 const REVERSED: SourceValue =

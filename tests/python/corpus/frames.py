@@ -142,8 +142,6 @@ def warm_lamp(folder):
 @file(
     "lamp-with-nodes",
     "a light whose node tree holds a Blackbody",
-    refused="node tree",
-    documented="docs/blend-files.md",
 )
 def lamp_with_nodes(folder):
     outline("cube", homogeneous("Haze", 0.3))
