@@ -80,7 +80,7 @@ const TRIED_SIDE: f64 = 1.0 / 128.0;
 /// Densities that are looked up in a leaf to choose its rates.
 const PILOTS: usize = 8;
 
-/// Places that are looked at in each cell of level [`CAP_LEVEL`] of a leaf without a bound: what Cycles 5.0 looks at for its majorants, 16 in each of 128^3 cells.
+/// Places that are looked at in each cell of level `CAP_LEVEL` of a leaf without a bound: what Cycles 5.0 looks at for its majorants, 16 in each of 128^3 cells.
 const CAP_PLACES: usize = 16;
 const CAP_LEVEL: u32 = 7;
 
@@ -342,8 +342,8 @@ impl Majorants {
         Ok(tree)
     }
 
-    /// Gives each leaf whose extinction has no bound a cap: the most that `extinction`, per metre, has at [`CAP_PLACES`] places of each of its cells of
-    /// level [`CAP_LEVEL`]; `added` per metre is what its majorant has beside extinction. The answer is `None` where every leaf has a bound. An extinction
+    /// Gives each leaf whose extinction has no bound a cap: the most that `extinction`, per metre, has at `CAP_PLACES` places of each of its cells of
+    /// level `CAP_LEVEL`; `added` per metre is what its majorant has beside extinction. The answer is `None` where every leaf has a bound. An extinction
     /// that is infinite or NaN at such a place is an error that names it.
     pub fn cap(&mut self, added: f64, extinction: impl Fn(&[DVec3]) -> Result<Vec<f64>>) -> Result<Option<Caps>> {
         let mut leaves = self.all_leaves();

@@ -9,7 +9,7 @@
 //! direction uniform in solid angle within. The radiance of a picture is 0 wherever the density is.
 //!
 //! A graph is evaluated in every direction that is asked for. Only sampling goes by a picture of it, the means of
-//! [`TABLE_SUBPIXELS`]^2 values per pixel: what is smaller than that, such as a star, is found by rays that do not
+//! `TABLE_SUBPIXELS`^2 values per pixel: what is smaller than that, such as a star, is found by rays that do not
 //! follow the picture, and counts in full there.
 
 use crate::base::error::{Error, Result};
