@@ -21,6 +21,7 @@ VIEW_ROTATION = (math.radians(63.5593), 0.0, math.radians(46.6919))
 FILLED = 0.8
 CUBE_EDGE = 2.0
 SHOWN = 5
+NAMES_SHOWN = 3
 
 
 class TakenOut:
@@ -92,13 +93,15 @@ def show_hidden(scene, messages):
             scene.collection.objects.link(item)
         shown.append(unique_name(item))
     if shown:
-        messages.warning(f"hidden objects: {names(shown)}", "shown (--include-hidden): Blender hides them")
+        messages.warning(
+            f"hidden objects: {listed(shown, SHOWN)}", "shown (--include-hidden): Blender hides them"
+        )
 
 
-def names(items):
-    """Some names, and how many more there are."""
-    shown = ", ".join(f'"{name}"' for name in items[:SHOWN])
-    return shown + (f" and {len(items) - SHOWN} more" if len(items) > SHOWN else "")
+def listed(names, count=NAMES_SHOWN):
+    """The first names, at most `count`, and how many more there are."""
+    shown = ", ".join(f'"{name}"' for name in names[:count])
+    return shown + (f" and {len(names) - count} more" if len(names) > count else "")
 
 
 def add_material_cube(scene, name):
@@ -156,10 +159,10 @@ def choose_camera(scene, name, wants_own, messages):
         if others:
             messages.warning(
                 f'camera "{active.name}"',
-                f"is the active one and taken; not taken: {names(others)} (--camera)",
+                f"is the active one and taken; not taken: {listed(others, SHOWN)} (--camera)",
             )
         return active, False
-    others = f"; not taken: {names(known[1:])} (--camera)" if len(known) > 1 else ""
+    others = f"; not taken: {listed(known[1:], SHOWN)} (--camera)" if len(known) > 1 else ""
     messages.warning(f'camera "{known[0]}"', f"taken, since the scene has no active one{others}")
     return cameras[0], False
 

@@ -21,11 +21,12 @@ from preparation import (
     add_material_cube,
     choose_camera,
     framing,
+    listed,
     show_hidden,
 )
 from protocol import Faults, InputError
 from scene_io import FORMAT, matrix_array, matrix_rows, read_fields, shortest, shortest_list
-from volume_reader import OBJECT_INFO_DEFAULTS, VolumeReader, listed, warn_of_outline
+from volume_reader import OBJECT_INFO_DEFAULTS, VolumeReader, warn_of_outline
 from world_reader import read_world
 
 # What scene_builder uses of this module and of those behind it.

@@ -13,7 +13,7 @@ import numpy as np
 
 import volume_grid
 from graph_reader import Reach, missing_reason, unique_name, volume_output
-from preparation import candidates
+from preparation import candidates, listed
 from protocol import InputError
 from scene_io import matrix_rows, shortest, shortest_list
 
@@ -31,7 +31,6 @@ RAY_VISIBILITY = {
 }
 # A volume's density, in a scene file and in Blender's own materials.
 DENSITY = "density"
-NAMES_SHOWN = 3
 CANDIDATES_SHOWN = 8
 # Bytes; Blender keeps 255.
 NAME_LIMIT = 200
@@ -474,12 +473,6 @@ def _unknown_grids(material, names):
                     f'the one grid of a scene file, "{DENSITY}" of Density Attribute',
                     "clear the attribute, or set Blackbody Intensity to 0; for the density, name that grid",
                 )
-
-
-def listed(names):
-    """A few names, and how many more there are."""
-    shown = ", ".join(f'"{name}"' for name in names[:NAMES_SHOWN])
-    return shown + (f" and {len(names) - NAMES_SHOWN} more" if len(names) > NAMES_SHOWN else "")
 
 
 def _effect(kind):
